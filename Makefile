@@ -1,0 +1,60 @@
+# The few commands of this project; `make` alone lists them.
+
+# Variables to set on the command line, as in `make ui PORT=8080`.
+PYTHON ?=
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
+PORT ?= 5000
+AGENT ?= *
+MLFLOW_TRACKING_URI ?= sqlite:///$(CURDIR)/mlflow.db
+
+# No tool reports home.
+export DVC_NO_ANALYTICS := true
+export ITERATIVE_DO_NOT_TRACK := true
+export MLFLOW_DISABLE_TELEMETRY := true
+export RAY_USAGE_STATS_ENABLED := 0
+
+export PYTHON TORCH_INDEX
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
+
+.DEFAULT_GOAL := help
+.PHONY: help install repro test ui view lock clean
+
+help: ## list these commands
+	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
+
+install: .venv/.packages .venv/.rendering ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
+
+.venv/.packages: requirements.lock pyproject.toml
+	@scripts/environment.sh packages
+
+.venv/.rendering: .venv/.packages
+	@scripts/environment.sh rendering
+
+repro: install ## rerun what a change to params.yaml or to the code touches
+	dvc repro
+
+test: install ## check style, types and behaviour
+	ruff check
+	ruff format --check
+	mypy
+	CI=1 pytest -q
+
+ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
+	python -m stages.track
+ifeq ($(filter http%,$(MLFLOW_TRACKING_URI)),)
+	@echo "MLflow: http://127.0.0.1:$(PORT) (Ctrl-C ends it)"
+	mlflow ui --host 127.0.0.1 --port $(PORT) --workers 1 \
+		--backend-store-uri "$(MLFLOW_TRACKING_URI)"
+else
+	@echo "MLflow: $(MLFLOW_TRACKING_URI)"
+endif
+
+# Rerun has no switch of its own against reporting home, but keeps quiet where CI is set.
+view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
+	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
+
+lock: ## renew requirements.lock from pyproject.toml
+	@scripts/environment.sh lock
+
+clean: ## remove .venv and caches; results stay
+	rm -rf .venv .hypothesis .mypy_cache .pytest_cache .ruff_cache build *.egg-info
