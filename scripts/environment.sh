@@ -11,7 +11,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-GL_PACKAGES=(libegl1 libegl-mesa0 libgl1-mesa-dri)
+GL_PACKAGES=(libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0)
 
 stop() {
     echo "install: $*" >&2

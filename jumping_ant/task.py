@@ -1,0 +1,85 @@
+"""What every jumping Ant has in common: observation, action, start state and commands.
+
+Observation, `Box(27,)` float64:
+
+| index | what | unit |
+|---|---|---|
+| 0 | height of the torso | m |
+| 1-4 | orientation of the torso, quaternion (w, x, y, z) | |
+| 5-12 | angles of hip_1, ankle_1, ..., hip_4, ankle_4 | rad |
+| 13-15 | velocity of the torso in the world frame | m/s |
+| 16-18 | angular velocity of the torso in its own frame | rad/s |
+| 19-26 | angular velocities of the joints, in the order of the angles | rad/s |
+
+Action, `Box(-1, 1, (8,))` float32: torque over peak torque of hip_4, ankle_4, hip_1, ankle_1,
+hip_2, ankle_2, hip_3, ankle_3, the robot's actuator order. With the source's names, 0 and 1 move
+the back right leg, 2 and 3 the front left one, 4 and 5 the front right one, 6 and 7 the back left
+one: 0-3 are one diagonal pair and 4-7 the other.
+
+The state's noise, observation and termination are those of Gymnasium's Ant-v5 without contact
+forces, but for the upper height limit, which a jumping Ant must not have.
+"""
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+# The five commands of the source article, one a row, in the actuators' order.
+COMMANDS: NDArray[np.float32] = np.array(
+    [
+        [0.0] * 8,
+        [0.5] * 8,
+        [-0.5] * 8,
+        [0.5] * 4 + [-0.5] * 4,
+        [-0.5] * 4 + [0.5] * 4,
+    ],
+    dtype=np.float32,
+)
+COMMANDS.flags.writeable = False
+
+
+def observation_space() -> gym.spaces.Box:
+    """Return the space of one observation."""
+    return gym.spaces.Box(-np.inf, np.inf, (27,), np.float64)
+
+
+def action_space(model: mujoco.MjModel) -> gym.spaces.Box:
+    """Return the space of one action: the motors' control ranges."""
+    low, high = model.actuator_ctrlrange.astype(np.float32).T
+    return gym.spaces.Box(low, high, dtype=np.float32)
+
+
+def observe(qpos: NDArray[np.float64], qvel: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the observation of each state.
+
+    Args:
+        qpos: Positions, shape (num_envs, 15).
+        qvel: Velocities, shape (num_envs, 14).
+
+    Returns:
+        Observations, shape (num_envs, 27). Entries that are not finite read zero: such a state
+        ends its episode, and learners must not be fed what it holds.
+    """
+    observations = np.concatenate([qpos[:, 2:], qvel], axis=1)
+    if not np.isfinite(observations).all():
+        observations[~np.isfinite(observations)] = 0.0
+    return observations
+
+
+def start_state(
+    model: mujoco.MjModel, noise_scale: float, generator: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Draw a start state, as Ant-v5 draws it.
+
+    Args:
+        model: The robot.
+        noise_scale: Half width of the positions' uniform noise, and deviation of the velocities'.
+        generator: Where the noise comes from; it is advanced by one episode.
+
+    Returns:
+        Positions, shape (15,), and velocities, shape (14,).
+    """
+    qpos = model.qpos0 + generator.uniform(-noise_scale, noise_scale, model.nq)
+    qvel = noise_scale * generator.standard_normal(model.nv)
+    return qpos, qvel
