@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from jumping_ant import params, robot
 from jumping_ant.env import DiscreteCommands, JumpingAnt
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
@@ -31,8 +32,8 @@ env.close()
 
 
 @pytest.fixture
-def env(robot_xml: str, real_params: Params) -> JumpingAnt:
-    return JumpingAnt(robot_xml, real_params.env)
+def env(robot_xml: str, known_params: Params) -> JumpingAnt:
+    return JumpingAnt(robot_xml, known_params.env)
 
 
 def task(params: Params, **changes: Any) -> EnvParams:
@@ -51,12 +52,12 @@ def test_gymnasiums_own_checks_pass(env: JumpingAnt) -> None:
         check_env(env)
 
 
-def test_it_is_ant_v5_to_the_last_bit(source_xml: str, real_params: Params) -> None:
-    ours = JumpingAnt(source_xml, task(real_params, max_episode_steps=10**9))
+def test_it_is_ant_v5_to_the_last_bit(source_xml: str, known_params: Params) -> None:
+    ours = JumpingAnt(source_xml, task(known_params, max_episode_steps=10**9))
     theirs: Any = gym.make(
         "Ant-v5",
         include_cfrc_ext_in_observation=False,
-        healthy_z_range=(real_params.env.min_torso_height, np.inf),
+        healthy_z_range=(known_params.env.min_torso_height, np.inf),
         max_episode_steps=10**9,
     )
     for step, action in enumerate(torques(1000)):
@@ -71,9 +72,9 @@ def test_it_is_ant_v5_to_the_last_bit(source_xml: str, real_params: Params) -> N
     theirs.close()
 
 
-def test_termination_is_ant_v5s(source_xml: str, real_params: Params) -> None:
+def test_termination_is_ant_v5s(source_xml: str, known_params: Params) -> None:
     """In a fall: the torso sinks through a limit on the way."""
-    ours = JumpingAnt(source_xml, task(real_params, min_torso_height=0.7))
+    ours = JumpingAnt(source_xml, task(known_params, min_torso_height=0.7))
     theirs: Any = gym.make("Ant-v5", healthy_z_range=(0.7, np.inf))
     ended = []
     for seed in range(4):
@@ -110,15 +111,15 @@ def test_the_seed_determines_the_episodes(env: JumpingAnt) -> None:
     assert (run(1)[-1] != run(1)[0]).all()  # the next episode starts otherwise
 
 
-def test_start_states_are_as_noisy_as_asked(robot_xml: str, real_params: Params) -> None:
-    still = JumpingAnt(robot_xml, task(real_params, reset_noise_scale=0.0))
+def test_start_states_are_as_noisy_as_asked(robot_xml: str, known_params: Params) -> None:
+    still = JumpingAnt(robot_xml, task(known_params, reset_noise_scale=0.0))
     observation, info = still.reset(seed=0)
     assert info["torso_height"] == observation[0] == 0.75
     np.testing.assert_array_equal(observation, [0.75, 1] + [0] * 25)
 
 
-def test_an_episode_is_cut_at_the_limit(robot_xml: str, real_params: Params) -> None:
-    env = JumpingAnt(robot_xml, task(real_params, max_episode_steps=3))
+def test_an_episode_is_cut_at_the_limit(robot_xml: str, known_params: Params) -> None:
+    env = JumpingAnt(robot_xml, task(known_params, max_episode_steps=3))
     for _ in range(2):
         env.reset(seed=0)
         assert [env.step(np.zeros(8))[2:4] for _ in range(3)] == [
@@ -128,8 +129,8 @@ def test_an_episode_is_cut_at_the_limit(robot_xml: str, real_params: Params) -> 
         ]
 
 
-def test_a_fall_at_the_limit_is_a_fall(robot_xml: str, real_params: Params) -> None:
-    env = JumpingAnt(robot_xml, task(real_params, max_episode_steps=1, min_torso_height=5.0))
+def test_a_fall_at_the_limit_is_a_fall(robot_xml: str, known_params: Params) -> None:
+    env = JumpingAnt(robot_xml, task(known_params, max_episode_steps=1, min_torso_height=5.0))
     env.reset(seed=0)
     assert env.step(np.zeros(8))[2:4] == (True, False)
 
@@ -180,18 +181,22 @@ def test_the_five_commands_are_the_articles(env: JumpingAnt) -> None:
         COMMANDS[0] = 1.0
 
 
-def test_make_gives_the_robot_and_the_task_of_params_yaml(
-    robot_xml: str, real_params: Params
-) -> None:
+def test_make_gives_the_robot_and_the_task_of_params_yaml() -> None:
+    told = params.load()
     made = gym.make("JumpingAnt-v0")
     env: Any = made.unwrapped
-    assert env.params == real_params.env
-    np.testing.assert_array_equal(
-        made.reset(seed=3)[0], JumpingAnt(robot_xml, real_params.env).reset(seed=3)[0]
-    )
-    assert env.metadata["render_fps"] == 20
-    assert made.render_mode is None
+    assert env.params == told.env
+    same = JumpingAnt(robot.build(told.robot), told.env)
+    np.testing.assert_array_equal(made.reset(seed=3)[0], same.reset(seed=3)[0])
+    np.testing.assert_array_equal(made.step(torques(1)[0])[0], same.step(torques(1)[0])[0])
     made.close()
+
+
+def test_pictures_are_shown_as_fast_as_the_robot_moves(
+    robot_xml: str, known_params: Params
+) -> None:
+    env = JumpingAnt(robot_xml, task(known_params, frame_skip=4))
+    assert (env.dt, env.metadata["render_fps"]) == (0.04, 25)
 
 
 def test_pictures_are_drawn_without_a_screen() -> None:
@@ -216,8 +221,8 @@ def test_without_a_render_mode_nothing_is_drawn(env: JumpingAnt) -> None:
     env.close()
 
 
-def test_other_render_modes_and_robots_are_refused(robot_xml: str, real_params: Params) -> None:
+def test_other_render_modes_and_robots_are_refused(robot_xml: str, known_params: Params) -> None:
     with pytest.raises(ValueError, match="given 'ascii', allowed: None, 'human', 'rgb_array'"):
-        JumpingAnt(robot_xml, real_params.env, render_mode="ascii")
+        JumpingAnt(robot_xml, known_params.env, render_mode="ascii")
     with pytest.raises(InputError, match="not valid MJCF"):
-        JumpingAnt("<mujoco", real_params.env)
+        JumpingAnt("<mujoco", known_params.env)

@@ -10,7 +10,7 @@ import pytest
 from jumping_ant import robot
 from jumping_ant.errors import InputError
 from jumping_ant.files import write_text
-from jumping_ant.params import RobotParams
+from jumping_ant.params import Params, RobotParams
 
 # The source's own values: with these, nothing is edited.
 UNEDITED = RobotParams(
@@ -128,8 +128,8 @@ def test_no_digit_is_lost_in_the_text() -> None:
     assert model.body("torso").mass[0] == pytest.approx(third * 4 / 3 * np.pi * 0.25**3, rel=1e-14)
 
 
-def test_the_same_edits_give_the_same_text(robot_xml: str, real_params: Any) -> None:
-    assert robot.build(real_params.robot) == robot_xml
+def test_the_same_edits_give_the_same_text(robot_xml: str, known_params: Params) -> None:
+    assert robot.build(known_params.robot) == robot_xml
     assert robot.load(robot_xml).opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
     assert robot.load(robot_xml).opt.timestep == 0.01
 

@@ -17,7 +17,7 @@ STILL = np.zeros((3, 8))
 
 
 @pytest.fixture
-def make(robot_xml: str, real_params: Params) -> Any:
+def make(robot_xml: str, known_params: Params) -> Any:
     def make_envs(
         num_envs: int = 3,
         num_threads: int = 1,
@@ -25,7 +25,7 @@ def make(robot_xml: str, real_params: Params) -> Any:
         xml: str = robot_xml,
         **task: Any,
     ) -> JumpingAntVectorEnv:
-        params = real_params.env.model_copy(update=task)
+        params = known_params.env.model_copy(update=task)
         return JumpingAntVectorEnv(xml, params, num_envs, num_threads, mode)
 
     return make_envs
@@ -36,7 +36,7 @@ def torques(*shape: int) -> np.ndarray:
 
 
 def test_every_row_is_the_single_environment_to_the_last_bit(
-    make: Any, robot_xml: str, real_params: Params
+    make: Any, robot_xml: str, known_params: Params
 ) -> None:
     task = {"max_episode_steps": 120, "min_torso_height": 0.3}
     actions = torques(1000, 2)
@@ -199,7 +199,8 @@ def test_discrete_commands_are_the_torques_of_the_table(make: Any) -> None:
 
 
 def test_spaces_are_those_of_the_single_environment(make: Any, robot_xml: str) -> None:
-    envs, single = make(), JumpingAnt(robot_xml)
+    envs = make()
+    single = JumpingAnt(robot_xml, envs.params)
     assert envs.single_observation_space == single.observation_space
     assert envs.single_action_space == single.action_space
     observations, _ = envs.reset(seed=0)

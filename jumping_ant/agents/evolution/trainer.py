@@ -1,0 +1,148 @@
+"""PGPE with ClipUp: evolution of a linear policy, on EvoTorch.
+
+Policy gradients with parameter-based exploration (Sehnke et al. 2010, "Parameter-exploring policy
+gradients") with the ClipUp optimiser (Toklu et al. 2020). A generation's policies run side by side
+in one batch of simulations, for one short episode each.
+"""
+
+import logging
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from evotorch import Problem, SolutionBatch
+from evotorch.algorithms import PGPE
+from evotorch.neuroevolution.net import RunningNorm
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from torch.nn.functional import linear
+
+from jumping_ant.events import Event, Finished, Progress, Snapshot
+from jumping_ant.params import EnvParams, PGPEParams
+from jumping_ant.policies import NUM_ACTIONS, NUM_OBSERVATIONS, LinearPolicy
+from jumping_ant.vector import JumpingAntVectorEnv
+
+SOLUTION_LENGTH = NUM_ACTIONS * NUM_OBSERVATIONS + NUM_ACTIONS
+INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the first centre, as in EvoTorch's GymNE
+
+
+class JumpProblem(Problem):
+    """EvoTorch's problem of finding a linear policy that jumps.
+
+    A solution is the flat weight (8, 27) followed by the bias (8,). Its fitness is the return of
+    one episode, less `decrease_rewards_by` a step survived. The normaliser is held fixed within a
+    generation, so that all of its policies are judged alike, and then takes in what they saw.
+
+    Args:
+        xml: The robot as MJCF text.
+        env: The task.
+        agent: The agent's block.
+        seed: Of the sampling and of the start states.
+    """
+
+    def __init__(self, xml: str, env: EnvParams, agent: PGPEParams, seed: int) -> None:
+        super().__init__(
+            "max",
+            solution_length=SOLUTION_LENGTH,
+            dtype=torch.float32,
+            initial_bounds=INITIAL_BOUNDS,
+            seed=seed,
+        )
+        self.agent = agent
+        self.normalizer = RunningNorm(shape=NUM_OBSERVATIONS, dtype=torch.float32)
+        self.env_steps = 0
+        self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
+        self._envs = JumpingAntVectorEnv(
+            xml, env, agent.population_size, autoreset_mode=AutoresetMode.DISABLED
+        )
+        self._envs.reset(seed=seed)
+
+    def policy(self, solution: torch.Tensor) -> LinearPolicy:
+        """Return the policy that a solution describes, with the normaliser as it stands."""
+        weight, bias = _unflatten(solution)
+        mean, stdev = self._moments()
+        return LinearPolicy(weight.numpy(), bias.numpy(), mean.numpy(), stdev.numpy())
+
+    def _evaluate_batch(self, batch: SolutionBatch) -> None:
+        networks = [_unflatten(solution) for solution in batch.values]
+        mean, stdev = self._moments()
+        observations, _ = self._envs.reset()
+        alive = np.ones(len(batch), dtype=np.bool_)
+        returns, lengths, seen = np.zeros(len(batch)), np.zeros(len(batch)), [observations]
+        for _ in range(self.agent.episode_steps):
+            normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
+            torques = [linear(row, *own) for row, own in zip(normalized, networks, strict=True)]
+            observations, rewards, terminated, truncated, _ = self._envs.step(
+                torch.stack(torques).clamp(-1.0, 1.0).numpy()
+            )
+            returns += rewards * alive
+            lengths += alive
+            seen.append(observations[alive])
+            alive &= ~(terminated | truncated)
+            if not alive.any():
+                break
+        if self.agent.observation_normalization:
+            self.normalizer.update(torch.from_numpy(np.concatenate(seen).astype(np.float32)))
+        self.returns = returns
+        self.env_steps += int(lengths.sum())
+        fitness = returns - self.agent.decrease_rewards_by * lengths
+        batch.set_evals(torch.as_tensor(fitness, dtype=torch.float32))
+
+    def _moments(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the normaliser's mean and deviation, (27,) each; none before it saw anything."""
+        if self.normalizer.count == 0:
+            return torch.zeros(NUM_OBSERVATIONS), torch.ones(NUM_OBSERVATIONS)
+        return self.normalizer.mean, self.normalizer.stdev
+
+
+def train(
+    xml: str, env: EnvParams, agent: PGPEParams, seed: int, evaluations: int
+) -> Iterator[Event]:
+    """Evolve a linear policy; a row of the curve is a generation.
+
+    Args:
+        xml: The robot as MJCF text.
+        env: The task.
+        agent: The agent's block.
+        seed: Determines the run.
+        evaluations: Number of snapshots, spread evenly over the budget.
+
+    Yields:
+        Progress (with the best return, the centre's norm and the mean stdev), snapshots of the
+        centre's policy, and at last that policy.
+    """
+    logging.getLogger("evotorch").setLevel(logging.WARNING)  # it describes every problem it makes
+    problem = JumpProblem(xml, env, agent, seed)
+    searcher = PGPE(
+        problem,
+        popsize=agent.population_size,
+        center_learning_rate=agent.center_learning_rate,
+        stdev_learning_rate=agent.stdev_learning_rate,
+        stdev_init=agent.stdev_init,
+        optimizer="clipup",
+        optimizer_config={"max_speed": agent.max_speed, "momentum": agent.momentum},
+    )
+    for generation in range(1, agent.generations + 1):
+        searcher.step()
+        center = searcher.status["center"]
+        yield Progress(
+            env_steps=problem.env_steps,
+            updates=generation,
+            episodes=generation * agent.population_size,
+            return_mean=float(problem.returns.mean()),
+            return_std=float(problem.returns.std()),
+            extra={
+                "return_best": float(problem.returns.max()),
+                "center_norm": float(center.norm()),
+                "stdev_mean": float(searcher.status["stdev"].mean()),
+            },
+        )
+        if generation * evaluations % agent.generations < evaluations:
+            yield Snapshot(problem.env_steps, problem.policy(center).to_bytes())
+    yield Finished(problem.env_steps, problem.policy(center).to_bytes())
+
+
+def _unflatten(solution: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return weight (8, 27) and bias (8,) of a flat solution (224,)."""
+    weight, bias = solution.split([NUM_ACTIONS * NUM_OBSERVATIONS, NUM_ACTIONS])
+    return weight.reshape(NUM_ACTIONS, NUM_OBSERVATIONS), bias

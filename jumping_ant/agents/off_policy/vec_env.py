@@ -1,0 +1,89 @@
+"""The batched environment as Stable-Baselines3 wants it."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import VectorEnv
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
+
+
+class SB3VecEnv(VecEnv):
+    """Adapter of a Gymnasium vector environment with SAME_STEP autoreset to SB3's `VecEnv`.
+
+    Observations become float32, which is what the networks compute with: replay memory halves.
+    Seeds follow SB3's own `DummyVecEnv`: environment `i` gets `seed + i`.
+
+    Args:
+        envs: The environments; their actions may be torques or discrete commands.
+    """
+
+    def __init__(self, envs: VectorEnv[Any, Any, Any]) -> None:
+        self.envs = envs
+        shape = envs.single_observation_space.shape
+        super().__init__(
+            envs.num_envs, spaces.Box(-np.inf, np.inf, shape, np.float32), envs.single_action_space
+        )
+        self._actions: NDArray[Any] = np.zeros(0)
+        self._returns = np.zeros(envs.num_envs)
+        self._lengths = np.zeros(envs.num_envs, dtype=np.int64)
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start an episode in every environment, with the seeds set by `seed` if any."""
+        observations, _ = self.envs.reset(seed=self._seeds)  # type: ignore[arg-type]  # one each
+        self._reset_seeds()
+        self._returns[:] = 0.0
+        self._lengths[:] = 0
+        return observations.astype(np.float32)
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Step all environments.
+
+        Returns:
+            Observations (num_envs, 27), rewards and dones (num_envs,), and an info for each
+            environment: at an episode's end with `terminal_observation`, `TimeLimit.truncated`
+            and `episode` (return `r` and length `l`), else empty.
+        """
+        observations, rewards, terminated, truncated, vector_infos = self.envs.step(self._actions)
+        self._returns += rewards
+        self._lengths += 1
+        dones = terminated | truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for index in np.flatnonzero(dones):
+            infos[index] = {
+                "terminal_observation": vector_infos["final_obs"][index].astype(np.float32),
+                "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
+                "episode": {"r": float(self._returns[index]), "l": int(self._lengths[index])},
+            }
+        self._returns[dones] = 0.0
+        self._lengths[dones] = 0
+        return observations.astype(np.float32), rewards.astype(np.float32), dones, infos
+
+    def close(self) -> None:
+        """Close the environments."""
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Return an attribute of the environments, once for each."""
+        return [getattr(self.envs, attr_name, None) for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Refuse: the environments are one batch."""
+        raise AttributeError(f"{attr_name} cannot be set on single environments of a batch")
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
+    ) -> list[Any]:
+        """Refuse: the environments are one batch."""
+        raise AttributeError(f"{method_name} cannot be called on single environments of a batch")
+
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
+        """Tell for each environment whether it is wrapped: never, it is one batch."""
+        return [False for _ in self._get_indices(indices)]

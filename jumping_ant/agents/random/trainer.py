@@ -1,0 +1,24 @@
+"""The baseline that learns nothing."""
+
+from collections.abc import Iterator
+
+from jumping_ant.events import Event, Finished, Snapshot
+from jumping_ant.params import EnvParams, RandomAgentParams
+from jumping_ant.policies import UniformPolicy
+
+
+def train(
+    xml: str, env: EnvParams, agent: RandomAgentParams, seed: int, evaluations: int
+) -> Iterator[Event]:
+    """Yield the policy that draws torques at random, without a step of training.
+
+    Args:
+        xml: The robot, unused.
+        env: The task, unused.
+        agent: The agent's block, which has no numbers.
+        seed: The policy's seed.
+        evaluations: Unused; one snapshot shows all there is.
+    """
+    policy = UniformPolicy(seed).to_bytes()
+    yield Snapshot(0, policy)
+    yield Finished(0, policy)

@@ -1,0 +1,303 @@
+"""The agents side by side: results read from the project folder, and what they say together.
+
+`load` reads every agent's episodes, learning curves and timing; `summarize`, `learning_curves` and
+`seed_rows` turn them into the numbers of `results/comparison.json` and `results/plots/`. The
+statistics are those of `jumping_ant.statistics`: the sample is the seed.
+"""
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.errors import InputError
+from jumping_ant.params import CompareParams, Params
+from jumping_ant.statistics import (
+    Estimate,
+    aggregate_curves,
+    common_grid,
+    estimate,
+    interquartile_mean,
+    probability_of_improvement,
+)
+
+Array = NDArray[np.float64]
+
+KEYS = ("seed", "episode", "episode_seed")  # columns of episodes.csv that measure nothing
+QUANTITIES = ("return", "peak_height", "smoothness")  # always there, and first
+CURVE_COLUMNS = ("env_steps", "evaluation_return_mean")
+TIMING_COLUMNS = ("seed", "env_steps", "seconds")
+
+
+@dataclass(frozen=True)
+class SeedCurve:
+    """One seed's training, row by row, all arrays of shape (num_rows,).
+
+    Attributes:
+        env_steps: Control steps simulated so far.
+        seconds: Training seconds so far.
+        evaluation_return: Mean return of the policy at that point, NaN where it was not evaluated.
+    """
+
+    env_steps: Array
+    seconds: Array
+    evaluation_return: Array
+
+    @property
+    def evaluations(self) -> tuple[Array, Array]:
+        """Return the steps at which the policy was evaluated, and its returns there."""
+        done = ~np.isnan(self.evaluation_return)
+        return self.env_steps[done], self.evaluation_return[done]
+
+
+@dataclass(frozen=True)
+class AgentResults:
+    """Everything measured of one agent.
+
+    Attributes:
+        name: The agent's name in `params.yaml`.
+        algorithm: What it runs.
+        quantities: Mean over each seed's episodes, by column of `episodes.csv`, (num_seeds,).
+        curves: Each seed's training, in the same order of seeds.
+    """
+
+    name: str
+    algorithm: str
+    quantities: dict[str, Array]
+    curves: dict[int, SeedCurve]
+
+    @property
+    def label(self) -> str:
+        """Return the name to print: an algorithm's acronym in capitals, other names as given."""
+        is_acronym = self.name == self.algorithm and self.name != "random"
+        return self.name.upper() if is_acronym else self.name
+
+    @property
+    def env_steps(self) -> Array:
+        """Return each seed's training budget [control steps], (num_seeds,)."""
+        return np.array([curve.env_steps[-1] for curve in self.curves.values()])
+
+    @property
+    def train_seconds(self) -> Array:
+        """Return each seed's training time [s], (num_seeds,)."""
+        return np.array([curve.seconds[-1] for curve in self.curves.values()])
+
+
+@dataclass(frozen=True)
+class LearningCurve:
+    """The return an agent's policies reach while they learn, over its seeds.
+
+    Attributes:
+        env_steps: Control steps simulated by then, shape (num_points,).
+        seconds: Training seconds that took, mean over seeds, (num_points,).
+        returns: Interquartile mean over seeds with its interval, arrays of (num_points,).
+    """
+
+    env_steps: Array
+    seconds: Array
+    returns: Estimate
+
+
+def load(root: Path, params: Params) -> dict[str, AgentResults]:
+    """Read the results of all agents, in the order of `params.yaml`.
+
+    Args:
+        root: The project folder.
+        params: Its parameters: `agents` and `seeds` say what must be there.
+
+    Raises:
+        InputError: A file is missing, malformed, or of other seeds; the message says what to run.
+    """
+    return {
+        name: AgentResults(
+            name=name,
+            algorithm=block.algorithm,
+            quantities=_read_quantities(root, name, params.seeds),
+            curves=_read_curves(root, name, params.seeds),
+        )
+        for name, block in params.agents.items()
+    }
+
+
+def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dict[str, Any]:
+    """Return the agents' figures and who beats whom, as in `results/comparison.json`.
+
+    Args:
+        results: What `load` returns.
+        params: Confidence, number of resamples and seed.
+    """
+    returns = {name: agent.quantities["return"] for name, agent in results.items()}
+    pairs = {}
+    for one, other in combinations(returns, 2):
+        won = probability_of_improvement(returns[one], returns[other], params)
+        # The other way round is the same table read from the other side, not another experiment.
+        lost = Estimate(1 - won.value, 1 - won.high, 1 - won.low)
+        pairs[f"{one}>{other}"] = won.as_dict("p")
+        pairs[f"{other}>{one}"] = lost.as_dict("p")
+    ordered = (f"{one}>{other}" for one in returns for other in returns if one != other)
+    return {
+        "agents": {name: _summarize_agent(agent, params) for name, agent in results.items()},
+        "probability_of_improvement": {pair: pairs[pair] for pair in ordered},
+    }
+
+
+def learning_curves(
+    results: Mapping[str, AgentResults], params: CompareParams
+) -> dict[str, LearningCurve]:
+    """Return each agent's learning curve over its seeds.
+
+    An agent that trains for no step returns the same at any budget: its curve is level, from the
+    first evaluation to the last one among the other agents.
+    """
+    curves = {name: _learning_curve(agent, params) for name, agent in results.items()}
+    learned = [curve for curve in curves.values() if curve.env_steps[-1] > 0]
+    if not learned:
+        return curves
+    starts = min(curve.env_steps[0] for curve in learned), min(c.seconds[0] for c in learned)
+    ends = max(curve.env_steps[-1] for curve in learned), max(c.seconds[-1] for c in learned)
+    steps, seconds = np.array([starts, ends]).T
+    for name, curve in curves.items():
+        if curve.env_steps[-1] == 0:
+            level = [np.repeat(part[-1], 2) for part in vars(curve.returns).values()]
+            curves[name] = LearningCurve(steps, seconds, Estimate(*level))
+    return curves
+
+
+def curve_rows(curves: Mapping[str, LearningCurve]) -> list[dict[str, Any]]:
+    """Return the learning curves as a tidy table, one row a point."""
+    return [
+        {
+            "agent": name,
+            "env_steps": float(curve.env_steps[i]),
+            "seconds": float(curve.seconds[i]),
+            "return_iqm": float(curve.returns.value[i]),
+            "low": float(curve.returns.low[i]),
+            "high": float(curve.returns.high[i]),
+        }
+        for name, curve in curves.items()
+        for i in range(len(curve.env_steps))
+    ]
+
+
+def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
+    """Return every seed's evaluations as a tidy table, one row an evaluation."""
+    return [
+        {
+            "agent": name,
+            "seed": seed,
+            "env_steps": int(steps),
+            "seconds": float(seconds),
+            "evaluation_return": float(value),
+        }
+        for name, agent in results.items()
+        for seed, curve in agent.curves.items()
+        for steps, seconds, value in zip(
+            curve.env_steps, curve.seconds, curve.evaluation_return, strict=True
+        )
+        if not np.isnan(value)
+    ]
+
+
+def to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return a table as CSV text; the first row names the columns."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, rows[0].keys(), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _summarize_agent(agent: AgentResults, params: CompareParams) -> dict[str, Any]:
+    quantities = {
+        name: estimate(interquartile_mean, [values], params).as_dict("iqm")
+        for name, values in agent.quantities.items()
+    }
+    return {
+        "seeds": len(agent.curves),
+        **quantities,
+        "env_steps": int(agent.env_steps.max()),
+        "train_seconds": float(agent.train_seconds.mean()),
+    }
+
+
+def _learning_curve(agent: AgentResults, params: CompareParams) -> LearningCurve:
+    evaluations = [curve.evaluations for curve in agent.curves.values()]
+    grid = common_grid([steps for steps, _ in evaluations])
+    clocks = [np.interp(grid, curve.env_steps, curve.seconds) for curve in agent.curves.values()]
+    return LearningCurve(grid, np.mean(clocks, axis=0), aggregate_curves(grid, evaluations, params))
+
+
+def _read_quantities(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Array]:
+    """Return each quantity's mean over the episodes of each seed."""
+    path, stage = root / "results" / agent / "episodes.csv", f"evaluate@{agent}"
+    table = _read_table(path, ("seed", *QUANTITIES), stage)
+    _check_seeds(path, table["seed"], seeds, stage)
+    others = (name for name in table if name not in KEYS + QUANTITIES)
+    quantities = {}
+    for name in (*QUANTITIES, *others):
+        if not np.isfinite(table[name]).all():
+            raise InputError(
+                f"{path}: column {name} holds a cell that is empty or not finite; "
+                f"run `dvc repro --force {stage}`"
+            )
+        quantities[name] = np.array([table[name][table["seed"] == seed].mean() for seed in seeds])
+    return quantities
+
+
+def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, SeedCurve]:
+    """Return each seed's curve, with the seconds of its rows."""
+    stage = f"train@{agent}"
+    timing_path = root / "results" / "timing" / f"{agent}.csv"
+    timing = _read_table(timing_path, TIMING_COLUMNS, stage)
+    _check_seeds(timing_path, timing["seed"], seeds, stage)
+    curves = {}
+    for seed in seeds:
+        path = root / "models" / agent / f"seed-{seed}" / "curve.csv"
+        curve = _read_table(path, CURVE_COLUMNS, stage)
+        own = timing["seed"] == seed
+        if not np.array_equal(timing["env_steps"][own], curve["env_steps"]):
+            raise InputError(
+                f"{timing_path}: the env_steps of seed {seed} are not those of {path}; "
+                f"run `dvc repro --force {stage}`"
+            )
+        if np.isnan(curve["evaluation_return_mean"]).all():
+            raise InputError(f"{path}: no evaluation in it; run `dvc repro --force {stage}`")
+        curves[seed] = SeedCurve(
+            curve["env_steps"], timing["seconds"][own], curve["evaluation_return_mean"]
+        )
+    return curves
+
+
+def _read_table(path: Path, columns: Iterable[str], stage: str) -> dict[str, Array]:
+    """Read a CSV file of numbers by column; an empty cell is NaN."""
+    try:
+        rows = list(csv.DictReader(path.read_text().splitlines()))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; run `dvc repro {stage}`") from error
+    found = list(rows[0]) if rows else []
+    missing = [column for column in columns if column not in found]
+    if missing:
+        raise InputError(
+            f"{path}: {'no column ' + ', '.join(missing) if rows else 'no rows in it'}; "
+            f"run `dvc repro --force {stage}`"
+        )
+    try:
+        return {name: np.array([float(row[name] or "nan") for row in rows]) for name in found}
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
+
+
+def _check_seeds(path: Path, found: Array, seeds: Sequence[int], stage: str) -> None:
+    """Refuse results of other seeds than those of `params.yaml`."""
+    held = sorted(set(found.tolist()))
+    if held != sorted(seeds):
+        raise InputError(
+            f"{path}: holds the seeds {', '.join(f'{seed:g}' for seed in held)}, but params.yaml "
+            f"names {', '.join(map(str, sorted(seeds)))}; run `dvc repro {stage}`"
+        )

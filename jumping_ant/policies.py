@@ -1,0 +1,257 @@
+"""Trained policies: observations in, torques out, and files that hold no code.
+
+A policy file is a zip archive. Its entry `policy.json` says which kind of policy it is; the arrays
+stand beside it, as `.npy` entries or, for agents of Stable-Baselines3, in the entries that
+Stable-Baselines3 itself writes (so that `SAC.load` and `DQN.load` read the same file). Only numbers
+are read from it: the structure comes from the classes here. Equal policies are equal bytes.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Protocol, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from jumping_ant.errors import InputError
+from jumping_ant.task import COMMANDS
+
+HEADER = "policy.json"
+NUM_OBSERVATIONS, NUM_ACTIONS = 27, 8
+FIRST_VELOCITY = 13  # observations before it are positions, from it on velocities
+_EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip entry can carry
+
+Array = NDArray[np.float64]
+Header = Mapping[str, Any]
+Entries = Mapping[str, bytes]
+
+
+class Policy(Protocol):
+    """What acts: every agent's policy, whoever trained it."""
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed; row `i` of later observations belongs to seed `i`."""
+
+    def act(self, observations: Array) -> Array:
+        """Return torques in [-1, 1], shape (n, 8), for observations of shape (n, 27)."""
+
+
+class UniformPolicy:
+    """Torques drawn uniformly: the baseline.
+
+    Args:
+        seed: The agent's seed; with an episode's seed it determines that episode's torques.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self.seed = seed
+        self._generators: list[np.random.Generator] = []
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed."""
+        self._generators = [np.random.default_rng([self.seed, seed]) for seed in episode_seeds]
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, shape (n, 8)."""
+        return np.array([rng.uniform(-1.0, 1.0, NUM_ACTIONS) for rng in self._generators])
+
+    def to_bytes(self) -> bytes:
+        """Return the policy file's content."""
+        return pack({HEADER: _header("uniform", seed=self.seed)})
+
+    @classmethod
+    def from_entries(cls, header: Header, entries: Entries) -> "UniformPolicy":
+        """Build the policy from a policy file's entries."""
+        return cls(int(header["seed"]))
+
+
+@dataclass(frozen=True)
+class LinearPolicy:
+    """A linear map of normalised observations, clipped to the torques' range.
+
+    Attributes:
+        weight: Shape (8, 27).
+        bias: Shape (8,).
+        mean: Subtracted from observations, shape (27,).
+        stdev: Observations are then divided by it, shape (27,).
+    """
+
+    weight: NDArray[np.float32]
+    bias: NDArray[np.float32]
+    mean: NDArray[np.float32]
+    stdev: NDArray[np.float32]
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed; this policy has no state."""
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, shape (n, 8)."""
+        normalized = (observations.astype(np.float32) - self.mean) / self.stdev
+        return np.clip(normalized @ self.weight.T + self.bias, -1.0, 1.0).astype(np.float64)
+
+    def to_bytes(self) -> bytes:
+        """Return the policy file's content."""
+        arrays = {f"{name}.npy": _npy(getattr(self, name)) for name in self.__annotations__}
+        return pack({HEADER: _header("linear"), **arrays})
+
+    @classmethod
+    def from_entries(cls, header: Header, entries: Entries) -> "LinearPolicy":
+        """Build the policy from a policy file's entries."""
+        arrays = {
+            name: np.load(io.BytesIO(entries[f"{name}.npy"]), allow_pickle=False)
+            for name in cls.__annotations__
+        }
+        return cls(**arrays)
+
+
+@dataclass(frozen=True)
+class _Network:
+    """The network of an SB3 policy: fully connected, ReLU between layers.
+
+    Attributes:
+        velocity_scale: Factor on the observed velocities.
+        layers: Weight (outputs, inputs) and bias (outputs,) of each layer.
+    """
+
+    velocity_scale: float
+    layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(repr=False)
+
+    # Where Stable-Baselines3 keeps the layers, given in subclasses: prefixes of parameter names.
+    PREFIXES: ClassVar[tuple[str, ...]] = ()
+    NUM_OUTPUTS: ClassVar[int] = 0
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed; this policy has no state."""
+
+    def _forward(self, observations: Array) -> NDArray[np.float32]:
+        """Return the outputs of the last layer, shape (n, outputs)."""
+        values: NDArray[Any] = observations.astype(np.float32)
+        values = values * velocity_factors(self.velocity_scale)
+        for weight, bias in self.layers[:-1]:
+            values = np.maximum(values @ weight.T + bias, 0.0)
+        weight, bias = self.layers[-1]
+        return np.asarray(values @ weight.T + bias, dtype=np.float32)
+
+    @classmethod
+    def from_entries(cls, header: Header, entries: Entries) -> Self:
+        """Build the policy from a policy file's entries; tensors are all that is read."""
+        state = torch.load(io.BytesIO(entries["policy.pth"]), map_location="cpu", weights_only=True)
+        names = [
+            name.removesuffix(".weight")
+            for name in state
+            if name.startswith(cls.PREFIXES) and name.endswith(".weight")
+        ]
+        pairs = [(state[f"{name}.weight"], state[f"{name}.bias"]) for name in names]
+        layers = [(weight.numpy(), bias.numpy()) for weight, bias in pairs]
+        outputs = layers[-1][0].shape[0]
+        if outputs != cls.NUM_OUTPUTS:
+            raise ValueError(f"a network of {outputs} outputs instead of {cls.NUM_OUTPUTS}")
+        return cls(float(header["velocity_scale"]), layers)
+
+
+class GaussianActor(_Network):
+    """SAC's actor, acting by the mean of its squashed Gaussian (Haarnoja et al. 2018)."""
+
+    PREFIXES = ("actor.latent_pi.", "actor.mu.")
+    NUM_OUTPUTS = NUM_ACTIONS
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, shape (n, 8)."""
+        return np.tanh(self._forward(observations)).astype(np.float64)
+
+
+class GreedyCommands(_Network):
+    """DQN's Q-network, acting by the discrete command of the highest value."""
+
+    PREFIXES = ("q_net.q_net.",)
+    NUM_OUTPUTS = len(COMMANDS)
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, shape (n, 8)."""
+        return COMMANDS[np.argmax(self._forward(observations), axis=1)].astype(np.float64)
+
+
+KINDS: dict[str, Any] = {
+    "uniform": UniformPolicy,
+    "linear": LinearPolicy,
+    "sac": GaussianActor,
+    "dqn": GreedyCommands,
+}
+
+
+def load(content: bytes) -> Policy:
+    """Read a policy file's content.
+
+    Raises:
+        InputError: It is not a policy file, or a damaged one.
+    """
+    try:
+        entries = unpack(content)
+        header = json.loads(entries[HEADER])
+        policy: Policy = KINDS[header["kind"]].from_entries(header, entries)
+        policy.start([0])
+        shape = policy.act(np.zeros((1, NUM_OBSERVATIONS))).shape
+    except Exception as error:  # whatever a damaged file provokes, it is the file's fault
+        raise InputError(
+            f"policy file: given {len(content)} bytes that are not a policy "
+            f"({type(error).__name__}: {error}); allowed: a policy.zip that `dvc repro` trained"
+        ) from error
+    if shape != (1, NUM_ACTIONS):
+        raise InputError(
+            f"policy file: given torques of shape {shape}, allowed: {(1, NUM_ACTIONS)}"
+        )
+    return policy
+
+
+def load_file(path: Path) -> Policy:
+    """Read a policy file.
+
+    Raises:
+        InputError: It is missing or not a policy file.
+    """
+    try:
+        return load(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; `dvc repro` trains it") from error
+
+
+def velocity_factors(velocity_scale: float) -> NDArray[np.float32]:
+    """Return the factor of each observation: 1 for positions, the scale for velocities, (27,)."""
+    factors = np.ones(NUM_OBSERVATIONS, dtype=np.float32)
+    factors[FIRST_VELOCITY:] = velocity_scale
+    return factors
+
+
+def network_header(algorithm: str, velocity_scale: float) -> bytes:
+    """Return the `policy.json` that turns a Stable-Baselines3 archive into a policy file."""
+    return _header(algorithm, velocity_scale=velocity_scale)
+
+
+def pack(entries: Mapping[str, bytes]) -> bytes:
+    """Return a zip archive that is the same bytes for the same entries."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in entries.items():
+            archive.writestr(zipfile.ZipInfo(name, _EPOCH), content)
+    return buffer.getvalue()
+
+
+def unpack(content: bytes) -> dict[str, bytes]:
+    """Return the entries of a zip archive."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def _header(kind: str, **fields: float) -> bytes:
+    return json.dumps({"format": 1, "kind": kind, **fields}).encode()
+
+
+def _npy(array: NDArray[Any]) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array, allow_pickle=False)
+    return buffer.getvalue()

@@ -1,0 +1,46 @@
+"""Follow an agent's training in MLflow, until standard input ends.
+
+Usage: python -m jumping_ant.tracking follow <agent> [--root FOLDER]
+
+Whoever trains starts this with a pipe as standard input and keeps the pipe's other end open: it
+closes however the training ends, and what is not logged yet is logged then.
+"""
+
+import argparse
+import os
+import select
+import signal
+import sys
+from pathlib import Path
+
+from jumping_ant.errors import InputError
+from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.tracking import live
+
+NICENESS = 10  # training comes first where both share a core
+
+
+def main() -> None:
+    """Parse the command line and follow; trouble ends in one line and exit status 0."""
+    parser = argparse.ArgumentParser(prog="python -m jumping_ant.tracking", description=__doc__)
+    parser.add_argument("command", choices=["follow"])
+    parser.add_argument("agent", help="name of the agent in params.yaml")
+    parser.add_argument("--root", type=Path, default=PROJECT_ROOT, help="the project folder")
+    arguments = parser.parse_args()
+    os.nice(NICENESS)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the training; the pipe tells
+    is_terminated: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: is_terminated.append(number))
+
+    def has_ended(seconds: float) -> bool:
+        readable, _, _ = select.select([sys.stdin], [], [], seconds)
+        return bool(is_terminated or (readable and not os.read(sys.stdin.fileno(), 4096)))
+
+    try:
+        live.follow(arguments.agent, arguments.root, has_ended)
+    except InputError as error:
+        print(f"warning: no live curves: {error}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

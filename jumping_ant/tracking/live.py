@@ -1,0 +1,187 @@
+"""Learning curves in MLflow while training runs.
+
+A process beside the training follows the curve files that it writes. So training neither waits for
+MLflow nor fails with it, and a tracking server that is slow, or gone, costs the live picture only:
+`track` completes it from the files.
+"""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mlflow.entities import Run
+
+from jumping_ant import params as params_module
+from jumping_ant.errors import InputError
+from jumping_ant.files import digest
+from jumping_ant.tracking import records
+from jumping_ant.tracking import store as stores
+from jumping_ant.tracking.records import Point
+from jumping_ant.tracking.store import Store
+
+TIMEOUT_SECONDS = 5
+MAX_RETRIES = 0
+POLL_SECONDS = 2.0
+PAUSE_SECONDS = 30.0  # after a failure
+
+
+def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
+    """Log the learning curves of an agent's seeds until training ends.
+
+    A failure of MLflow is told once, on standard error, and tried again later.
+
+    Args:
+        agent: The agent's name.
+        root: The project folder.
+        has_ended: Waits for at most as many seconds and tells whether training has ended.
+
+    Raises:
+        InputError: `params.yaml` is faulty, or has no such agent.
+    """
+    follower = _Follower(agent, root)
+    failures: list[InputError] = []
+
+    def survives(step: Callable[[], None]) -> bool:
+        try:
+            step()
+        except InputError as error:
+            if not failures:
+                print(
+                    f"warning: no live curves: {error}; training goes on, and `track` completes "
+                    "MLflow from the files",
+                    file=sys.stderr,
+                )
+            failures.append(error)
+            return False
+        return True
+
+    while not has_ended(POLL_SECONDS if survives(follower.update) else PAUSE_SECONDS):
+        pass
+    survives(follower.finish)
+
+
+@dataclass
+class _Followed:
+    """A run and what is logged to it: curve points, and the time each step was first seen."""
+
+    run_id: str
+    points: dict[Point, float] = field(default_factory=dict)
+    times: dict[int, int] = field(default_factory=dict)
+
+
+class _Follower:
+    """Follows the seeds of one agent."""
+
+    def __init__(self, agent: str, root: Path) -> None:
+        params = params_module.load(root / "params.yaml")
+        self._agent = agent
+        self._root = root
+        self._seeds = params.seeds
+        self._algorithm = params.agent(agent).algorithm
+        self._params = records.run_params(root, params, agent)
+        self._start = stores.now_ms()
+        self._store: Store | None = None
+        self._parent: Run | None = None
+        self._followed: dict[int, _Followed] = {}
+
+    def update(self) -> None:
+        """Log what is new in the curve files.
+
+        Raises:
+            InputError: MLflow failed.
+        """
+        store = self._connect()
+        with stores.failures_as_input_errors(store.uri):
+            for seed in self._seeds:
+                self._follow(store, seed)
+
+    def finish(self) -> None:
+        """Log the rest, and end the runs: finished where there is a policy, killed elsewhere.
+
+        Raises:
+            InputError: MLflow failed.
+        """
+        store = self._connect()
+        with stores.failures_as_input_errors(store.uri):
+            statuses = {self._end(store, seed) for seed in self._seeds}
+            if self._parent is not None:
+                status = "KILLED" if "KILLED" in statuses else "FINISHED"
+                store.client.set_terminated(self._parent.info.run_id, status)
+            store.clear_abandoned()
+
+    def _connect(self) -> Store:
+        if self._store is None:
+            store = stores.connect(self._root, TIMEOUT_SECONDS, MAX_RETRIES)
+            with stores.failures_as_input_errors(store.uri):
+                store.clear_abandoned()
+            self._store = store
+        return self._store
+
+    def _follow(self, store: Store, seed: int) -> None:
+        folder = records.seed_dir(self._root, self._agent, seed)
+        curve = records.read_curve(folder / "curve.csv")
+        if not curve:
+            return
+        followed = self._followed.get(seed)
+        if followed is not None and _contradicts(followed.points, curve):
+            store.client.set_terminated(followed.run_id, "KILLED")
+            followed = None
+        if followed is None:
+            followed = self._followed[seed] = self._open(store, seed, curve)
+        new = {point: value for point, value in curve.items() if point not in followed.points}
+        for _, step in new:  # sent again after a failure, a point with the same time is no double
+            followed.times.setdefault(step, stores.now_ms())
+        store.log_points(followed.run_id, new, followed.times)
+        followed.points |= new
+
+    def _open(self, store: Store, seed: int, curve: stores.Points) -> _Followed:
+        """Return a run to log to: that of an interrupted training that goes on, or a new one."""
+        if self._parent is None:
+            self._parent = store.pending_comparison()
+            store.take_over(self._parent)
+        tags = {stores.LIVE: "true", stores.PARENT: self._parent.info.run_id}
+        for run in store.seed_runs(self._agent, seed):
+            if not stores.is_unclaimed(run, self._params):
+                continue
+            points = {point: values[0] for point, values in store.curve_points(run).items()}
+            if not _contradicts(points, curve):
+                store.take_over(run)
+                store.set_changed_tags(run, tags)
+                return _Followed(run.info.run_id, points)
+        run = store.create_seed_run(self._agent, seed, self._algorithm, tags, self._start)
+        store.log_missing_params(run, self._params)
+        return _Followed(run.info.run_id)
+
+    def _end(self, store: Store, seed: int) -> str | None:
+        """End a seed's run and return its status; None if it has none, or one more than it needs.
+
+        A policy of the same bytes may have a finished run already: then that one stays alone.
+        """
+        path = records.seed_dir(self._root, self._agent, seed) / "policy.zip"
+        content = digest(path) if path.exists() else None
+        is_shown = content is not None and any(
+            stores.shows(run, content) and run.info.status == "FINISHED"
+            for run in store.seed_runs(self._agent, seed)
+        )
+        if not is_shown:
+            self._follow(store, seed)
+        if seed not in self._followed:
+            return None
+        run_id = self._followed[seed].run_id
+        if is_shown:
+            store.client.set_terminated(run_id, "KILLED")
+            store.client.delete_run(run_id)
+            return None
+        if content is not None:
+            store.client.set_tag(run_id, stores.POLICY_DIGEST, content)
+        status = "KILLED" if content is None else "FINISHED"
+        store.client.set_terminated(run_id, status)
+        return status
+
+
+def _contradicts(stored: stores.Points, curve: stores.Points) -> bool:
+    """Tell whether a curve has another value where a stored one has a point."""
+    return any(
+        point in stored and not stores.same(stored[point], value) for point, value in curve.items()
+    )

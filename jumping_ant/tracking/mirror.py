@@ -1,0 +1,195 @@
+"""`track`: brings MLflow up to date with the files. Files are the truth, MLflow mirrors them.
+
+Runs are looked up by agent, seed and the digest of the policy file, and created, repaired or left
+alone; a second call changes nothing, and a call after the store was wiped brings all back. The run
+of a seed is nested under a comparison, which is looked up by the digests of all its policies.
+While some policies of `params.yaml` are not trained yet, that is a pending comparison.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from mlflow.entities import Run
+from mlflow.exceptions import MlflowException
+
+from jumping_ant import params as params_module
+from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.tracking import records
+from jumping_ant.tracking import store as stores
+from jumping_ant.tracking.models import AgentModels
+from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, Point, SeedRecord
+from jumping_ant.tracking.store import Store
+
+TIMEOUT_SECONDS = 20
+MAX_RETRIES = 1
+
+
+def track(root: Path = PROJECT_ROOT, say: Callable[[str], None] = print) -> None:
+    """Bring MLflow up to date with a project's files.
+
+    Args:
+        root: The project folder.
+        say: Takes one line for each change, and one in the end.
+
+    Raises:
+        InputError: A file is damaged, or MLflow cannot be reached.
+    """
+    comparison = records.read(root, params_module.load(root / "params.yaml"))
+    if comparison.missing:
+        say(f"not trained yet: {comparison.missing_label}")
+    store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES)
+    with stores.failures_as_input_errors(store.uri):
+        done = _Mirror(store, comparison, say).run() if comparison.seeds else Counter[str]()
+        store.clear_abandoned()
+    counts = ", ".join(f"{count} {verb}" for verb, count in sorted(done.items()))
+    say(f"MLflow at {store.name}: {counts or 'nothing to show'}")
+
+
+class _Mirror:
+    """One pass over all files."""
+
+    def __init__(
+        self, store: Store, comparison: ComparisonRecord, say: Callable[[str], None]
+    ) -> None:
+        self._store = store
+        self._comparison = comparison
+        self._say = say
+
+    def run(self) -> Counter[str]:
+        """Mirror every file; return how many runs of seeds were created, repaired and so on."""
+        done: Counter[str] = Counter()
+        parent = self._open_comparison()
+        for agent in self._comparison.agents:
+            agent_models = AgentModels(self._store, agent)
+            for record in self._comparison.seeds:
+                if record.agent == agent:
+                    done[self._mirror_seed(record, parent, agent_models)] += 1
+            if crowned := agent_models.crown():
+                self._say(crowned)
+        self._close_comparison(parent)
+        return done
+
+    def _open_comparison(self) -> Run:
+        if self._comparison.missing:
+            return self._store.pending_comparison()
+        key = self._comparison.key
+        found = self._store.search(f"tags.{stores.COMPARISON} = '{key}'")
+        if found:
+            return found[0]
+        self._say(f"comparison {key[:8]}: created")
+        tags = {stores.COMPARISON: key, "dvc_stage": "compare"}
+        return self._store.create_run(f"comparison-{key[:8]}", tags)
+
+    def _close_comparison(self, run: Run) -> None:
+        store = self._store
+        if not self._comparison.missing:
+            note = {stores.NOTE: self._comparison.note} if self._comparison.note else {}
+            changes = {
+                "metrics": store.log_changed_summary(run, self._comparison.summary),
+                "tags": store.set_changed_tags(run, note),
+                "artifacts": store.upload_changed(run, self._comparison.artifacts),
+            }
+            if any(changes.values()):
+                self._say(f"comparison {self._comparison.key[:8]}: updated ({_listed(changes)})")
+        # A pending one may be that of a training that goes on.
+        is_done = not self._comparison.missing and run.info.status != "FINISHED"
+        if is_done or stores.is_own(run):
+            store.client.set_terminated(run.info.run_id, "FINISHED")
+
+    def _mirror_seed(self, record: SeedRecord, parent: Run, agent_models: AgentModels) -> str:
+        """Create, repair or leave alone, and return which."""
+        candidates = self._store.seed_runs(record.agent, record.seed)
+        if any(_is_followed(run) for run in candidates):
+            self._say(f"{record.label}: in training, left to the process that follows it")
+            return "in training"
+        run, stored = self._choose(record, candidates)
+        is_new = run is None
+        if run is None:
+            run = self._create(record, parent)
+        changes = self._repair(record, run, stored, parent) | agent_models.mirror(record, run)
+        if run.info.status != "FINISHED":
+            end = None if stores.LIVE in run.data.tags else _end_ms(record)
+            self._store.client.set_terminated(run.info.run_id, "FINISHED", end)
+        elif not any(changes.values()):
+            return "unchanged"
+        verb = "created" if is_new else "repaired"
+        self._say(f"{record.label}: {verb} ({_listed(changes)})")
+        return verb
+
+    def _choose(
+        self, record: SeedRecord, candidates: Sequence[Run]
+    ) -> tuple[Run | None, dict[Point, list[float]]]:
+        """Return the run that shows the policy and its curve points, and delete its doubles.
+
+        A run written while training ran has no digest if its writer was killed; it is the one if
+        parameters and curve agree. MLflow cannot delete points: a run of the policy whose points
+        contradict the files is deleted, too.
+        """
+        own = [run for run in candidates if stores.shows(run, record.digest)]
+        own.sort(key=lambda run: (run.info.status != "FINISHED", run.info.start_time))
+        chosen, points = None, {}
+        for run in own + [run for run in candidates if stores.is_unclaimed(run, record.params)]:
+            stored = self._store.curve_points(run) if chosen is None else {}
+            if chosen is None and _agrees(stored, record.curve):
+                chosen, points = run, stored
+            elif run in own:
+                self._store.client.delete_run(run.info.run_id)
+                self._say(f"{record.label}: a run that was not the files' was deleted")
+        return chosen, points
+
+    def _create(self, record: SeedRecord, parent: Run) -> Run:
+        tags = {stores.POLICY_DIGEST: record.digest, stores.PARENT: parent.info.run_id}
+        start = _end_ms(record) - round(1000 * record.summary.get((TRAIN_SECONDS, 0), 0.0))
+        return self._store.create_seed_run(record.agent, record.seed, record.algorithm, tags, start)
+
+    def _repair(
+        self, record: SeedRecord, run: Run, stored: Mapping[Point, object], parent: Run
+    ) -> dict[str, int]:
+        """Bring a run up to date; return how many things of each kind it took."""
+        store = self._store
+        missing = {point: value for point, value in record.curve.items() if point not in stored}
+        start = run.info.start_time
+        times = {step: start + round(1000 * after) for step, after in record.seconds.items()}
+        store.log_points(run.info.run_id, missing, times)
+        tags = {stores.POLICY_DIGEST: record.digest}
+        if self._belongs_under(run, parent):
+            tags |= {stores.PARENT: parent.info.run_id}
+        return {
+            "curve points": len(missing),
+            "params": store.log_missing_params(run, record.params),
+            "metrics": store.log_changed_summary(run, record.summary),
+            "artifacts": store.upload_changed(run, record.artifacts),
+            "tags": store.set_changed_tags(run, tags),
+        }
+
+    def _belongs_under(self, run: Run, parent: Run) -> bool:
+        """Tell whether a run's comparison is to be this one: the newest that contains it."""
+        try:
+            current = self._store.client.get_run(run.data.tags[stores.PARENT])
+        except (KeyError, MlflowException):
+            return True
+        if current.info.lifecycle_stage == "deleted" or stores.is_pending(current):
+            return True
+        return not stores.is_pending(parent) and current.info.start_time <= parent.info.start_time
+
+
+def _is_followed(run: Run) -> bool:
+    return stores.LIVE in run.data.tags and stores.is_written(run)
+
+
+def _agrees(stored: Mapping[Point, Sequence[float]], curve: stores.Points) -> bool:
+    """Tell whether every stored point stands in the curve, with its value, once."""
+    return all(
+        len(values) == 1 and point in curve and stores.same(values[0], curve[point])
+        for point, values in stored.items()
+    )
+
+
+def _listed(changes: Mapping[str, int]) -> str:
+    return ", ".join(f"{kind} {count}" for kind, count in changes.items() if count) or "ended"
+
+
+def _end_ms(record: SeedRecord) -> int:
+    """Return when training ended, as far as the policy file's time tells [ms since 1970]."""
+    return record.policy_path.stat().st_mtime_ns // 1_000_000

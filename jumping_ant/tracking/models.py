@@ -1,0 +1,191 @@
+"""Policies as MLflow models: logged from code, registered, the best one called champion."""
+
+import functools
+import importlib.metadata
+import json
+import tempfile
+from pathlib import Path
+
+import mlflow.pyfunc
+import numpy as np
+from mlflow.entities import LoggedModel, LoggedModelOutput, Run
+from mlflow.entities.model_registry import ModelVersion
+from mlflow.exceptions import MlflowException
+from mlflow.models import Model, ModelSignature
+from mlflow.types import Schema, TensorSpec
+from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
+
+from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.tracking.records import EVALUATION, SeedRecord
+from jumping_ant.tracking.store import AGENT, POLICY_DIGEST, SEED, Store
+
+CHAMPION = "champion"
+PACKAGE_DIR = PROJECT_ROOT / "jumping_ant"
+# What `jumping_ant.serving` and all it imports need.
+REQUIREMENTS = ("mlflow", "numpy", "torch", "gymnasium", "mujoco")
+SIGNATURE = ModelSignature(
+    inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, 27))]),
+    outputs=Schema([TensorSpec(np.dtype(np.float64), (-1, 8))]),
+)
+
+
+def registered_name(agent: str) -> str:
+    """Return the name of an agent's registered model."""
+    return f"jumping-ant-{agent}"
+
+
+class AgentModels:
+    """The policies of one agent, as versions of its registered model.
+
+    Args:
+        store: The MLflow store.
+        agent: The agent's name.
+    """
+
+    def __init__(self, store: Store, agent: str) -> None:
+        self._store = store
+        self._name = registered_name(agent)
+        self._champion = self._find_champion()
+        self._known = store.client.search_model_versions(f"name = '{self._name}'")
+        self._mirrored: list[tuple[SeedRecord, ModelVersion]] = []
+
+    def mirror(self, record: SeedRecord, run: Run) -> dict[str, int]:
+        """Log and register a policy, if need be; return how many models and versions it took."""
+        client = self._store.client
+        model = _find_model(self._store, record)
+        is_whole = model is not None and _is_whole(self._store, model, record)
+        if model is None or not is_whole:
+            model = _log(self._store, record, run, model)
+        outputs = run.outputs.model_outputs if run.outputs else []
+        if model.model_id not in {output.model_id for output in outputs}:  # show it in the run
+            client.log_outputs(run.info.run_id, [LoggedModelOutput(model.model_id, step=0)])
+        found = self._find_version(model, record)
+        version = found or self._register(model, record, run)
+        if version.description != _description(record):
+            client.update_model_version(self._name, version.version, _description(record))
+        self._mirrored.append((record, version))
+        return {"models": int(not is_whole), "model versions": int(found is None)}
+
+    def crown(self) -> str | None:
+        """Point `champion` at the mirrored version with the best mean evaluation return.
+
+        Returns:
+            What was done, or None.
+        """
+        scores = {
+            version.version: score
+            for record, version in self._mirrored
+            if (score := _score(record)) is not None
+        }
+        if not scores:
+            return None
+        best = max(scores, key=lambda version: scores[version])
+        if str(best) == str(self._champion):
+            return None
+        self._store.client.set_registered_model_alias(self._name, CHAMPION, best)
+        return f"{self._name}: {CHAMPION} is version {best}, mean return {scores[best]:.1f}"
+
+    def _find_champion(self) -> str | None:
+        """Return the champion's version; the registered model is made if need be."""
+        client = self._store.client
+        try:
+            champion: str | None = client.get_registered_model(self._name).aliases.get(CHAMPION)
+        except MlflowException as error:
+            if error.error_code != "RESOURCE_DOES_NOT_EXIST":
+                raise
+            about = "The jumping Ant: observations (n, 27) in, torques over peak torque (n, 8) out."
+            client.create_registered_model(self._name, description=about)
+            return None
+        return champion
+
+    def _find_version(self, model: LoggedModel, record: SeedRecord) -> ModelVersion | None:
+        """Return the policy's version; one whose model is gone is deleted."""
+        found = None
+        for version in self._known:
+            if not _policy_tags(record).items() <= version.tags.items():
+                continue
+            if version.source == f"models:/{model.model_id}" and found is None:
+                found = version
+            else:
+                self._store.client.delete_model_version(self._name, version.version)
+        return found
+
+    def _register(self, model: LoggedModel, record: SeedRecord, run: Run) -> ModelVersion:
+        client = self._store.client
+        version = client.create_model_version(
+            self._name,
+            f"models:/{model.model_id}",
+            run.info.run_id,
+            tags=_policy_tags(record),
+            description=_description(record),
+            model_id=model.model_id,
+        )
+        registered = json.dumps([{"name": self._name, "version": version.version}])
+        client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: registered})
+        return version
+
+
+def _find_model(store: Store, record: SeedRecord) -> LoggedModel | None:
+    condition = " and ".join(
+        f"tags.{name} = '{value}'" for name, value in _policy_tags(record).items()
+    )
+    found = store.client.search_logged_models([store.experiment_id], condition)
+    return found[0] if found else None
+
+
+def _is_whole(store: Store, model: LoggedModel, record: SeedRecord) -> bool:
+    listed = store.client.list_logged_model_artifacts(model.model_id)
+    if "MLmodel" not in {entry.path for entry in listed}:
+        return False
+    stored = store.client.list_logged_model_artifacts(model.model_id, "artifacts")
+    sizes = [entry.file_size for entry in stored]
+    return str(model.status) == "READY" and sizes == [record.policy_path.stat().st_size]
+
+
+def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) -> LoggedModel:
+    """Upload a model; one that is there, but not whole, is completed."""
+    if model is None:
+        model = store.client.create_logged_model(
+            store.experiment_id, "policy", run.info.run_id, _policy_tags(record), record.params
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model"
+        mlflow.pyfunc.save_model(
+            path,
+            python_model=str(PACKAGE_DIR / "serving.py"),
+            artifacts={"policy": str(record.policy_path)},
+            code_paths=[str(PACKAGE_DIR)],
+            signature=SIGNATURE,
+            input_example=np.zeros((1, 27)),
+            pip_requirements=_requirements(),
+            mlflow_model=Model(
+                artifact_path=model.artifact_location,
+                run_id=run.info.run_id,
+                model_uuid=model.model_id,
+                model_id=model.model_id,
+            ),
+        )
+        store.client.log_model_artifacts(model.model_id, str(path))
+    return store.client.finalize_logged_model(model.model_id, "READY")
+
+
+@functools.cache
+def _requirements() -> list[str]:
+    """Return the installed versions, without a suffix such as +cpu that no index knows."""
+    return [
+        f"{name}=={importlib.metadata.version(name).partition('+')[0]}" for name in REQUIREMENTS
+    ]
+
+
+def _policy_tags(record: SeedRecord) -> dict[str, str]:
+    return {AGENT: record.agent, SEED: str(record.seed), POLICY_DIGEST: record.digest}
+
+
+def _score(record: SeedRecord) -> float | None:
+    return record.summary.get((EVALUATION + "return", 0))
+
+
+def _description(record: SeedRecord) -> str:
+    score = _score(record)
+    result = "not evaluated" if score is None else f"mean evaluation return {score:.1f}"
+    return f"{record.algorithm}, training seed {record.seed}: {result}."

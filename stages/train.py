@@ -1,0 +1,54 @@
+"""Train every seed of an agent.
+
+Usage: python -m stages.train AGENT
+Reads: params `seeds`, `env`, `training`, `agents.AGENT`; assets/jumping_ant.xml.
+Writes: models/AGENT/seed-N/ (policy.zip, curve.csv), results/timing/AGENT.csv.
+"""
+
+import argparse
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from jumping_ant import params, training
+from jumping_ant.files import PROJECT_ROOT
+from stages import run
+
+SECONDS_FOR_LAST_ROWS = 60
+
+
+@contextmanager
+def live_tracking(agent: str) -> Iterator[None]:
+    """Mirror the growing curves to MLflow from a process of its own.
+
+    It follows files, so whatever becomes of MLflow or of that process, training neither waits for
+    it nor depends on its code; `track` completes what it leaves open.
+    """
+    follower = subprocess.Popen(
+        [sys.executable, "-m", "jumping_ant.tracking", "follow", agent],
+        cwd=PROJECT_ROOT,
+        stdin=subprocess.PIPE,
+    )
+    try:
+        yield
+    finally:
+        try:
+            follower.communicate(timeout=SECONDS_FOR_LAST_ROWS)  # closes its input: we are done
+        except subprocess.TimeoutExpired:
+            follower.terminate()
+
+
+def main() -> None:
+    """Run the stage."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("agent")
+    agent = parser.parse_args().agent
+    settings = params.load()
+    settings.agent(agent)
+    with live_tracking(agent):
+        training.train(PROJECT_ROOT, settings, agent)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,289 @@
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from small_project import (
+    COMPARE,
+    curve_rows,
+    episode_row,
+    make_params,
+    read_csv,
+    write_csv,
+    write_project,
+)
+
+from jumping_ant import comparison
+from jumping_ant.errors import InputError
+from jumping_ant.files import PROJECT_ROOT
+from stages import compare
+
+AGENTS = {"random": "random", "sac-long": "sac", "dqn": "dqn"}
+SEEDS = [3, 1, 7, 5]  # any numbers in any order
+PARAMS = make_params(AGENTS, SEEDS)
+
+
+@pytest.fixture
+def project(tmp_path):
+    write_project(tmp_path, AGENTS, SEEDS)
+    return tmp_path
+
+
+def summarize(root, params=PARAMS):
+    return comparison.summarize(comparison.load(root, params), COMPARE)
+
+
+def numbers(summary, path=""):
+    """Return the leaves of nested dictionaries by their path."""
+    if not isinstance(summary, dict):
+        return {path: summary}
+    return {
+        name: leaf
+        for key in summary
+        for name, leaf in numbers(summary[key], f"{path}/{key}").items()
+    }
+
+
+def test_seeds_are_means_over_their_episodes(project):
+    results = comparison.load(project, PARAMS)
+    np.testing.assert_allclose(results["dqn"].quantities["return"], [700, 710, 720, 730])
+    np.testing.assert_allclose(results["dqn"].quantities["work"], [1400, 1420, 1440, 1460])
+    assert list(results["dqn"].curves) == SEEDS
+
+
+def test_summary_follows_its_contract(project):
+    summary = summarize(project)
+    json.dumps(summary, allow_nan=False)
+    assert list(summary["agents"]) == list(AGENTS)
+    dqn = summary["agents"]["dqn"]
+    assert list(dqn) == [
+        "seeds", "return", "peak_height", "smoothness", "length", "mean_height", "jumps",
+        "airborne_seconds", "work", "drift", "survived", "env_steps", "train_seconds",
+    ]  # fmt: skip
+    assert (dqn["seeds"], dqn["env_steps"], dqn["train_seconds"]) == (4, 1000, 500.0)
+    assert dqn["return"]["iqm"] == pytest.approx(715)  # the middle two of 700 ... 730
+    assert 700 <= dqn["return"]["low"] < 715 < dqn["return"]["high"] <= 730
+    assert dqn["survived"] == {"iqm": 1.0, "low": 1.0, "high": 1.0}
+    assert summary["agents"]["random"]["env_steps"] == 0
+    assert summary["agents"]["random"]["train_seconds"] == 0.0
+
+
+def test_every_ordered_pair_has_a_probability(project):
+    pairs = summarize(project)["probability_of_improvement"]
+    assert list(pairs) == [
+        "random>sac-long", "random>dqn", "sac-long>random", "sac-long>dqn", "dqn>random",
+        "dqn>sac-long",
+    ]  # fmt: skip
+    assert pairs["sac-long>dqn"] == {"p": 1.0, "low": 1.0, "high": 1.0}
+    assert pairs["dqn>sac-long"] == {"p": 0.0, "low": 0.0, "high": 0.0}
+
+
+def test_a_pair_read_backwards_is_its_complement(project):
+    for name, values in {"dqn": [1, 5, 6, 9], "sac-long": [2, 4, 7, 8]}.items():
+        rows = [episode_row(seed, 0, value) for seed, value in zip(SEEDS, values, strict=True)]
+        write_csv(project / "results" / name / "episodes.csv", rows)
+    pairs = summarize(project)["probability_of_improvement"]
+    forth, back = pairs["dqn>sac-long"], pairs["sac-long>dqn"]
+    assert forth["p"] == pytest.approx(8 / 16)  # 0 + 2 + 2 + 4
+    assert forth["low"] < 0.5 < forth["high"]
+    assert back["low"] == pytest.approx(1 - forth["high"])
+    assert back["high"] == pytest.approx(1 - forth["low"])
+
+
+def test_more_episodes_of_the_same_seeds_narrow_nothing(project, tmp_path_factory):
+    twice = tmp_path_factory.mktemp("twice")
+    shutil.copytree(project, twice, dirs_exist_ok=True)
+    for name in AGENTS:
+        path = twice / "results" / name / "episodes.csv"
+        write_csv(path, read_csv(path) * 10)
+    assert numbers(summarize(twice)) == pytest.approx(numbers(summarize(project)))
+
+
+def test_neither_the_order_of_rows_nor_that_of_seeds_matters(project):
+    summary = summarize(project)
+    for name in AGENTS:
+        path = project / "results" / name / "episodes.csv"
+        rows = read_csv(path)
+        random.Random(0).shuffle(rows)
+        write_csv(path, rows)
+    shuffled = summarize(project, make_params(AGENTS, sorted(SEEDS)))
+    assert numbers(shuffled) == pytest.approx(numbers(summary))
+
+
+def test_a_single_seed_is_compared_without_spread(tmp_path):
+    write_project(tmp_path, AGENTS, [0])
+    summary = summarize(tmp_path, make_params(AGENTS, [0]))
+    assert summary["agents"]["dqn"]["return"] == {"iqm": 700.0, "low": 700.0, "high": 700.0}
+    assert summary["probability_of_improvement"]["dqn>random"]["p"] == 1.0
+
+
+def test_labels_capitalise_acronyms_alone(project):
+    results = comparison.load(project, PARAMS)
+    assert [agent.label for agent in results.values()] == ["random", "sac-long", "DQN"]
+
+
+def test_learning_curves_are_means_over_seeds_where_policies_were_evaluated(project):
+    curve = comparison.learning_curves(comparison.load(project, PARAMS), COMPARE)["dqn"]
+    np.testing.assert_allclose(curve.env_steps, [250, 500, 750, 1000])
+    np.testing.assert_allclose(curve.seconds, [125, 250, 375, 500])
+    np.testing.assert_allclose(curve.returns.value, [357.5, 715, 715, 715])
+    assert (curve.returns.low <= curve.returns.value).all()
+    assert (curve.returns.high >= curve.returns.value).all()
+
+
+def test_learning_curves_of_unlike_seeds_share_a_grid(project):
+    rows = curve_rows(2000, 700.0)  # the others stop at 1000
+    write_csv(project / "models" / "dqn" / "seed-7" / "curve.csv", rows)
+    path = project / "results" / "timing" / "dqn.csv"
+    timing = [row for row in read_csv(path) if row["seed"] != "7"]
+    timing += [{"seed": 7, "env_steps": row["env_steps"], "seconds": 9} for row in rows]
+    write_csv(path, timing)
+    curve = comparison.learning_curves(comparison.load(project, PARAMS), COMPARE)["dqn"]
+    np.testing.assert_allclose(curve.env_steps, [500, 1000, 1500, 2000])
+    np.testing.assert_allclose(curve.returns.value[-1], (700 + 710) / 2)  # 700, 700, 710, 730
+
+
+def test_the_baselines_curve_is_level_over_the_others_budgets(project):
+    curve = comparison.learning_curves(comparison.load(project, PARAMS), COMPARE)["random"]
+    np.testing.assert_allclose(curve.env_steps, [50, 1000])  # SAC's first, DQN's last
+    np.testing.assert_allclose(curve.seconds, [25, 500])
+    np.testing.assert_allclose(curve.returns.value, [345, 345])
+    assert curve.returns.low[0] == curve.returns.low[1] < 345
+
+
+def test_baselines_alone_can_be_compared(tmp_path):
+    agents = {"random": "random", "other": "random"}
+    write_project(tmp_path, agents, SEEDS)
+    results = comparison.load(tmp_path, make_params(agents, SEEDS))
+    curves = comparison.learning_curves(results, COMPARE)
+    np.testing.assert_allclose(curves["other"].env_steps, [0])
+    pair = comparison.summarize(results, COMPARE)["probability_of_improvement"]["random>other"]
+    assert pair["p"] == 0.5
+
+
+def test_tables_are_tidy(project):
+    results = comparison.load(project, PARAMS)
+    curves = comparison.learning_curves(results, COMPARE)
+    write_csv(project / "curves.csv", comparison.curve_rows(curves))
+    (project / "seeds.csv").write_text(comparison.to_csv(comparison.seed_rows(results)))
+    table = read_csv(project / "curves.csv")
+    assert list(table[0]) == ["agent", "env_steps", "seconds", "return_iqm", "low", "high"]
+    assert [row["agent"] for row in table] == ["random"] * 2 + ["sac-long"] * 4 + ["dqn"] * 4
+    table = read_csv(project / "seeds.csv")
+    assert table[0] == {
+        "agent": "random", "seed": "3", "env_steps": "0", "seconds": "0.0",
+        "evaluation_return": "330.0",
+    }  # fmt: skip
+    assert len(table) == 4 + 4 * 4 + 4 * 4
+
+
+@pytest.mark.parametrize(
+    ("path", "stage"),
+    [
+        ("results/sac-long/episodes.csv", "evaluate@sac-long"),
+        ("results/timing/dqn.csv", "train@dqn"),
+        ("models/dqn/seed-7/curve.csv", "train@dqn"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "no such file"),
+        ("", "no rows"),
+        ("a,b\n1,2\n", "no column"),
+    ],
+)
+def test_missing_and_empty_files_name_the_stage_to_run(project, path, stage, content, said):
+    if content is None:
+        (project / path).unlink()
+    else:
+        (project / path).write_text(content)
+    with pytest.raises(InputError, match=said) as error:
+        comparison.load(project, PARAMS)
+    assert path in str(error.value)
+    assert f"dvc repro {stage}" in str(error.value).replace("--force ", "")
+
+
+@pytest.mark.parametrize("path", ["results/dqn/episodes.csv", "results/timing/dqn.csv"])
+def test_results_of_other_seeds_are_refused(project, path):
+    rows = [row for row in read_csv(project / path) if row["seed"] != "7"]
+    write_csv(project / path, rows)
+    with pytest.raises(
+        InputError, match="holds the seeds 1, 3, 5, but params.yaml names 1, 3, 5, 7"
+    ):
+        comparison.load(project, PARAMS)
+
+
+def test_timing_of_another_training_is_refused(project):
+    path = project / "results" / "timing" / "dqn.csv"
+    rows = read_csv(path)
+    rows[3]["env_steps"] = "376"
+    write_csv(path, rows)
+    with pytest.raises(InputError, match="env_steps of seed 3 are not those of"):
+        comparison.load(project, PARAMS)
+
+
+@pytest.mark.parametrize(("cell", "said"), [("", "empty"), ("inf", "not finite"), ("x", "'x'")])
+def test_cells_that_are_no_numbers_are_refused(project, cell, said):
+    path = project / "results" / "dqn" / "episodes.csv"
+    rows = read_csv(path)
+    rows[2]["smoothness"] = cell
+    write_csv(path, rows)
+    with pytest.raises(InputError, match=said):
+        comparison.load(project, PARAMS)
+
+
+def test_curves_without_evaluations_are_refused(project):
+    path = project / "models" / "dqn" / "seed-5" / "curve.csv"
+    write_csv(path, [row | {"evaluation_return_mean": ""} for row in read_csv(path)])
+    with pytest.raises(InputError, match="no evaluation in it"):
+        comparison.load(project, PARAMS)
+
+
+def test_the_stage_writes_the_same_files_every_time(tmp_path, monkeypatch):
+    content = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
+    content |= {"seeds": SEEDS, "compare": COMPARE.model_dump()}
+    with (tmp_path / "params.yaml").open("w") as file:
+        YAML().dump(content, file)
+    agents = {name: block["algorithm"] for name, block in content["agents"].items()}
+    write_project(tmp_path, agents, SEEDS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["compare"])
+    written = []
+    for _ in range(2):
+        compare.main()
+        paths = [
+            Path("results/comparison.json"),
+            *sorted(Path("results/plots").iterdir()),
+            *sorted(Path("results/figures").iterdir()),
+        ]
+        written.append({path.as_posix(): path.read_bytes() for path in paths})
+    assert written[0] == written[1]
+    assert {"results/plots/learning_curves.csv", "results/plots/seeds.csv"} <= set(written[0])
+    result = json.loads(written[0]["results/comparison.json"])
+    assert list(result) == ["agents", "probability_of_improvement", "claims"]
+    assert list(result["agents"]) == list(agents)
+    for claim in result["claims"]:
+        assert list(claim) == ["text", "verdict", "evidence"]
+        assert claim["verdict"] in ("supported", "refuted", "inconclusive")
+
+
+def test_the_stage_ends_with_one_clear_line(tmp_path):
+    shutil.copy(PROJECT_ROOT / "params.yaml", tmp_path)
+    ran = subprocess.run(
+        [sys.executable, "-m", "stages.compare"],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(PROJECT_ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert ran.returncode == 2
+    assert ran.stderr.startswith("error: results/")
+    assert "run `dvc repro evaluate@" in ran.stderr
+    assert ran.stderr.count("\n") == 1

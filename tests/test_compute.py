@@ -1,0 +1,42 @@
+from collections.abc import Iterator
+from functools import partial
+
+import pytest
+
+from jumping_ant import compute
+from jumping_ant.errors import InputError
+
+
+def count(key: str, length: int) -> Iterator[str]:
+    for number in range(length):
+        yield f"{key}{number}"
+
+
+def fail() -> Iterator[str]:
+    yield "a start"
+    raise InputError("a clear line")
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_every_item_arrives_in_its_order(workers: int) -> None:
+    jobs = {key: partial(count, key, length) for key, length in (("a", 3), ("b", 0), ("c", 5))}
+    items: dict[str, list[str]] = {key: [] for key in jobs}
+    for key, item in compute.stream(jobs, workers):
+        items[key].append(item)
+    assert items == {key: list(job()) for key, job in jobs.items()}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_arrives_as_itself(workers: int) -> None:
+    with pytest.raises(InputError, match="a clear line"):
+        list(compute.stream({"good": partial(count, "x", 2), "bad": fail}, workers))
+
+
+def test_num_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    assert compute.num_workers(0, num_jobs=4) == 4
+    assert compute.num_workers(0, num_jobs=20) == 8
+    assert compute.num_workers(3, num_jobs=20) == 3
+    monkeypatch.setenv("RAY_ADDRESS", "cluster:6379")
+    assert compute.num_workers(0, num_jobs=20) == 20

@@ -1,0 +1,206 @@
+"""Policy files: equal bytes, equal actions, and nothing in them that runs."""
+
+import io
+import json
+import pickle
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import DQN, SAC
+
+from jumping_ant import policies
+from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_file
+from jumping_ant.errors import InputError
+from jumping_ant.params import Params
+from jumping_ant.policies import GaussianActor, GreedyCommands, LinearPolicy, UniformPolicy
+from jumping_ant.task import COMMANDS
+
+OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
+SB3 = {"sac": (SAC, GaussianActor), "dqn": (DQN, GreedyCommands)}
+
+
+def linear_policy() -> LinearPolicy:
+    generator = np.random.default_rng(1)
+    return LinearPolicy(
+        weight=generator.normal(0, 0.1, (8, 27)).astype(np.float32),
+        bias=generator.normal(0, 0.1, 8).astype(np.float32),
+        mean=generator.normal(0, 1, 27).astype(np.float32),
+        stdev=generator.uniform(0.5, 2, 27).astype(np.float32),
+    )
+
+
+@pytest.fixture(scope="module", params=["sac", "dqn"])
+def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params) -> Any:
+    """An untrained model of Stable-Baselines3 and its policy file, written twice."""
+    small = {"net_arch": [16, 8], "buffer_size": 10, "num_envs": 1, "velocity_scale": 0.3}
+    agent = known_params.agents[request.param].model_copy(update=small)
+    model = make_model(make_envs(robot_xml, known_params.env, agent), agent, seed=5)
+    return request.param, model, policy_file(model, agent), policy_file(model, agent)
+
+
+def sb3_torques(algorithm: str, model: Any) -> np.ndarray:
+    actions, _ = model.predict(OBSERVATIONS.astype(np.float32), deterministic=True)
+    return actions if algorithm == "sac" else COMMANDS[actions]
+
+
+def test_networks_act_as_in_stable_baselines3(network: Any) -> None:
+    algorithm, model, content, _ = network
+    policy = policies.load(content)
+    assert isinstance(policy, SB3[algorithm][1])
+    torques = policy.act(OBSERVATIONS)
+    np.testing.assert_allclose(torques, sb3_torques(algorithm, model), rtol=0, atol=1e-5)
+    assert len(np.unique(torques, axis=0)) > 1  # it does look at what it sees
+
+
+@pytest.mark.filterwarnings("ignore:.*n_steps=3. is ignored.*")  # it matters for training only
+def test_stable_baselines3_loads_the_same_file(network: Any) -> None:
+    algorithm, model, content, _ = network
+    loaded = SB3[algorithm][0].load(io.BytesIO(content), device="cpu")
+    np.testing.assert_array_equal(sb3_torques(algorithm, loaded), sb3_torques(algorithm, model))
+
+
+def test_networks_saved_again_are_the_same_bytes(network: Any) -> None:
+    _, _, content, again = network
+    assert content == again
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        assert {entry.date_time[0] for entry in archive.infolist()} == {1980}
+
+
+@pytest.mark.parametrize("policy", [linear_policy(), UniformPolicy(3)], ids=["linear", "uniform"])
+def test_files_are_the_same_bytes_and_act_the_same(policy: Any, tmp_path: Path) -> None:
+    content = policy.to_bytes()
+    (tmp_path / "policy.zip").write_bytes(content)
+    loaded: Any = policies.load_file(tmp_path / "policy.zip")
+    assert type(loaded) is type(policy)
+    assert loaded.to_bytes() == content == policy.to_bytes()
+    for one in (policy, loaded):
+        one.start(range(50))
+    np.testing.assert_array_equal(loaded.act(OBSERVATIONS), policy.act(OBSERVATIONS))
+
+
+def test_linear_policy_by_hand() -> None:
+    weight = np.zeros((8, 27), np.float32)
+    weight[0, 0], weight[1, 26], weight[2, 0] = 0.5, -2.0, 100.0
+    bias = np.array([0, 0.25, 0, -7, 0, 0, 0, 0.125], np.float32)
+    mean, stdev = np.full(27, 1.0, np.float32), np.full(27, 2.0, np.float32)
+    observation = np.ones((1, 27))
+    observation[0, 0], observation[0, 26] = 2.0, 1.5  # normalised: 0.5 and 0.25, the others 0
+    torques = LinearPolicy(weight, bias, mean, stdev).act(observation)
+    assert torques.tolist() == [[0.25, -0.25, 1.0, -1.0, 0, 0, 0, 0.125]]
+    assert torques.dtype == np.float64
+
+
+def test_random_torques_depend_on_seed_and_episode_alone() -> None:
+    def torques(seed: int, episodes: list[int]) -> dict[int, np.ndarray]:
+        policy = UniformPolicy(seed)
+        policy.start(episodes)
+        drawn = [policy.act(OBSERVATIONS[: len(episodes)]) for _ in range(20)]
+        return dict(zip(episodes, np.stack(drawn, axis=1), strict=True))
+
+    alone, together = torques(1, [7]), torques(1, [3, 7, 9])
+    np.testing.assert_array_equal(alone[7], together[7])
+    assert (together[3] != together[7]).all()
+    assert (torques(2, [7])[7] != alone[7]).all()
+    everything = np.concatenate(list(torques(0, list(range(100))).values()))
+    assert np.abs(everything).max() <= 1
+    np.testing.assert_allclose(everything.mean(axis=0), 0, atol=0.06)
+    np.testing.assert_allclose(everything.std(axis=0), 1 / np.sqrt(3), atol=0.03)
+
+
+def test_velocities_are_scaled_and_positions_are_not() -> None:
+    factors = policies.velocity_factors(0.1)
+    assert factors[:13].tolist() == [1.0] * 13
+    np.testing.assert_allclose(factors[13:], [0.1] * 14, rtol=1e-6)
+
+
+def archive(kind: Any, **entries: bytes) -> bytes:
+    header = json.dumps({"format": 1, "kind": kind, "velocity_scale": 1.0}).encode()
+    return policies.pack({"policy.json": header, **entries})
+
+
+def npy(array: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def tensors(**state: Any) -> bytes:
+    buffer = io.BytesIO()
+    torch.save({name: torch.from_numpy(value) for name, value in state.items()}, buffer)
+    return buffer.getvalue()
+
+
+def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
+    return tensors(**{f"{prefix}.weight": np.ones(outputs), f"{prefix}.bias": np.ones(bias)})
+
+
+LINEAR = linear_policy().to_bytes()
+ARRAYS = policies.unpack(LINEAR)
+DAMAGED = {
+    "empty": b"",
+    "text": b"no policy at all",
+    "truncated": LINEAR[:-30],
+    "flipped bit": LINEAR[:400] + bytes([LINEAR[400] ^ 1]) + LINEAR[401:],
+    "foreign zip": policies.pack({"a.txt": b"a"}),
+    "no header": policies.pack({name: ARRAYS[name] for name in ARRAYS if name != "policy.json"}),
+    "header of other kind": archive("ppo"),
+    "header of odd kind": archive(["linear"]),
+    "header not JSON": policies.pack({"policy.json": b"{"}),
+    "header a list": policies.pack({"policy.json": b"[]"}),
+    "array missing": policies.pack({name: ARRAYS[name] for name in ARRAYS if name != "bias.npy"}),
+    "array of other shape": policies.pack(ARRAYS | {"weight.npy": npy(np.zeros((8, 26)))}),
+    "too few torques": policies.pack(
+        ARRAYS | {"weight.npy": npy(np.zeros((7, 27))), "bias.npy": npy(np.zeros(7))}
+    ),
+    "no network": archive("sac", **{"policy.pth": tensors()}),
+    "other network": archive("sac", **{"policy.pth": one_layer("actor.mu", (8, 26), 8)}),
+    "flat network": archive("sac", **{"policy.pth": one_layer("actor.mu", 27, 1)}),
+    "too many commands": archive("dqn", **{"policy.pth": one_layer("q_net.q_net.0", (9, 27), 9)}),
+    "torn tensors": archive("dqn", **{"policy.pth": one_layer("q_net.q_net.0", (5, 27), 5)[:-50]}),
+}
+
+
+@pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED.keys())
+def test_damaged_and_foreign_files_are_refused(content: bytes) -> None:
+    with pytest.raises(InputError, match="policy file: .*allowed: "):
+        policies.load(content)
+
+
+class Payload:
+    """Pickled, this makes a file when it is read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.path,)
+
+
+@pytest.mark.filterwarnings("ignore:Detected pickle protocol")
+def test_pickled_code_is_not_run(tmp_path: Path) -> None:
+    planted = tmp_path / "planted"
+    payload = Payload(planted)
+    saved = io.BytesIO()
+    torch.save(payload, saved)
+    files = [
+        archive("sac", **{"policy.pth": pickle.dumps(payload)}),
+        archive("dqn", **{"policy.pth": saved.getvalue()}),
+        policies.pack(ARRAYS | {"weight.npy": npy(np.array([payload], dtype=object))}),
+        policies.pack(ARRAYS | {"mean.npy": pickle.dumps(payload)}),
+        pickle.dumps(payload),
+    ]
+    for content in files:
+        with pytest.raises(InputError, match="policy file: "):
+            policies.load(content)
+        assert not planted.exists()
+    pickle.loads(files[-1])
+    assert planted.exists()  # the payload would have worked
+
+
+def test_a_missing_file_names_what_writes_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"policy.zip: No such file .*; `dvc repro` trains it"):
+        policies.load_file(tmp_path / "policy.zip")

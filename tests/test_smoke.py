@@ -1,0 +1,172 @@
+"""The pipeline as a person runs it: a clone, a preset, `dvc`, and the real thing throughout."""
+
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from functools import reduce
+from pathlib import Path
+from typing import Any
+
+import imageio.v3 as iio
+import mlflow
+import pytest
+from mlflow.entities import Run, ViewType
+from ruamel.yaml import YAML
+
+ROOT = Path(__file__).resolve().parents[1]
+AGENTS = ["random", "dqn", "sac", "pgpe"]
+
+
+class Project:
+    """A clone of the project, with commands run in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.uri = f"sqlite:///{folder}/mlflow.db"
+        scripts = Path(sys.executable).parent
+        self._env = os.environ | {
+            "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}",
+            "DVC_NO_ANALYTICS": "true",
+            "GIT_CONFIG_GLOBAL": "/dev/null",
+        }
+        self._env.pop("MLFLOW_TRACKING_URI", None)
+
+    def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
+        done = subprocess.run(
+            command, cwd=self.folder, env=self._env, text=True, capture_output=True
+        )
+        if check and done.returncode:
+            raise AssertionError(f"{shlex.join(command)}\n{done.stdout}\n{done.stderr}")
+        return done
+
+    def stale(self) -> set[str]:
+        """Return the stages that a `dvc repro` would look at again."""
+        return set(json.loads(self.run("dvc", "status", "--json").stdout))
+
+    def runs(self) -> list[Run]:
+        client = mlflow.MlflowClient(self.uri)
+        experiments = [e.experiment_id for e in client.search_experiments()]
+        return list(client.search_runs(experiments, run_view_type=ViewType.ACTIVE_ONLY))
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    folder = tmp_path_factory.mktemp("clone") / "project"
+    listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    names = subprocess.run(listing, cwd=ROOT, text=True, capture_output=True, check=True).stdout
+    for name in filter(None, names.split("\0")):
+        if (ROOT / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, folder / name)
+    project = Project(folder)
+    project.run("git", "init", "-q")
+    project.run("git", "config", "user.name", "Test")
+    project.run("git", "config", "user.email", "test@example.org")
+    project.run("git", "add", "-A")
+    project.run("git", "commit", "-qm", "Start")
+    project.run("dvc", "exp", "run", *shlex.split((ROOT / "presets" / "smoke").read_text()))
+    return project
+
+
+def test_everything_is_there_and_up_to_date(project: Project) -> None:
+    for agent in AGENTS:
+        for seed in (0, 1):
+            assert (project.folder / "models" / agent / f"seed-{seed}" / "policy.zip").is_file()
+        frames = iio.imread(project.folder / "media" / f"{agent}.mp4")
+        assert frames.shape[1:] == (120, 160, 3)
+        assert frames.std() > 5 and (frames[0] != frames[-1]).any()
+        assert (project.folder / "media" / f"{agent}.rrd").stat().st_size > 10_000
+    comparison = json.loads((project.folder / "results" / "comparison.json").read_text())
+    assert list(comparison["agents"]) == AGENTS
+    for figures in comparison["agents"].values():
+        assert figures["seeds"] == 2
+        low, iqm, high = (figures["return"][name] for name in ("low", "iqm", "high"))
+        assert low <= iqm <= high
+    assert project.stale() == set()
+    assert "Data and pipelines are up to date." in project.run("dvc", "repro").stdout
+
+
+def test_git_knows_only_small_things(project: Project) -> None:
+    changed = project.run("git", "status", "--porcelain", "--untracked-files=all").stdout
+    for line in changed.splitlines():
+        path = project.folder / line[3:]
+        assert path.stat().st_size < 100_000, line
+        assert path.suffix not in {".mp4", ".rrd", ".zip", ".npz", ".db"}, line
+
+
+def test_metrics_and_plots_are_shown(project: Project) -> None:
+    metrics = json.loads(project.run("dvc", "metrics", "show", "--json").stdout)[""]["data"]
+    assert {f"results/{agent}/metrics.json" for agent in AGENTS} <= set(metrics)
+    plots = json.loads(project.run("dvc", "plots", "show", "--json").stdout)
+    assert plots["data"] and not plots.get("errors")
+
+
+def test_mlflow_mirrors_the_files(project: Project) -> None:
+    runs = project.runs()
+    parents = [run for run in runs if "mlflow.parentRunId" not in run.data.tags]
+    assert len(parents) == 1
+    children = {run.info.run_name: run for run in runs if run not in parents}
+    assert set(children) == {f"{agent}-seed-{seed}" for agent in AGENTS for seed in (0, 1)}
+    for run in children.values():
+        assert run.data.tags["mlflow.parentRunId"] == parents[0].info.run_id
+        assert run.info.status == "FINISHED"
+    project.run(sys.executable, "-m", "stages.track")
+    assert len(project.runs()) == len(runs), "tracking again adds nothing"
+    (project.folder / "mlflow.db").unlink()
+    project.run(sys.executable, "-m", "stages.track")
+    assert {run.info.run_name for run in project.runs()} == {r.info.run_name for r in runs}
+
+
+def test_a_changed_number_reruns_what_it_touches(project: Project) -> None:
+    done = project.run("dvc", "exp", "run", "-S", "agents.sac.learning_rate=0.002")
+    ran = {line.split("'")[1] for line in done.stdout.splitlines() if "Running stage" in line}
+    assert ran == {"train@sac", "evaluate@sac", "record@sac", "compare", "track"}
+
+
+def test_changed_code_reruns_what_runs_it(project: Project) -> None:
+    module = project.folder / "jumping_ant" / "agents" / "evolution" / "trainer.py"
+    before = module.read_text()
+    module.write_text(before + "\n# A comment.\n")
+    stale = project.stale()
+    module.write_text(before)
+    assert {name for name in stale if name.startswith("train@")} == {"train@pgpe"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "line"),
+    [
+        ("agents.sac.learning_rte", 0.1, "agents.sac.learning_rte: unknown key"),
+        ("agents.sac.learning_rate", "fast", "agents.sac.learning_rate: given 'fast'"),
+        ("agents.sac.gamma", 2, "agents.sac.gamma: given 2"),
+        ("agents.sac.algorithm", "ppo", "agents.sac.algorithm: given 'ppo'"),
+        ("seeds", [], "seeds: "),
+        ("seeds", [1, 1], "seeds holds 1 more than once"),
+    ],
+)
+def test_bad_input_ends_before_any_training(
+    project: Project, key: str, value: Any, line: str
+) -> None:
+    path = project.folder / "params.yaml"
+    before, lock = path.read_text(), (project.folder / "dvc.lock").read_text()
+    settings = YAML(typ="safe").load(before)
+    *parents, last = key.split(".")
+    reduce(lambda block, name: block[name], parents, settings)[last] = value
+    with path.open("w") as file:
+        YAML().dump(settings, file)
+    done = project.run("dvc", "repro", check=False)
+    path.write_text(before)
+    assert done.returncode != 0
+    assert line in done.stdout + done.stderr
+    assert "Traceback" not in done.stdout + done.stderr
+    assert (project.folder / "dvc.lock").read_text() == lock
+
+
+@pytest.mark.parametrize("stage", ["train", "evaluate", "record"])
+def test_an_unknown_agent_is_refused(project: Project, stage: str) -> None:
+    done = project.run(sys.executable, "-m", f"stages.{stage}", "nobody", check=False)
+    assert done.returncode == 2
+    assert "given 'nobody', allowed: random, dqn, sac, pgpe" in done.stderr
+    assert "Traceback" not in done.stderr
