@@ -81,6 +81,7 @@ def test_budgets_are_counted_in_control_steps(
         ("env.reward", 5, "given 5, allowed: a block of keys"),
         ("agents.dqn", 7, "given 7, allowed: a block of keys"),
         ("robot.joint_gear", [1], "given [1], allowed: a block of keys"),
+        ("robot.joint_gear", "x" * 99, f"given '{'x' * 56}..., allowed: a block of keys"),
         ("agents.pgpe.observation_normalization", 1, "given 1, allowed: true or false"),
         ("agents.sac.ent_coef", "automatic", "given 'automatic', allowed: number or 'auto'"),
         # Ranges.
