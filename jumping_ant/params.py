@@ -202,7 +202,7 @@ class RecordParams(Block):
 
     width: Annotated[int, Field(ge=64, le=3840, multiple_of=2)]
     height: Annotated[int, Field(ge=64, le=2160, multiple_of=2)]
-    fps: Annotated[int, Field(ge=1, le=100)]
+    fps: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100]  # divisors of the simulation's 100 a second
     seconds: Positive
     shadow_size: Annotated[int, Field(ge=0, le=8192)]
     camera_distance: Positive
