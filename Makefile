@@ -42,9 +42,10 @@ test: install ## check style, types and behaviour
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
 	python -m stages.track
 ifeq ($(filter http%,$(MLFLOW_TRACKING_URI)),)
-	@echo "MLflow: http://127.0.0.1:$(PORT) (Ctrl-C ends it)"
-	mlflow ui --host 127.0.0.1 --port $(PORT) --workers 1 \
-		--backend-store-uri "$(MLFLOW_TRACKING_URI)"
+	@echo "MLflow: http://127.0.0.1:$(PORT)/#/experiments?workflowType=machine_learning (Ctrl-C ends it)"
+	MLFLOW_SERVER_ENABLE_JOB_EXECUTION=false mlflow server --host 127.0.0.1 --port $(PORT) \
+		--workers 1 --backend-store-uri "$(MLFLOW_TRACKING_URI)" \
+		--artifacts-destination "$(CURDIR)/mlartifacts"
 else
 	@echo "MLflow: $(MLFLOW_TRACKING_URI)"
 endif

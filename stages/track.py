@@ -1,10 +1,9 @@
-"""Bring MLflow up to date with the files; run it again whenever you like, it repeats nothing.
+"""Bring MLflow up to date with the files; whatever it shows already is left alone.
 
 Usage: python -m stages.track
-
-Reads params.yaml, assets/jumping_ant.json, models/*/seed-*/{policy.zip,curve.csv}, results/ and
-media/. Writes no file: runs, curves, models and artifacts go to `MLFLOW_TRACKING_URI`, by default
-mlflow.db and mlartifacts/ in the project folder.
+Reads: params.yaml; assets/jumping_ant.json, models/, media/, results/.
+Writes: no file; runs, models and artifacts go to `MLFLOW_TRACKING_URI`, by default to mlflow.db and
+mlartifacts/ in the project folder.
 """
 
 import argparse
@@ -14,8 +13,8 @@ from stages import run
 
 
 def main() -> None:
-    """Track all agents."""
-    argparse.ArgumentParser(prog="python -m stages.track", description=__doc__).parse_args()
+    """Run the stage."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     track()
 
 
