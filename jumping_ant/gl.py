@@ -87,8 +87,8 @@ def _first_that_draws() -> str:
         faults.append(f"{backend}: {fault}")
     raise InputError(
         "rendering: no OpenGL draws without a screen here. Install one, on Debian and Ubuntu with "
-        "`apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri`; all else works without. "
-        f"Tried {'; '.join(faults)}"
+        "`apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0`; all else works "
+        f"without. Tried {'; '.join(faults)}"
     )
 
 

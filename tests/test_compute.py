@@ -1,5 +1,6 @@
 from collections.abc import Iterator
 from functools import partial
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +16,11 @@ def count(key: str, length: int) -> Iterator[str]:
 def fail() -> Iterator[str]:
     yield "a start"
     raise InputError("a clear line")
+
+
+@pytest.fixture(autouse=True)
+def workers_find_this_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -79,6 +79,6 @@ def test_without_any_backend_the_message_says_what_to_install() -> None:
     process = run(OPEN, PYOPENGL_PLATFORM="none")
     assert process.returncode == 1
     message = process.stderr.splitlines()[-1]
-    assert "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri" in message
+    assert "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0" in message
     assert "egl: " in message
     assert "osmesa: " in message
