@@ -322,7 +322,7 @@ def _blueprint(model: mujoco.MjModel) -> rrb.Blueprint:
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(spacing=1.0, color=GRID_COLOR, stroke_width=1.0),
         eye_controls=rrb.EyeControls3D(
-            position=(3.3, -3.3, 2.2),
+            position=(4.5, -4.5, 2.7),
             look_target=(0.0, 0.0, 0.75),
             tracking_entity=f"/world/{robot.TORSO}",
         ),
