@@ -1,5 +1,4 @@
 import json
-import os
 import random
 import shutil
 import subprocess
@@ -22,7 +21,6 @@ from small_project import (
 from jumping_ant import comparison
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
-from stages import compare
 
 AGENTS = {"random": "random", "sac-long": "sac", "dqn": "dqn"}
 SEEDS = [3, 1, 7, 5]  # any numbers in any order
@@ -246,27 +244,36 @@ def test_curves_without_evaluations_are_refused(project):
         comparison.load(project, PARAMS)
 
 
-def test_the_stage_writes_the_same_files_every_time(tmp_path, monkeypatch):
+def run_stage(project: Path) -> subprocess.CompletedProcess[str]:
+    """Run the stage in a folder that has the project's code, and so is the project."""
+    for package in ("jumping_ant", "stages"):
+        shutil.copytree(PROJECT_ROOT / package, project / package, dirs_exist_ok=True)
+    return subprocess.run(
+        [sys.executable, "-m", "stages.compare"], cwd=project, capture_output=True, text=True
+    )
+
+
+def test_the_stage_writes_the_same_files_every_time(tmp_path):
     content = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
     content |= {"seeds": SEEDS, "compare": COMPARE.model_dump()}
     with (tmp_path / "params.yaml").open("w") as file:
         YAML().dump(content, file)
     agents = {name: block["algorithm"] for name, block in content["agents"].items()}
     write_project(tmp_path, agents, SEEDS)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["compare"])
+    results = tmp_path / "results"
     written = []
     for _ in range(2):
-        compare.main()
+        ran = run_stage(tmp_path)
+        assert ran.returncode == 0, ran.stderr
         paths = [
-            Path("results/comparison.json"),
-            *sorted(Path("results/plots").iterdir()),
-            *sorted(Path("results/figures").iterdir()),
+            results / "comparison.json",
+            *sorted((results / "plots").iterdir()),
+            *sorted((results / "figures").iterdir()),
         ]
-        written.append({path.as_posix(): path.read_bytes() for path in paths})
+        written.append({path.relative_to(results).as_posix(): path.read_bytes() for path in paths})
     assert written[0] == written[1]
-    assert {"results/plots/learning_curves.csv", "results/plots/seeds.csv"} <= set(written[0])
-    result = json.loads(written[0]["results/comparison.json"])
+    assert {"plots/learning_curves.csv", "plots/seeds.csv"} <= set(written[0])
+    result = json.loads(written[0]["comparison.json"])
     assert list(result) == ["agents", "probability_of_improvement", "claims"]
     assert list(result["agents"]) == list(agents)
     for claim in result["claims"]:
@@ -276,14 +283,8 @@ def test_the_stage_writes_the_same_files_every_time(tmp_path, monkeypatch):
 
 def test_the_stage_ends_with_one_clear_line(tmp_path):
     shutil.copy(PROJECT_ROOT / "params.yaml", tmp_path)
-    ran = subprocess.run(
-        [sys.executable, "-m", "stages.compare"],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(PROJECT_ROOT)},
-        capture_output=True,
-        text=True,
-    )
+    ran = run_stage(tmp_path)
     assert ran.returncode == 2
-    assert ran.stderr.startswith("error: results/")
+    assert ran.stderr.startswith("error: ")
     assert "run `dvc repro evaluate@" in ran.stderr
     assert ran.stderr.count("\n") == 1
