@@ -1,6 +1,8 @@
 """`dvc.yaml` against the code: every stage depends on all it imports, and on no more."""
 
 import ast
+import shlex
+from functools import reduce
 from pathlib import Path
 
 import pytest
@@ -66,3 +68,22 @@ def test_training_depends_on_its_own_trainer_alone(agent: str) -> None:
 @pytest.mark.parametrize("name", sorted(STAGES))
 def test_every_stage_depends_on_the_locked_versions(name: str) -> None:
     assert "requirements.lock" in STAGES[name].get("do", STAGES[name])["deps"]
+
+
+@pytest.mark.parametrize("preset", sorted((ROOT / "presets").iterdir()), ids=lambda path: path.name)
+def test_presets_change_what_there_is(preset: Path) -> None:
+    yaml = YAML(typ="safe")
+    settings = yaml.load((ROOT / "params.yaml").read_text())
+    for option, override in batched_pairs(shlex.split(preset.read_text())):
+        assert option == "-S"
+        key, _, value = override.partition("=")
+        *parents, last = key.split(".")
+        block = reduce(lambda inner, name: inner[name], parents, settings)
+        assert last in block, f"{key} is not in params.yaml"
+        block[last] = yaml.load(value)
+    params.check(settings)
+
+
+def batched_pairs(words: list[str]) -> list[tuple[str, str]]:
+    """Return words two by two."""
+    return list(zip(words[::2], words[1::2], strict=True))
