@@ -14,6 +14,7 @@ import pytest
 import rerun as rr
 from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
+from small_episode import simulate
 
 from jumping_ant import params, recording, robot
 from jumping_ant.errors import InputError
@@ -25,37 +26,8 @@ LEGS = ["front_left_leg", "front_right_leg", "back_leg", "right_back_leg"]
 
 
 @pytest.fixture(scope="module")
-def xml() -> str:
-    return robot.build(params.load().robot)
-
-
-@pytest.fixture(scope="module")
-def model(xml: str) -> mujoco.MjModel:
-    return robot.load(xml)
-
-
-def simulate(model: mujoco.MjModel, ctrl: NDArray[np.float64], height: float) -> Trajectory:
-    """Let the robot fall from a height [m] while its motors are commanded."""
-    data = mujoco.MjData(model)
-    data.qpos[2] = height
-    qpos, qvel = [data.qpos.copy()], [data.qvel.copy()]
-    for torques in ctrl:
-        data.ctrl[:] = torques
-        for _ in range(5):
-            mujoco.mj_step(model, data)
-            qpos.append(data.qpos.copy())
-            qvel.append(data.qvel.copy())
-    return Trajectory(
-        qpos=np.array(qpos),
-        qvel=np.array(qvel),
-        ctrl=ctrl,
-        reward_height=np.arange(len(ctrl), dtype=np.float64) / 7,
-        seed=4,
-        episode=11,
-        episode_return=1.0,
-        timestep=0.01,
-        frame_skip=5,
-    )
+def model(robot_xml: str) -> mujoco.MjModel:
+    return robot.load(robot_xml)
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +38,9 @@ def episode(model: mujoco.MjModel) -> Trajectory:
 
 
 @pytest.fixture(scope="module")
-def file(xml: str, episode: Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(robot_xml: str, episode: Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "episode.rrd"
-    path.write_bytes(recording.record(xml, episode, "sac"))
+    path.write_bytes(recording.record(robot_xml, episode, "sac"))
     return path
 
 
@@ -233,11 +205,11 @@ def test_phases_alternate_with_the_contacts(content: Content) -> None:
 
 
 def test_contact_forces_carry_the_robot_at_rest(
-    xml: str, model: mujoco.MjModel, tmp_path: Path
+    robot_xml: str, model: mujoco.MjModel, tmp_path: Path
 ) -> None:
     resting = simulate(model, np.zeros((120, model.nu)), height=0.75)
     path = tmp_path / "rest.rrd"
-    path.write_bytes(recording.record(xml, resting, "random"))
+    path.write_bytes(recording.record(robot_xml, resting, "random"))
     content = Content(path)
     forces = [content.scalars(f"/contact_force/{name}") for name in ["torso", *LEGS]]
     assert {path for path in content.moving if path.startswith("/contact_force/")} == {
@@ -251,12 +223,12 @@ def test_contact_forces_carry_the_robot_at_rest(
 
 
 def test_an_episode_that_broke_off_is_recorded_up_to_there(
-    xml: str, episode: Trajectory, tmp_path: Path
+    robot_xml: str, episode: Trajectory, tmp_path: Path
 ) -> None:
     qpos = episode.qpos.copy()
     qpos[13:] = np.nan
     path = tmp_path / "broken.rrd"
-    path.write_bytes(recording.record(xml, dataclasses.replace(episode, qpos=qpos), "sac"))
+    path.write_bytes(recording.record(robot_xml, dataclasses.replace(episode, qpos=qpos), "sac"))
     content = Content(path)
     assert len(content.scalars("/height/torso")) == 13
     assert len(content.scalars("/torque/hip_1")) == 3  # the third began
@@ -290,29 +262,29 @@ def test_rerun_verifies_the_file(file: Path, tmp_path: Path) -> None:
 
 
 def test_two_recordings_hold_the_same_data(
-    xml: str, episode: Trajectory, file: Path, tmp_path: Path
+    robot_xml: str, episode: Trajectory, file: Path, tmp_path: Path
 ) -> None:
     again, other = tmp_path / "again.rrd", tmp_path / "other.rrd"
-    again.write_bytes(recording.record(xml, episode, "sac"))
+    again.write_bytes(recording.record(robot_xml, episode, "sac"))
     assert rerun_cli("compare", file, again, home=tmp_path).returncode == 0
     assert everything(file) == everything(again)
     rewards = episode.reward_height.copy()
     rewards[5] += 0.01
     changed = dataclasses.replace(episode, reward_height=rewards)
-    other.write_bytes(recording.record(xml, changed, "sac"))
+    other.write_bytes(recording.record(robot_xml, changed, "sac"))
     assert rerun_cli("compare", file, other, home=tmp_path).returncode == 1
     assert everything(file) != everything(other)
 
 
-def test_recording_leaves_rerun_as_it_was(xml: str, episode: Trajectory) -> None:
+def test_recording_leaves_rerun_as_it_was(robot_xml: str, episode: Trajectory) -> None:
     assert rr.strict_mode() is False
-    recording.record(xml, episode, "sac")
+    recording.record(robot_xml, episode, "sac")
     assert rr.strict_mode() is False
     assert rr.get_recording_id() is None
 
 
-def test_shapes_that_are_not_drawn_are_refused(xml: str, episode: Trajectory) -> None:
-    boxed = xml.replace(
+def test_shapes_that_are_not_drawn_are_refused(robot_xml: str, episode: Trajectory) -> None:
+    boxed = robot_xml.replace(
         '<geom name="torso_geom" size="0.25"/>',
         '<geom name="torso_geom" type="box" size="0.25 0.25 0.25"/>',
     )

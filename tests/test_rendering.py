@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import imageio.v2 as imageio
-import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from small_episode import simulate
 
 from jumping_ant import params, rendering, robot
 from jumping_ant.errors import InputError
@@ -19,35 +19,11 @@ STEPS = 12
 
 
 @pytest.fixture(scope="module")
-def xml() -> str:
-    return robot.build(params.load().robot)
-
-
-@pytest.fixture(scope="module")
-def episode(xml: str) -> Trajectory:
+def episode(robot_xml: str) -> Trajectory:
     """The robot thrown up at 3 m/s, its motors commanded at random, for 0.6 s."""
-    model = robot.load(xml)
-    data = mujoco.MjData(model)
-    data.qvel[2] = 3.0
+    model = robot.load(robot_xml)
     ctrl = np.random.default_rng(0).uniform(-1, 1, (STEPS, model.nu))
-    qpos, qvel = [data.qpos.copy()], [data.qvel.copy()]
-    for torques in ctrl:
-        data.ctrl[:] = torques
-        for _ in range(5):
-            mujoco.mj_step(model, data)
-            qpos.append(data.qpos.copy())
-            qvel.append(data.qvel.copy())
-    return Trajectory(
-        qpos=np.array(qpos),
-        qvel=np.array(qvel),
-        ctrl=ctrl,
-        reward_height=np.zeros(STEPS),
-        seed=0,
-        episode=0,
-        episode_return=0.0,
-        timestep=0.01,
-        frame_skip=5,
-    )
+    return simulate(model, ctrl, upward_speed=3.0)
 
 
 def settings(**changes: Any) -> RecordParams:
@@ -55,8 +31,8 @@ def settings(**changes: Any) -> RecordParams:
     return params.load().record.model_copy(update=small | changes)
 
 
-def draw(xml: str, episode: Trajectory, **changes: Any) -> NDArray[np.uint8]:
-    return np.array(list(rendering.frames(xml, episode, settings(**changes))))
+def draw(robot_xml: str, episode: Trajectory, **changes: Any) -> NDArray[np.uint8]:
+    return np.array(list(rendering.frames(robot_xml, episode, settings(**changes))))
 
 
 def robot_pixels(pictures: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -70,8 +46,8 @@ def moved(episode: Trajectory, offset: list[float]) -> Trajectory:
     return dataclasses.replace(episode, qpos=qpos)
 
 
-def test_every_frame_shows_the_robot_in_the_middle(xml: str, episode: Trajectory) -> None:
-    pictures = draw(xml, episode)
+def test_every_frame_shows_the_robot_in_the_middle(robot_xml: str, episode: Trajectory) -> None:
+    pictures = draw(robot_xml, episode)
     assert pictures.shape == (STEPS * 5 // 2 + 1, 96, 128, 3)
     for picture in robot_pixels(pictures):
         rows, columns = np.nonzero(picture)
@@ -82,8 +58,10 @@ def test_every_frame_shows_the_robot_in_the_middle(xml: str, episode: Trajectory
     assert (np.abs(np.diff(pictures.astype(int), axis=0)).max(axis=(1, 2, 3)) > 30).all()
 
 
-def test_a_jump_shows_against_a_horizon_that_stands_still(xml: str, episode: Trajectory) -> None:
-    low, _, high = draw(xml, episode, fps=5)[:3]
+def test_a_jump_shows_against_a_horizon_that_stands_still(
+    robot_xml: str, episode: Trajectory
+) -> None:
+    low, _, high = draw(robot_xml, episode, fps=5)[:3]
     assert episode.qpos[40, 2] > episode.qpos[0, 2] + 0.4
     heights = [np.nonzero(robot_pixels(picture))[0].mean() for picture in (low, high)]
     assert heights[1] < heights[0] - 5
@@ -91,35 +69,36 @@ def test_a_jump_shows_against_a_horizon_that_stands_still(xml: str, episode: Tra
     np.testing.assert_allclose(low[sky].astype(int), high[sky], atol=3)
 
 
-def test_the_camera_follows_along_the_ground(xml: str, episode: Trajectory) -> None:
-    here = draw(xml, episode, fps=1)[0].astype(int)
+def test_the_camera_follows_along_the_ground(robot_xml: str, episode: Trajectory) -> None:
+    here = draw(robot_xml, episode, fps=1)[0].astype(int)
     tiles = 2 * rendering.TILE
-    there = draw(xml, moved(episode, [30 * tiles, -20 * tiles, 0.0]), fps=1)[0].astype(int)
+    there = draw(robot_xml, moved(episode, [30 * tiles, -20 * tiles, 0.0]), fps=1)[0].astype(int)
     assert np.abs(here - there).mean() < 1.0  # the same tiles below the same robot
 
 
-def test_the_camera_follows_a_high_jump(xml: str, episode: Trajectory) -> None:
-    for picture in robot_pixels(draw(xml, moved(episode, [0.0, 0.0, 8.0]), fps=10)):
+def test_the_camera_follows_a_high_jump(robot_xml: str, episode: Trajectory) -> None:
+    for picture in robot_pixels(draw(robot_xml, moved(episode, [0.0, 0.0, 8.0]), fps=10)):
         rows = np.nonzero(picture)[0]
         assert len(rows) > 100
         assert rows.min() > 0
 
 
-def test_the_shadow_is_drawn_on_demand(xml: str, episode: Trajectory) -> None:
+def test_the_shadow_is_drawn_on_demand(robot_xml: str, episode: Trajectory) -> None:
     dark = [
-        (draw(xml, episode, fps=1, shadow_size=size).max(axis=-1) < 80).sum() for size in (0, 256)
+        (draw(robot_xml, episode, fps=1, shadow_size=size).max(axis=-1) < 80).sum()
+        for size in (0, 256)
     ]
     assert dark[0] < 5
     assert dark[1] > 50
 
 
-def test_seconds_cut_long_episodes_only(xml: str, episode: Trajectory) -> None:
-    assert len(draw(xml, episode, seconds=0.1, fps=100)) == 11
-    assert len(draw(xml, episode, seconds=99.0, fps=10)) == 7
+def test_seconds_cut_long_episodes_only(robot_xml: str, episode: Trajectory) -> None:
+    assert len(draw(robot_xml, episode, seconds=0.1, fps=100)) == 11
+    assert len(draw(robot_xml, episode, seconds=99.0, fps=10)) == 7
 
 
-def test_large_pictures_are_drawn(xml: str, episode: Trajectory) -> None:
-    pictures = draw(xml, episode, width=1000, height=700, seconds=0.01, fps=1)
+def test_large_pictures_are_drawn(robot_xml: str, episode: Trajectory) -> None:
+    pictures = draw(robot_xml, episode, width=1000, height=700, seconds=0.01, fps=1)
     assert pictures.shape == (1, 700, 1000, 3)
 
 
@@ -145,8 +124,8 @@ def test_camera_path_is_still_until_the_torso_leaves_its_slack() -> None:
     assert np.abs(np.diff(path[:, 2])).max() < 0.05  # [m] a frame, where the torso leapt by 5
 
 
-def test_scene_leaves_the_robot_as_it_is(xml: str) -> None:
-    before, after = robot.load(xml), rendering.scene(xml, 1024)
+def test_scene_leaves_the_robot_as_it_is(robot_xml: str) -> None:
+    before, after = robot.load(robot_xml), rendering.scene(robot_xml, 1024)
     for name in ("body_mass", "geom_pos", "jnt_range", "actuator_gear", "qpos0"):
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
 
@@ -159,10 +138,10 @@ def test_foreign_models_are_refused() -> None:
 
 
 def test_a_film_plays_and_is_the_same_at_every_run(
-    xml: str, episode: Trajectory, tmp_path: Path
+    robot_xml: str, episode: Trajectory, tmp_path: Path
 ) -> None:
-    content = rendering.film(xml, episode, settings())
-    assert content == rendering.film(xml, episode, settings())
+    content = rendering.film(robot_xml, episode, settings())
+    assert content == rendering.film(robot_xml, episode, settings())
     assert content.find(b"moov") < content.find(b"mdat")  # a browser can start at once
     path = tmp_path / "film.mp4"
     path.write_bytes(content)
@@ -173,7 +152,7 @@ def test_a_film_plays_and_is_the_same_at_every_run(
     assert facts["fps"] == 50
     assert facts["codec"] == "h264"
     assert facts["pix_fmt"].startswith("yuv420p")
-    drawn = draw(xml, episode)
+    drawn = draw(robot_xml, episode)
     assert pictures.shape == drawn.shape
     assert np.abs(pictures.astype(int) - drawn).mean() < 5  # the colours survive
     assert pictures.std(axis=(1, 2, 3)).min() > 10

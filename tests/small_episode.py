@@ -1,0 +1,43 @@
+"""A short episode, simulated by MuJoCo alone."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.trajectory import Trajectory
+
+
+def simulate(
+    model: mujoco.MjModel,
+    ctrl: NDArray[np.float64],
+    height: float = 0.75,
+    upward_speed: float = 0.0,
+) -> Trajectory:
+    """Let the robot go while its motors are commanded.
+
+    Args:
+        model: The robot.
+        ctrl: Torques over peak torques of each control step, shape (T, 8).
+        height: Of the torso at the start [m].
+        upward_speed: Of the torso at the start [m/s].
+    """
+    data = mujoco.MjData(model)
+    data.qpos[2], data.qvel[2] = height, upward_speed
+    qpos, qvel = [data.qpos.copy()], [data.qvel.copy()]
+    for torques in ctrl:
+        data.ctrl[:] = torques
+        for _ in range(5):
+            mujoco.mj_step(model, data)
+            qpos.append(data.qpos.copy())
+            qvel.append(data.qvel.copy())
+    return Trajectory(
+        qpos=np.array(qpos),
+        qvel=np.array(qvel),
+        ctrl=ctrl,
+        reward_height=np.arange(len(ctrl), dtype=np.float64) / 7,
+        seed=4,
+        episode=11,
+        episode_return=1.0,
+        timestep=0.01,
+        frame_skip=5,
+    )

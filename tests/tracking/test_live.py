@@ -1,0 +1,155 @@
+"""Live curves: followers in real processes."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from tracked_project import (
+    AGENTS,
+    HEADER,
+    SEEDS,
+    STEPS,
+    content,
+    curve_lines,
+    evaluate,
+    query,
+    runs,
+    state,
+    tracked,
+    train,
+    wait_for,
+)
+
+from jumping_ant.files import PROJECT_ROOT, write_text
+from jumping_ant.tracking import live, records
+
+
+def script(*steps: Callable[[], object]) -> Callable[[float], bool]:
+    """Return a `has_ended` that does one step a call, and then says that training has ended."""
+    todo = list(steps)
+
+    def has_ended(seconds: float) -> bool:
+        if todo:
+            todo.pop(0)()
+        return not todo
+
+    return has_ended
+
+
+def grow(root: Path, num_rows: int, seed: int = 0, agent: str = "sac", cut: int = 0) -> None:
+    """Write the first rows of a curve, and a part of the next."""
+    text = curve_lines(seed, STEPS[:num_rows]) + curve_lines(seed).splitlines()[-1][:cut]
+    write_text(records.seed_dir(root, agent, seed) / "curve.csv", text)
+
+
+def test_training_shows_while_it_runs_and_once_afterwards(bare_project: Path) -> None:
+    seen: list[object] = []
+
+    def look() -> None:
+        steps = {row[1] for row in content(bare_project, "metrics", "sac-seed-0")}
+        seen.append((runs(bare_project, "sac%"), steps))
+
+    def finish() -> None:
+        for seed in SEEDS:
+            train(bare_project, "sac", seed)
+
+    live.follow(
+        "sac",
+        bare_project,
+        script(
+            lambda: grow(bare_project, 2, cut=3), look, lambda: grow(bare_project, 3), look, finish
+        ),
+    )
+    assert seen == [
+        ({"sac-seed-0": "RUNNING"}, {100, 200}),
+        ({"sac-seed-0": "RUNNING"}, {100, 200, 300}),
+    ]
+    finished = {"sac-seed-0": "FINISHED", "sac-seed-1": "FINISHED"}
+    assert runs(bare_project) == finished | {"comparison (pending)": "FINISHED"}
+    points = content(bare_project, "metrics", "sac-seed-0")
+    assert len(points) == len(set(points)) == 16
+    for seed in SEEDS:
+        train(bare_project, "pgpe", seed)
+    for agent in AGENTS:
+        evaluate(bare_project, agent)
+    assert tracked(bare_project)[-1].endswith("2 created, 2 repaired")
+    assert [point for point in content(bare_project, "metrics", "sac-seed-0") if point[1]] == points
+    assert set(runs(bare_project).values()) == {"FINISHED"}
+    assert len(runs(bare_project)) == 5
+
+
+def test_a_killed_training_is_marked_and_continued(bare_project: Path) -> None:
+    live.follow("sac", bare_project, script(lambda: grow(bare_project, 3)))
+    assert runs(bare_project, "sac%") == {"sac-seed-0": "KILLED"}
+    began = query(bare_project, "SELECT run_uuid FROM runs WHERE name = 'sac-seed-0'")
+    # Resumed from a checkpoint: the file is behind what MLflow has seen.
+    live.follow(
+        "sac",
+        bare_project,
+        script(lambda: grow(bare_project, 1), lambda: train(bare_project, "sac", 0)),
+    )
+    assert runs(bare_project, "sac%") == {"sac-seed-0": "FINISHED"}
+    assert query(bare_project, "SELECT run_uuid FROM runs WHERE name = 'sac-seed-0'") == began
+    assert len(content(bare_project, "metrics", "sac-seed-0")) == 16
+
+
+def test_another_training_gets_another_run(bare_project: Path) -> None:
+    live.follow("sac", bare_project, script(lambda: grow(bare_project, 3)))
+    write_text(records.seed_dir(bare_project, "sac", 0) / "curve.csv", f"{HEADER}\n100,9,9,9,9,9\n")
+    live.follow("sac", bare_project, script(lambda: None))
+    found = query(bare_project, "SELECT name, status FROM runs WHERE name = 'sac-seed-0'")
+    assert found == [("sac-seed-0", "KILLED")] * 2
+
+
+def test_the_same_policy_again_leaves_its_run_alone(project: Path) -> None:
+    before = state(project)[0]
+    live.follow("sac", project, script(lambda: None))
+    policy = project / "models" / "sac" / "seed-0" / "policy.zip"
+    policy.unlink()
+    live.follow("sac", project, script(lambda: None, lambda: train(project, "sac", 0)))
+    assert len(runs(project)) == 5
+    assert state(project)[0]["model_versions"] == before["model_versions"]
+    assert tracked(project)[-1].endswith("4 unchanged")
+
+
+def test_track_leaves_a_seed_in_training_to_its_follower(untracked_project: Path) -> None:
+    project = untracked_project
+    lines: list[str] = []
+    policy = project / "models" / "sac" / "seed-0" / "policy.zip"
+    policy.unlink()
+
+    def look() -> None:
+        train(project, "sac", 0)
+        lines.extend(tracked(project))
+
+    live.follow("sac", project, script(lambda: None, look))
+    assert "sac seed 0: in training, left to the process that follows it" in lines
+    tracked(project)
+    assert len(runs(project)) == 5
+    assert set(runs(project).values()) == {"FINISHED"}
+
+
+def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project: Path) -> None:
+    command = [sys.executable, "-m", "jumping_ant.tracking", "follow", "sac"]
+    command += ["--root", str(bare_project)]
+
+    def start() -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            command, cwd=PROJECT_ROOT, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    grow(bare_project, 2)
+    first = start()
+    wait_for(lambda: len(content(bare_project, "metrics", "sac-seed-0")) == 7)
+    first.send_signal(signal.SIGINT)  # Ctrl-C reaches the whole group; the pipe is what counts
+    first.kill()
+    first.communicate()
+    assert runs(bare_project, "sac%") == {"sac-seed-0": "RUNNING"}
+    second = start()
+    train(bare_project, "sac", 0)
+    assert second.communicate(timeout=60)[1] == ""  # closes the pipe
+    assert second.returncode == 0
+    assert runs(bare_project, "sac%") == {"sac-seed-0": "FINISHED"}
+    assert len(content(bare_project, "metrics", "sac-seed-0")) == 16

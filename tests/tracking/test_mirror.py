@@ -1,0 +1,245 @@
+"""MLflow mirrors the files: real stores, damaged and repaired."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from tracked_project import (
+    AGENTS,
+    artifact_dir,
+    content,
+    meaning,
+    parent_name,
+    query,
+    run_python,
+    runs,
+    state,
+    tracked,
+    train,
+)
+
+from jumping_ant import params as params_module
+from jumping_ant.errors import InputError
+from jumping_ant.files import PROJECT_ROOT, digest, write_bytes
+from jumping_ant.tracking import records, store
+from jumping_ant.tracking.mirror import track
+
+
+def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
+    comparison = next(name for name in runs(project) if name.startswith("comparison"))
+    assert runs(project) == dict.fromkeys(
+        [comparison, "sac-seed-0", "sac-seed-1", "pgpe-seed-0", "pgpe-seed-1"], "FINISHED"
+    )
+    metrics = content(project, "metrics", "sac-seed-1")
+    assert [row for row in metrics if row[0] == "return_mean"] == [
+        ("return_mean", 200, 201.0),
+        ("return_mean", 300, 301.0),
+        ("return_mean", 400, 401.0),
+    ]
+    assert ("evaluation_return_mean", 300, 600.0) in metrics
+    assert ("evaluation/return", 0, 115.0) in metrics
+    assert ("train_seconds", 0, 40.0) in metrics
+    assert len(metrics) == 4 * 3 + 3 + 1 + 3 + 1
+    params = dict(content(project, "params", "sac-seed-1"))
+    settings = params_module.load(project / "params.yaml")
+    assert params["learning_rate"] == str(settings.agent("sac").learning_rate)
+    assert params["env.reward.span"] == str(settings.env.reward.span)
+    assert params["robot.mass"] == "0.44"
+    tags = dict(content(project, "tags", "sac-seed-1"))
+    policy_path = project / "models" / "sac" / "seed-1" / "policy.zip"
+    assert tags["policy_digest"] == digest(policy_path)
+    assert (tags["agent"], tags["seed"], tags["algorithm"]) == ("sac", "1", "sac")
+    assert tags["dvc_stage"] == "train@sac"
+    files = artifact_dir(project, "sac-seed-1")
+    assert (files / "policy.zip").read_bytes() == policy_path.read_bytes()
+    assert (files / "media" / "sac.mp4").read_bytes() == b"video of sac"
+    assert not (artifact_dir(project, "sac-seed-0") / "media").exists()
+    assert parent_name(project, "sac-seed-1") == comparison
+
+
+def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
+    comparison = next(name for name in runs(project) if name.startswith("comparison"))
+    metrics = content(project, "metrics", comparison)
+    assert ("sac/return_iqm", 0, 65.0) in metrics
+    assert ("pgpe/env_steps", 0, 400.0) in metrics
+    assert ("probability_of_improvement/sac_over_pgpe", 0, 0.75) in metrics
+    files = artifact_dir(project, comparison)
+    names = {str(path.relative_to(files)) for path in files.rglob("*") if path.is_file()}
+    assert names == {
+        "params.yaml",
+        "jumping_ant.json",
+        "comparison.json",
+        "figures/curves.png",
+        *(f"media/{agent}.{kind}" for agent in AGENTS for kind in ("mp4", "rrd")),
+    }
+    assert "**inconclusive**: SAC leads" in dict(content(project, "tags", comparison))[store.NOTE]
+
+
+def test_a_second_call_adds_nothing(project: Path) -> None:
+    before = state(project)
+    assert tracked(project) == [f"MLflow at sqlite:///{project}/mlflow.db: 4 unchanged"]
+    assert state(project) == before
+
+
+def test_a_commit_between_calls_adds_nothing(untracked_project: Path) -> None:
+    project = untracked_project
+
+    def commit(message: str) -> str:
+        settings = ["-c", "user.name=A", "-c", "user.email=a@b.c"]
+        command = ["git", *settings, "commit", "--allow-empty", "-qm", message]
+        subprocess.run(command, cwd=project, check=True)
+        return str(store.git_commit(project))
+
+    subprocess.run(["git", "init", "-q"], cwd=project, check=True)
+    first = commit("one")
+    tracked(project)
+    before = state(project)
+    assert commit("two") != first
+    tracked(project)
+    assert state(project) == before
+    assert dict(content(project, "tags", "sac-seed-0"))["git_commit"] == first
+
+
+def test_damage_is_repaired(untracked_project: Path) -> None:
+    project = untracked_project
+    tracked(project)
+    before, said = state(project)[0], meaning(project)
+    run_id = artifact_dir(project, "sac-seed-1").parent.name
+    for table in ("metrics", "latest_metrics"):
+        query(project, f"DELETE FROM {table} WHERE run_uuid = ? AND step = 300", run_id)
+    query(project, "DELETE FROM params WHERE run_uuid = ? AND key = 'gamma'", run_id)
+    query(project, "UPDATE runs SET status = 'RUNNING', end_time = NULL")
+    (artifact_dir(project, "sac-seed-1") / "media" / "sac.mp4").unlink()
+    write_bytes(artifact_dir(project, "pgpe-seed-0") / "policy.zip", b"cut off")
+    for model in (project / "mlartifacts" / "models").iterdir():
+        shutil.rmtree(model)
+    assert tracked(project)[-1].endswith("4 repaired")
+    assert meaning(project) == said
+    assert state(project)[0] == before | {"latest_metrics": state(project)[0]["latest_metrics"]}
+
+
+def test_an_interrupted_call_is_completed_by_the_next(untracked_project: Path) -> None:
+    project = untracked_project
+
+    def stop(line: str) -> None:
+        if line.startswith("sac seed 1"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        track(project, stop)
+    tracked(project)
+    assert len(runs(project)) == 5
+    assert set(runs(project).values()) == {"FINISHED"}
+    assert len(query(project, "SELECT * FROM model_versions")) == 4
+
+
+def test_a_wiped_database_is_rebuilt(project: Path) -> None:
+    said = meaning(project)
+    key = parent_name(project, "sac-seed-0").removeprefix("comparison-")
+    (project / "mlflow.db").unlink()
+    # In a process of its own: this one still holds the old database open.
+    code = "import sys, pathlib; from jumping_ant.tracking.mirror import track; "
+    code += "track(pathlib.Path(sys.argv[1]))"
+    output = run_python(code, str(project), cwd=project, PYTHONPATH=str(PROJECT_ROOT))
+    assert [line.partition(" (")[0] for line in output.splitlines()] == [
+        f"comparison {key}: created",
+        "sac seed 0: created",
+        "sac seed 1: created",
+        "jumping-ant-sac: champion is version 2, mean return 115.0",
+        "pgpe seed 0: created",
+        "pgpe seed 1: created",
+        "jumping-ant-pgpe: champion is version 2, mean return 115.0",
+        f"comparison {key}: updated",
+        f"MLflow at sqlite:///{project}/mlflow.db: 4 created",
+    ]
+    assert meaning(project) == said
+
+
+def test_points_that_contradict_the_files_are_replaced(project: Path) -> None:
+    said = meaning(project)
+    run_id = artifact_dir(project, "sac-seed-0").parent.name
+    query(project, "UPDATE metrics SET value = 9 WHERE run_uuid = ? AND step = 400", run_id)
+    assert "sac seed 0: a run that was not the files' was deleted" in tracked(project)
+    assert meaning(project) == said
+
+
+def test_retraining_makes_a_new_comparison_that_takes_over_what_it_shares(project: Path) -> None:
+    old = parent_name(project, "pgpe-seed-0")
+    train(project, "sac", 1, value=0.7)
+    tracked(project)
+    names = [row[0] for row in query(project, "SELECT name FROM runs ORDER BY start_time")]
+    assert names.count("sac-seed-1") == 2
+    assert parent_name(project, "pgpe-seed-0") != old
+    versions = query(project, "SELECT version FROM model_versions WHERE name = 'jumping-ant-sac'")
+    assert versions == [(1,), (2,), (3,)]
+    aliases = query(project, "SELECT version FROM registered_model_aliases WHERE name LIKE '%sac'")
+    assert aliases == [(3,)]
+    train(project, "sac", 1)  # back: the newer comparison keeps what it shares
+    tracked(project)
+    assert parent_name(project, "pgpe-seed-0") != old
+
+
+def test_a_changed_evaluation_updates_metrics_and_champion(project: Path) -> None:
+    alias = "SELECT version FROM registered_model_aliases WHERE name = 'jumping-ant-sac'"
+    assert query(project, alias) == [(2,)]
+    path = project / "results" / "seeds" / "sac.csv"
+    path.write_text(path.read_text().replace("1,115,", "1,5,"))
+    tracked(project)
+    assert query(project, alias) == [(1,)]
+    latest = query(project, "SELECT value FROM latest_metrics WHERE key = 'evaluation/return'")
+    assert sorted(latest) == [(5.0,), (15.0,), (15.0,), (115.0,)]
+
+
+def test_a_policy_that_is_not_trained_leaves_the_comparison_pending(
+    untracked_project: Path,
+) -> None:
+    project = untracked_project
+    (project / "models" / "pgpe" / "seed-1" / "policy.zip").unlink()
+    assert tracked(project)[0] == "not trained yet: pgpe seeds 1"
+    assert parent_name(project, "sac-seed-0") == "comparison (pending)"
+    assert set(runs(project).values()) == {"FINISHED"}
+    train(project, "pgpe", 1)
+    tracked(project)
+    assert [name for name in runs(project) if "comparison" in name] == [
+        parent_name(project, "sac-seed-0")
+    ]
+
+
+def test_nothing_trained_is_no_error(bare_project: Path) -> None:
+    assert tracked(bare_project)[-1].endswith("nothing to show")
+    assert runs(bare_project) == {}
+
+
+def test_the_uri_is_the_variable_or_the_project(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    assert store.tracking_uri(tmp_path) == f"sqlite:///{tmp_path}/mlflow.db"
+    temporary = tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx"
+    assert store.tracking_uri(temporary) == f"sqlite:///{tmp_path}/mlflow.db"
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://here:1")
+    assert store.tracking_uri(tmp_path) == "http://here:1"
+
+
+def test_a_moved_project_is_told_so(project: Path) -> None:
+    moved = project.with_name("moved")
+    shutil.copytree(project, moved)
+    with pytest.raises(InputError, match=r"was moved: delete mlflow\.db"):
+        tracked(moved)
+
+
+def test_a_damaged_database_is_told_in_one_line(project: Path) -> None:
+    (project / "mlflow.db").write_bytes(b"not a database" * 100)
+    with pytest.raises(InputError, match="not a database") as caught:
+        tracked(project)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_text("env_steps,loss\n100,much\n")
+    with pytest.raises(InputError, match=r"curve\.csv: .*'much'"):
+        records.read_curve(path)
+    path.write_text("env_steps,loss,other\n100,nan,\n200,1.5,inf\n300,2")
+    assert records.read_curve(path) == {("loss", 200): 1.5}

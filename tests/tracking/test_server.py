@@ -1,0 +1,135 @@
+"""MLflow over HTTP, and the models it serves."""
+
+import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mlflow.pyfunc import PythonModelContext
+from tracked_project import (
+    free_port,
+    run_python,
+    state,
+    tracked,
+    wait_for,
+)
+
+from jumping_ant import serving
+from jumping_ant.errors import InputError
+from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.policies import UniformPolicy
+from jumping_ant.tracking import live, models
+
+
+def test_an_unreachable_server_is_told_in_one_line(
+    untracked_project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    project = untracked_project
+    address = f"127.0.0.1:{free_port()}"
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://me:secret@{address}")
+    began = time.monotonic()
+    with pytest.raises(InputError, match=f"MLflow at http://{address}: cannot be") as caught:
+        tracked(project)
+    assert "\n" not in str(caught.value)
+    live.follow("sac", project, lambda seconds: True)
+    told = capsys.readouterr().err
+    assert time.monotonic() - began < 20
+    assert len(told.splitlines()) == 1
+    assert "training goes on" in told
+    assert "secret" not in told + str(caught.value)
+
+
+@pytest.fixture
+def server(tmp_path: Path, empty_database: Path) -> Iterator[str]:
+    folder = tmp_path / "server"
+    folder.mkdir()
+    shutil.copy(empty_database, folder / "mlflow.db")
+    uri = f"http://127.0.0.1:{free_port()}"
+    command = [sys.executable, "-m", "mlflow", "server", "--workers", "1", "--host", "127.0.0.1"]
+    command += ["--port", uri.rpartition(":")[2], "--artifacts-destination", str(folder / "files")]
+    command += ["--backend-store-uri", f"sqlite:///{folder / 'mlflow.db'}"]
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        env=os.environ | {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"},  # seven processes less
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    wait_for(lambda: answers(uri))
+    yield uri
+    process.terminate()
+    process.wait(30)
+
+
+def answers(uri: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{uri}/health", timeout=5) as response:
+            return bool(response.status == 200)
+    except OSError:
+        return False
+
+
+def test_a_server_gets_all_and_serves_the_champion(
+    untracked_project: Path, server: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    project = untracked_project
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", server)
+    assert tracked(project)[-1] == f"MLflow at {server}: 4 created"
+    assert not (project / "mlartifacts").exists()
+    before = state(tmp_path / "server")[0]
+    assert tracked(project) == [f"MLflow at {server}: 4 unchanged"]
+    assert state(tmp_path / "server")[0] == before
+    code = (
+        "import mlflow, numpy, json; "
+        "model = mlflow.pyfunc.load_model('models:/jumping-ant-sac@champion'); "
+        "torques = model.predict(numpy.zeros((3, 27))); "
+        "print(json.dumps([torques.shape, str(torques.dtype), torques[0, 0]]))"
+    )
+    output = run_python(
+        code,
+        cwd=tmp_path,
+        MLFLOW_TRACKING_URI=server,
+        MLFLOW_ALLOW_PICKLE_DESERIALIZATION="false",
+        MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR="false",
+    )
+    # Every number of seed 1's policy is 0.2: (0 - 0.2) / 0.2 * 0.2 * 27 + 0.2 is below -1.
+    assert json.loads(output) == [[3, 8], "float64", -1.0]
+
+
+def test_a_served_policy_begins_new_episodes_with_a_batch_of_another_size(tmp_path: Path) -> None:
+    (tmp_path / "policy.zip").write_bytes(UniformPolicy(seed=7).to_bytes())
+    context = PythonModelContext({"policy": str(tmp_path / "policy.zip")}, None)
+    model = serving.ServedPolicy()
+    model.load_context(context)
+    first, second = (model.predict(context, np.zeros((2, 27))) for _ in range(2))
+    one = model.predict(context, np.zeros((1, 27)))
+    again = model.predict(context, np.zeros((2, 27)))
+    assert not np.array_equal(first, second)
+    np.testing.assert_array_equal(first, again)
+    np.testing.assert_array_equal(one, first[:1])
+
+
+def test_a_model_brings_the_packages_it_needs() -> None:
+    found: set[str] = set()
+    todo = ["serving"]
+    while todo:
+        tree = ast.parse((PROJECT_ROOT / "jumping_ant" / f"{todo.pop()}.py").read_text())
+        for node in ast.walk(tree):
+            names = [alias.name for alias in getattr(node, "names", [])]
+            if isinstance(node, ast.ImportFrom):
+                module = str(node.module)
+                inner = names if module == "jumping_ant" else [module.partition(".")[2]]
+                names = [module]
+                todo += [name for name in inner if module.startswith("jumping_ant")]
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                found |= {name.partition(".")[0] for name in names}
+    third_party = found - set(sys.stdlib_module_names) - {"jumping_ant"}
+    assert third_party == set(models.REQUIREMENTS)

@@ -1,0 +1,204 @@
+"""A project as the pipeline leaves it, and what a database says about it."""
+
+import csv
+import os
+import shutil
+import socket
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from jumping_ant.files import PROJECT_ROOT, write_bytes, write_json, write_text
+from jumping_ant.policies import LinearPolicy
+from jumping_ant.tracking import records
+from jumping_ant.tracking.mirror import track
+
+AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)
+
+HEADER = "env_steps,updates,episodes,return_mean,evaluation_return_mean,loss"
+
+FRESH_PROCESS = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+
+
+def policy_content(value: float) -> bytes:
+    def full(*shape: int) -> np.ndarray:
+        return np.full(shape, value, np.float32)
+
+    return LinearPolicy(full(8, 27), full(8), full(27), full(27)).to_bytes()
+
+
+def curve_lines(seed: int, steps: tuple[int, ...] = STEPS) -> str:
+    """One evaluation, in the third row; the first row has no finished episode."""
+    rows = [
+        f"{step},{step},{step // 100},{'' if step == 100 else step + seed},"
+        f"{step * 2 if step == 300 else ''},{1 / step}"
+        for step in steps
+    ]
+    return "\n".join([HEADER, *rows]) + "\n"
+
+
+def train(root: Path, agent: str, seed: int, value: float | None = None) -> None:
+    folder = records.seed_dir(root, agent, seed)
+    write_text(folder / "curve.csv", curve_lines(seed))
+    number = AGENTS.index(agent) + 0.1 * (seed + 1) if value is None else value
+    write_bytes(folder / "policy.zip", policy_content(number))
+
+
+def evaluate(root: Path, agent: str) -> None:
+    """Mean return of seed 0: 15, of seed 1: 115; the video shows seed 1."""
+    with (root / "results" / "timing" / f"{agent}.csv").open("w") as file:
+        rows = [(seed, step, step / 10) for seed in SEEDS for step in STEPS]
+        csv.writer(file).writerows([("seed", "env_steps", "seconds"), *rows])
+    (root / "results" / agent).mkdir(exist_ok=True)
+    rows = "".join(f"{seed},{100 * seed + 15},2.5,0.5\n" for seed in SEEDS)
+    means = f"seed,return,peak_height,smoothness\n{rows}"
+    write_text(root / "results" / "seeds" / f"{agent}.csv", means)
+    np.savez(root / "results" / agent / "trajectories.npz", seed=1, qpos=np.zeros((3, 15)))
+    write_bytes(root / "media" / f"{agent}.mp4", b"video of " + agent.encode())
+    write_bytes(root / "media" / f"{agent}.rrd", b"recording of " + agent.encode())
+
+
+def compare(root: Path) -> None:
+    interval = {"iqm": 65.0, "low": 15.0, "high": 115.0}
+    entry = {"seeds": 2, "return": interval, "env_steps": 400, "train_seconds": 40.0}
+    write_json(
+        root / "results" / "comparison.json",
+        {
+            "agents": dict.fromkeys(AGENTS, entry),
+            "probability_of_improvement": {"sac>pgpe": {"p": 0.75, "low": 0.5, "high": 1.0}},
+            "claims": [{"text": "SAC leads", "verdict": "inconclusive", "evidence": "p = 0.75"}],
+        },
+    )
+    write_bytes(root / "results" / "figures" / "curves.png", b"picture")
+
+
+def make_bare(root: Path, database: Path) -> None:
+    yaml = YAML()
+    content = yaml.load((PROJECT_ROOT / "params.yaml").read_text())
+    content["seeds"] = list(SEEDS)
+    content["agents"] = {agent: content["agents"][agent] for agent in AGENTS}
+    (root / "results" / "timing").mkdir(parents=True)
+    with (root / "params.yaml").open("w") as file:
+        yaml.dump(content, file)
+    write_json(root / "assets" / "jumping_ant.json", {"after": {"mass": 0.44, "parts": {"leg": 1}}})
+    shutil.copy(database, root / "mlflow.db")
+
+
+def make_whole(root: Path) -> None:
+    for agent in AGENTS:
+        for seed in SEEDS:
+            train(root, agent, seed)
+        evaluate(root, agent)
+    compare(root)
+
+
+def unset_variables(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("TRACKING_URI", "HTTP_REQUEST_MAX_RETRIES", "HTTP_REQUEST_TIMEOUT"):
+        monkeypatch.setenv(f"MLFLOW_{name}", "")  # so that it is restored even if it is set later
+        monkeypatch.delenv(f"MLFLOW_{name}")
+
+
+def query(root: Path, sql: str, *arguments: object) -> list[tuple]:
+    connection = sqlite3.connect(root / "mlflow.db")
+    rows = connection.execute(sql, arguments).fetchall()
+    connection.commit()
+    connection.close()
+    return rows
+
+
+def runs(root: Path, name: str = "%") -> dict[str, str]:
+    """Name and status of the runs that are not deleted; two of a name are an error."""
+    found = query(
+        root,
+        "SELECT name, status FROM runs WHERE lifecycle_stage = 'active' AND name LIKE ?",
+        name,
+    )
+    assert len(found) == len(dict(found)), found
+    return dict(found)
+
+
+def content(root: Path, table: str, name: str) -> list[tuple]:
+    """Rows of a run's metrics, params or tags."""
+    columns = "m.key, m.step, m.value" if table == "metrics" else "m.key, m.value"
+    return sorted(
+        query(
+            root,
+            f"SELECT {columns} FROM {table} m JOIN runs r ON r.run_uuid = m.run_uuid "
+            "WHERE r.name = ? AND r.lifecycle_stage = 'active'",
+            name,
+        )
+    )
+
+
+def parent_name(root: Path, name: str) -> str:
+    tag = dict(content(root, "tags", name))["mlflow.parentRunId"]
+    return str(query(root, "SELECT name FROM runs WHERE run_uuid = ?", tag)[0][0])
+
+
+def artifact_dir(root: Path, name: str) -> Path:
+    sql = "SELECT run_uuid FROM runs WHERE name = ? AND lifecycle_stage = 'active'"
+    return root / "mlartifacts" / query(root, sql, name)[0][0] / "artifacts"
+
+
+def state(root: Path) -> tuple[dict[str, int], dict[str, int]]:
+    """Rows of every table, and time of every artifact: what a call that adds nothing leaves."""
+    tables = [row[0] for row in query(root, "SELECT name FROM sqlite_master WHERE type = 'table'")]
+    files = [path for path in (root / "mlartifacts").rglob("*") if path.is_file()]
+    return (
+        {table: query(root, f"SELECT COUNT(*) FROM {table}")[0][0] for table in tables},
+        {str(path): path.stat().st_mtime_ns for path in files},
+    )
+
+
+def meaning(root: Path) -> dict[str, object]:
+    """What MLflow says, without ids and times."""
+    said: dict[str, object] = {"runs": runs(root)}
+    for name in runs(root):
+        said[name] = (
+            content(root, "metrics", name),
+            content(root, "params", name),
+            [tag for tag in content(root, "tags", name) if tag[0] in ("agent", "policy_digest")],
+            sorted(path.name for path in artifact_dir(root, name).rglob("*") if path.is_file()),
+        )
+    said["versions"] = query(root, "SELECT name, version, description FROM model_versions")
+    said["aliases"] = query(root, "SELECT name, alias, version FROM registered_model_aliases")
+    return said
+
+
+def tracked(root: Path) -> list[str]:
+    lines: list[str] = []
+    track(root, lines.append)
+    return lines
+
+
+def run_python(code: str, *arguments: str, cwd: Path, **environment: str) -> str:
+    """Run Python in a process of its own that does not find the package by itself."""
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=cwd,
+        env=FRESH_PROCESS | environment,
+        capture_output=True,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        return int(listener.getsockname()[1])
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.1)
