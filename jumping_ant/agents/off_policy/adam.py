@@ -1,0 +1,88 @@
+"""Adam on all parameters of an optimiser at once."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor, nn
+from torch.optim.adam import adam
+
+ALIGNMENT = 16  # [floats] every parameter starts at a multiple of it: a cache line
+
+
+class FlatAdam:
+    """Adam (Kingma and Ba 2015) on the one vector that an optimiser's parameters are parts of.
+
+    Parameters, gradients and the optimiser's state become views of vectors: modules and state
+    dictionaries show at any time what is computed here.
+
+    Args:
+        optimizer: An Adam of one parameter group that has not stepped yet; its learning rate is
+            read at every step.
+
+    Attributes:
+        values: All parameters, shape (n,).
+        gradient: The loss's derivatives by them, shape (n,), which `step` goes along.
+    """
+
+    def __init__(self, optimizer: torch.optim.Adam) -> None:
+        (self._group,) = optimizer.param_groups
+        parameters = self._group["params"]
+        self.values = flatten(parameters)
+        self.gradient = torch.zeros_like(self.values)
+        self._mean, self._mean_square = self.gradient.clone(), self.gradient.clone()
+        self._step = torch.zeros(())
+        vectors = (self.gradient, self._mean, self._mean_square)
+        parts = zip(*(_parts(vector, parameters) for vector in vectors), strict=True)
+        for parameter, (gradient, mean, mean_square) in zip(parameters, parts, strict=True):
+            parameter.grad = gradient
+            optimizer.state[parameter] = {
+                "step": self._step,
+                "exp_avg": mean,
+                "exp_avg_sq": mean_square,
+            }
+
+    def clip(self, max_norm: float) -> None:
+        """Shorten the gradient to a norm, if it is longer."""
+        norm = torch.linalg.vector_norm(self.gradient).item()
+        if norm > max_norm:
+            self.gradient.mul_(max_norm / norm)
+
+    def step(self) -> None:
+        """Move the parameters."""
+        beta1, beta2 = self._group["betas"]
+        adam(
+            [self.values],
+            [self.gradient],
+            [self._mean],
+            [self._mean_square],
+            [],
+            [self._step],
+            fused=True,
+            amsgrad=False,
+            beta1=beta1,
+            beta2=beta2,
+            lr=self._group["lr"],
+            weight_decay=self._group["weight_decay"],
+            eps=self._group["eps"],
+            maximize=False,
+        )
+
+
+def flatten(parameters: Sequence[nn.Parameter]) -> Tensor:
+    """Move parameters into one vector, and return it; they become views of it."""
+    values = torch.zeros(sum(_padded_sizes(parameters)), dtype=parameters[0].dtype)
+    for parameter, part in zip(parameters, _parts(values, parameters), strict=True):
+        part.copy_(parameter.detach())
+        parameter.data = part
+    return values
+
+
+def _parts(vector: Tensor, parameters: Sequence[nn.Parameter]) -> list[Tensor]:
+    """Return the part of a vector that stands for each parameter, in the parameter's shape."""
+    parts = vector.split(_padded_sizes(parameters))
+    pairs = zip(parts, parameters, strict=True)
+    return [part[: parameter.numel()].view(parameter.shape) for part, parameter in pairs]
+
+
+def _padded_sizes(parameters: Sequence[nn.Parameter]) -> list[int]:
+    return [-(-parameter.numel() // ALIGNMENT) * ALIGNMENT for parameter in parameters]

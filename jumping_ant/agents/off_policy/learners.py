@@ -1,0 +1,251 @@
+"""Stable-Baselines3's DQN and SAC with leaner updates: the same mathematics, fewer operations.
+
+Each class replaces `train`, the gradient steps, and nothing else. The weights are SB3's up to the
+rounding of floats, as a test shows. What is left out is work whose result nobody uses: gradients of
+networks that a loss does not train, the critic's backward pass where it is not the smaller of the
+two, features computed once per network, copies, and bookkeeping per tensor.
+
+The networks are those of SB3's `MlpPolicy` with ReLU; a feature extractor, if any, has no
+parameters and is the same for all of them.
+"""
+
+import dataclasses
+import math
+from typing import cast
+
+import numpy as np
+import torch
+from stable_baselines3 import DQN, SAC
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.policies import BaseModel
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.sac.policies import LOG_STD_MAX, LOG_STD_MIN, Actor
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.optim import Adam
+
+from jumping_ant.agents.off_policy.adam import FlatAdam, flatten
+from jumping_ant.agents.off_policy.mlp import MLP
+from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer, Batches
+
+TANH_EPSILON = 1e-6  # SB3's guard against the logarithm of zero
+LOG_SQRT_2PI = 0.5 * math.log(2 * math.pi)
+
+
+class LeanDQN(DQN):
+    """DQN (Mnih et al. 2015), learning as SB3's does."""
+
+    replay_buffer: BatchedReplayBuffer
+
+    def _setup_model(self) -> None:
+        self.replay_buffer = _replay_buffer(self)
+        super()._setup_model()
+        self._adam = FlatAdam(cast(Adam, self.policy.optimizer))
+        self._online = _mlp(self.q_net.q_net)
+        self._target = _mlp(self.q_net_target.q_net)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "_online", "_target", "_adam"]
+
+    @torch.no_grad()
+    def train(self, gradient_steps: int, batch_size: int = 100) -> None:
+        """Take gradient steps on the Huber loss of the temporal differences.
+
+        Args:
+            gradient_steps: How many.
+            batch_size: Transitions in each.
+        """
+        self._update_learning_rate(self.policy.optimizer)
+        batches = _draw(self, self.q_net, gradient_steps, batch_size)
+        # The target network stands still between these steps: one pass serves them all.
+        next_values = self._target.forward(batches.next_observations).amax(1, keepdim=True)
+        targets = batches.rewards + batches.discounts * next_values
+        errors = torch.empty_like(targets)
+        steps = (batches.split(batch_size), targets.split(batch_size), errors.split(batch_size))
+        for batch, target, error in zip(*steps, strict=True):
+            values = self._online.forward(batch.observations)
+            torch.sub(values.gather(1, batch.actions), target, out=error)
+            slopes = error.clamp(-1, 1).div_(batch_size)  # of the Huber loss
+            self._online.backward(torch.zeros_like(values).scatter_(1, batch.actions, slopes))
+            self._adam.clip(self.max_grad_norm)
+            self._adam.step()
+
+        self._n_updates += gradient_steps
+        self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+        loss = functional.smooth_l1_loss(errors, torch.zeros_like(errors))
+        self.logger.record("train/loss", loss.item())
+
+
+class LeanSAC(SAC):
+    """SAC (Haarnoja et al. 2018), learning as SB3's does."""
+
+    replay_buffer: BatchedReplayBuffer
+
+    def _setup_model(self) -> None:
+        self.replay_buffer = _replay_buffer(self)
+        super()._setup_model()
+        self._actor_adam = FlatAdam(cast(Adam, self.actor.optimizer))
+        self._critic_adam = FlatAdam(cast(Adam, self.critic.optimizer))
+        self._target_values = flatten(list(self.critic_target.parameters()))
+        self._gaussian = _SquashedGaussian(self.actor)
+        self._critics = [_mlp(network) for network in self.critic.q_networks]
+        self._targets = [_mlp(network) for network in self.critic_target.q_networks]
+
+    def _excluded_save_params(self) -> list[str]:
+        own = ["_gaussian", "_critics", "_targets", "_target_values"]
+        return [*super()._excluded_save_params(), *own, "_actor_adam", "_critic_adam"]
+
+    @torch.no_grad()
+    def train(self, gradient_steps: int, batch_size: int = 64) -> None:
+        """Take gradient steps: entropy coefficient, critics, actor, target critics.
+
+        Args:
+            gradient_steps: How many.
+            batch_size: Transitions in each.
+        """
+        optimizers = [self.actor.optimizer, self.critic.optimizer, self.ent_coef_optimizer]
+        self._update_learning_rate([each for each in optimizers if each is not None])
+        logged = []
+        batches = _draw(self, self.actor, gradient_steps, batch_size).split(batch_size)
+        for step, batch in enumerate(batches):
+            noise = torch.randn_like(batch.actions)
+            next_noise = torch.randn_like(batch.actions)
+            next_actions, next_log_prob = self._gaussian.sample(batch.next_observations, next_noise)
+            # Sampled second, since its backward pass is still to come.
+            actions, log_prob = self._gaussian.sample(batch.observations, noise)
+            ent_coef = self._entropy_step(log_prob)
+
+            next_inputs = torch.cat([batch.next_observations, next_actions], 1)
+            next_values = torch.minimum(*(target.forward(next_inputs) for target in self._targets))
+            soft_values = next_values - ent_coef * next_log_prob
+            targets = batch.rewards + batch.discounts * soft_values
+            inputs = torch.cat([batch.observations, batch.actions], 1)
+            critic_loss = self._critic_step(inputs, targets)
+            actor_loss = self._actor_step(batch.observations, actions, log_prob, ent_coef)
+            if step % self.target_update_interval == 0:
+                self._target_values.lerp_(self._critic_adam.values, self.tau)
+            logged.append((ent_coef, actor_loss, critic_loss))
+
+        self._n_updates += gradient_steps
+        self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
+        names = ("ent_coef", "actor_loss", "critic_loss")
+        for name, values in zip(names, zip(*logged, strict=True), strict=True):
+            self.logger.record(f"train/{name}", np.mean(values))
+
+    def _entropy_step(self, log_prob: Tensor) -> float:
+        """Return the entropy coefficient; where it is learned, move it on for the next step."""
+        if self.ent_coef_optimizer is None:
+            return self.ent_coef_tensor.item()
+        assert self.log_ent_coef is not None and isinstance(self.target_entropy, float)
+        ent_coef = self.log_ent_coef.exp().item()
+        self.log_ent_coef.grad = -(log_prob + self.target_entropy).mean(0)
+        self.ent_coef_optimizer.step()
+        return ent_coef
+
+    def _critic_step(self, inputs: Tensor, targets: Tensor) -> float:
+        """Step along half the mean squared errors' gradient, and return their sum."""
+        loss = 0.0
+        for critic in self._critics:
+            errors = critic.forward(inputs) - targets
+            loss += 0.5 * errors.square().mean().item()
+            critic.backward(errors.div_(len(errors)))
+        self._critic_adam.step()
+        return loss
+
+    def _actor_step(
+        self, features: Tensor, actions: Tensor, log_prob: Tensor, ent_coef: float
+    ) -> float:
+        """Step along the gradient of the mean of `ent_coef * log_prob - min(Q)`, and return it."""
+        inputs = torch.cat([features, actions], 1)
+        values = torch.stack([critic.forward(inputs) for critic in self._critics])
+        smallest, index = values.min(0)
+        by_actions = torch.zeros_like(actions)
+        for number, critic in enumerate(self._critics):
+            by_values = (index == number) / -len(actions)
+            by_actions += critic.input_gradient(by_values, first=features.shape[1])
+        self._gaussian.backward(by_actions, ent_coef / len(actions))
+        self._actor_adam.step()
+        return (ent_coef * log_prob - smallest).mean().item()
+
+
+class _SquashedGaussian:
+    """SAC's stochastic policy: a Gaussian, its sample squashed by tanh.
+
+    Args:
+        actor: The networks of its mean and of the logarithm of its deviation.
+    """
+
+    def __init__(self, actor: Actor) -> None:
+        self._latent = _mlp(actor.latent_pi, relu_output=True)
+        self._mean = MLP([cast(nn.Linear, actor.mu)])
+        self._log_std = MLP([cast(nn.Linear, actor.log_std)])
+
+    def sample(self, features: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """Sample by reparametrisation.
+
+        Args:
+            features: Shape (n, features).
+            noise: Standard normal, shape (n, actions).
+
+        Returns:
+            Actions in (-1, 1), shape (n, actions), and their log-probabilities, shape (n, 1).
+        """
+        latent = self._latent.forward(features)
+        free = self._log_std.forward(latent)
+        log_std = free.clamp(LOG_STD_MIN, LOG_STD_MAX)
+        self._is_within = free == log_std
+        self._deviation = noise * log_std.exp()
+        self._actions = torch.tanh(self._mean.forward(latent) + self._deviation)
+        self._slope = 1 - self._actions.square()  # of tanh
+        densities = (
+            noise.square().mul_(-0.5).sub_(log_std).sub_((self._slope + TANH_EPSILON).log_())
+        )
+        log_prob = densities.sum(1, keepdim=True) - LOG_SQRT_2PI * noise.shape[1]
+        return self._actions, log_prob
+
+    def backward(self, by_actions: Tensor, by_log_prob: float) -> None:
+        """Write the gradient of a loss by all parameters, through the last `sample`.
+
+        A deviation moves the action and, but for the correction of tanh, only the normaliser of the
+        log-probability: the noise is given.
+
+        Args:
+            by_actions: The loss's derivatives by the actions, shape (n, actions).
+            by_log_prob: Its derivative by each log-probability.
+        """
+        correction = 2 * self._actions * self._slope / (self._slope + TANH_EPSILON)
+        by_mean = by_actions * self._slope + by_log_prob * correction
+        by_log_std = (by_mean * self._deviation - by_log_prob) * self._is_within
+        by_latent = self._mean.backward(by_mean, to_inputs=True)
+        by_latent += self._log_std.backward(by_log_std, to_inputs=True)
+        self._latent.backward(by_latent)
+
+
+def _replay_buffer(model: OffPolicyAlgorithm) -> BatchedReplayBuffer:
+    return BatchedReplayBuffer(
+        model.buffer_size,
+        model.observation_space,
+        model.action_space,
+        model.device,
+        model.n_envs,
+        n_steps=model.n_steps,
+        gamma=model.gamma,
+    )
+
+
+def _draw(
+    model: LeanDQN | LeanSAC, network: BaseModel, num_batches: int, batch_size: int
+) -> Batches:
+    """Draw batches, observations as the networks see them (the same for all of a model)."""
+    batches = model.replay_buffer.draw(num_batches, batch_size)
+    extractor = cast(BaseFeaturesExtractor, network.features_extractor)
+    return dataclasses.replace(
+        batches,
+        observations=network.extract_features(batches.observations, extractor),
+        next_observations=network.extract_features(batches.next_observations, extractor),
+    )
+
+
+def _mlp(network: nn.Module, relu_output: bool = False) -> MLP:
+    layers = [layer for layer in network.children() if isinstance(layer, nn.Linear)]
+    return MLP(layers, relu_output)

@@ -1,0 +1,91 @@
+"""A replay buffer that draws several batches at once."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3.common.buffers import NStepReplayBuffer
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Batches:
+    """Several batches of n-step transitions, one after the other, of n rows in all.
+
+    Attributes:
+        observations: Shape (n, observation).
+        actions: Shape (n, action).
+        rewards: Discounted sum of the steps' rewards, shape (n, 1).
+        next_observations: After the last of the steps, shape (n, observation).
+        discounts: Of the value of the next observation, zero where the episode ended, (n, 1).
+    """
+
+    observations: Tensor
+    actions: Tensor
+    rewards: Tensor
+    next_observations: Tensor
+    discounts: Tensor
+
+    def split(self, batch_size: int) -> Iterator["Batches"]:
+        """Yield the batches one by one; nothing is copied."""
+        columns = (getattr(self, field.name).split(batch_size) for field in fields(self))
+        return itertools.starmap(Batches, zip(*columns, strict=True))
+
+
+class BatchedReplayBuffer(NStepReplayBuffer):
+    """Stable-Baselines3's n-step replay buffer, drawing several batches in one pass.
+
+    The transitions drawn, from the same random numbers, are those of as many calls of `sample`, of
+    this class or, for one step, of SB3's `ReplayBuffer`.
+    """
+
+    def draw(self, num_batches: int, batch_size: int) -> Batches:
+        """Draw batches uniformly, with replacement.
+
+        Args:
+            num_batches: How many.
+            batch_size: Transitions in each.
+
+        Returns:
+            Batches of num_batches * batch_size rows in all.
+        """
+        starts = np.concatenate([self._draw_indices(batch_size) for _ in range(num_batches)])
+        steps = starts[:, None] + np.arange(self.n_steps) * self.n_envs
+        steps %= self.rewards.size
+        lengths = self._lengths(steps)
+        ends = steps[np.arange(len(steps)), lengths - 1]
+
+        powers = self.gamma ** np.arange(self.n_steps, dtype=np.float32)
+        counts = np.arange(self.n_steps) < lengths[:, None]
+        rewards = (self.rewards.take(steps) * powers * counts).sum(1, keepdims=True)
+        terminal = self.dones.take(ends) * (1 - self.timeouts.take(ends))
+        discounts = (1 - terminal) * self.gamma ** lengths.astype(np.float32)
+        return Batches(
+            observations=_rows(self.observations, starts),
+            actions=_rows(self.actions, starts),
+            rewards=torch.from_numpy(rewards),
+            next_observations=_rows(self.next_observations, ends),
+            discounts=torch.from_numpy(discounts[:, None]),
+        )
+
+    def _draw_indices(self, batch_size: int) -> NDArray[np.int64]:
+        """Draw transitions as SB3 does; return their places among all environments' rows."""
+        rows = np.random.randint(0, self.buffer_size if self.full else self.pos, size=batch_size)
+        envs = np.random.randint(0, self.n_envs, size=batch_size)
+        return rows * self.n_envs + envs
+
+    def _lengths(self, steps: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return how many steps count: up to an episode's end, or to the newest transition."""
+        newest = (self.pos - 1) % self.buffer_size
+        is_end = (self.dones.take(steps) > 0) | (self.timeouts.take(steps) > 0)
+        is_end |= steps // self.n_envs == newest
+        is_end[:, -1] = True
+        return is_end.argmax(1) + 1
+
+
+def _rows(array: NDArray[np.float32], indices: NDArray[np.int64]) -> Tensor:
+    """Return rows of an array of shape (steps, envs, values), shape (len(indices), values)."""
+    return torch.from_numpy(array.reshape(-1, array.shape[-1]).take(indices, axis=0))

@@ -1,0 +1,134 @@
+"""Against Stable-Baselines3's own classes, from the same state and with the same random numbers."""
+
+import copy
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+from stable_baselines3 import DQN, SAC
+from stable_baselines3.common.buffers import NStepReplayBuffer, ReplayBuffer
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
+from jumping_ant import params
+from jumping_ant.agents.off_policy import trainer
+from jumping_ant.agents.off_policy.adam import FlatAdam
+from jumping_ant.agents.off_policy.mlp import MLP
+from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer
+
+PARAMS = params.load()
+ENV = PARAMS.env.model_copy(update={"max_episode_steps": 30})  # the buffer holds ends of episodes
+STOCK = {"LeanDQN": DQN, "LeanSAC": SAC}
+
+
+def filled_model(xml: str, name: str, **changes: object) -> OffPolicyAlgorithm:
+    """Return a model whose buffer is filled by random actions, not yet trained."""
+    small = {"num_envs": 4, "learning_starts": 10**6, "batch_size": 64, "net_arch": [48, 32]}
+    agent = PARAMS.agents[name].model_copy(update=small | changes)
+    model = trainer.make_model(trainer.make_envs(xml, ENV, agent), agent, seed=0)
+    model.set_logger(Logger(folder=None, output_formats=[]))
+    model.learn(400)
+    return model
+
+
+def weights(model: OffPolicyAlgorithm) -> torch.Tensor:
+    return torch.cat([parameter.detach().flatten() for parameter in model.policy.parameters()])
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("dqn", {"n_steps": 1, "max_grad_norm": 0.5}),
+        ("dqn", {"n_steps": 4}),
+        ("sac", {"n_steps": 1, "ent_coef": 0.05}),
+        ("sac", {"n_steps": 3, "ent_coef": "auto"}),
+    ],
+)
+def test_updates_are_those_of_sb3(
+    robot_xml: str, monkeypatch: pytest.MonkeyPatch, name: str, changes: dict
+) -> None:
+    lean = filled_model(robot_xml, name, **changes)
+    with monkeypatch.context() as patch:
+        for attribute, stock in STOCK.items():
+            patch.setattr(trainer, attribute, stock)
+        reference = filled_model(robot_xml, name, **changes)
+    assert type(reference) in STOCK.values() and type(lean) not in STOCK.values()
+    start = weights(lean)
+    assert torch.equal(start, weights(reference))
+
+    for gradient_steps in (1, 4, 25):
+        for model in (lean, reference):
+            torch.manual_seed(1)
+            np.random.seed(1)
+            model.train(gradient_steps, batch_size=64)
+    moved = (weights(reference) - start).norm()
+    assert moved > 0.01
+    assert (weights(lean) - weights(reference)).norm() < 1e-3 * moved
+    theirs = reference.logger.name_to_value
+    assert {key for key in theirs if key != "train/ent_coef_loss"} == set(lean.logger.name_to_value)
+    for key, value in lean.logger.name_to_value.items():
+        assert value == pytest.approx(theirs[key], rel=1e-3), key
+
+
+def test_sb3_sees_the_state_of_the_optimizers(robot_xml: str) -> None:
+    lean = filled_model(robot_xml, "sac")
+    lean.train(gradient_steps=3, batch_size=64)
+    for optimizer in (lean.actor.optimizer, lean.critic.optimizer):
+        states = optimizer.state_dict()["state"].values()
+        assert len(states) == len(optimizer.param_groups[0]["params"])
+        assert all(state["step"] == 3 and state["exp_avg_sq"].any() for state in states)
+
+
+@pytest.mark.parametrize("n_steps", [1, 3])
+@pytest.mark.parametrize("num_added", [50, 130])  # before and after the buffer of 80 rows is full
+def test_batches_are_those_of_sb3(n_steps: int, num_added: int) -> None:
+    generator = np.random.default_rng(0)
+    spaces_ = (spaces.Box(-1, 1, (5,), np.float32), spaces.Box(-1, 1, (2,), np.float32))
+    ours = BatchedReplayBuffer(240, *spaces_, "cpu", 3, n_steps=n_steps, gamma=0.9)
+    if n_steps == 1:
+        theirs: ReplayBuffer = ReplayBuffer(240, *spaces_, "cpu", 3)
+    else:
+        theirs = NStepReplayBuffer(240, *spaces_, "cpu", 3, n_steps=n_steps, gamma=0.9)
+    for _ in range(num_added):
+        observations = generator.normal(size=(2, 3, 5)).astype(np.float32)
+        actions = generator.uniform(-1, 1, (3, 2)).astype(np.float32)
+        rewards, dones = generator.normal(size=3), generator.random(3) < 0.1
+        infos = [{"TimeLimit.truncated": bool(done and generator.random() < 0.5)} for done in dones]
+        for buffer in (ours, theirs):
+            buffer.add(*observations, actions, rewards, dones, infos)
+
+    np.random.seed(5)
+    batches = list(ours.draw(3, 200).split(200))
+    np.random.seed(5)
+    for batch in batches:
+        sample = theirs.sample(200)
+        assert torch.equal(batch.observations, sample.observations)
+        assert torch.equal(batch.actions, sample.actions)
+        assert torch.equal(batch.rewards, sample.rewards)
+        assert torch.equal(batch.next_observations, sample.next_observations)
+        discounts = 0.9 if sample.discounts is None else sample.discounts
+        assert torch.equal(batch.discounts, (1 - sample.dones) * discounts)
+    assert len(batches) == 3
+
+
+def test_gradients_are_those_of_autograd() -> None:
+    torch.manual_seed(0)
+    layers = [torch.nn.Linear(6, 9), torch.nn.Linear(9, 7), torch.nn.Linear(7, 1)]
+    relu = torch.nn.ReLU()
+    network = torch.nn.Sequential(layers[0], relu, layers[1], relu, layers[2])
+    reference = copy.deepcopy(network)
+    FlatAdam(torch.optim.Adam(network.parameters()))  # gives every parameter a gradient to fill
+    mlp = MLP(layers)
+    inputs = torch.randn(20, 6, requires_grad=True)
+    gradient = torch.randn(20, 1)
+    gradient[::3] = 0
+    outputs = reference(inputs)
+    outputs.backward(gradient)
+    with torch.no_grad():
+        assert torch.allclose(mlp.forward(inputs), outputs, atol=1e-6)
+        assert torch.allclose(mlp.input_gradient(gradient, first=2), inputs.grad[:, 2:], atol=1e-6)
+        by_inputs = mlp.backward(gradient.clone(), to_inputs=True)
+    assert torch.allclose(by_inputs, inputs.grad, atol=1e-6)
+    for mine, theirs in zip(network.parameters(), reference.parameters(), strict=True):
+        assert torch.allclose(mine.grad, theirs.grad, atol=1e-6)
