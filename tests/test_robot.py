@@ -198,3 +198,17 @@ def test_read_wants_the_robot_built(tmp_path: Any, robot_xml: str) -> None:
         robot.read(tmp_path)
     write_text(tmp_path / "assets" / "jumping_ant.xml", robot_xml)
     assert robot.read(tmp_path) == robot_xml
+
+
+def test_leaving_out_constraint_islands_changes_no_bit(robot_xml: str) -> None:
+    model = robot.load(robot_xml)
+    states = []
+    without = model.opt.disableflags
+    for flags in (without, without - int(mujoco.mjtDisableBit.mjDSBL_ISLAND)):
+        model.opt.disableflags = flags
+        data, generator = mujoco.MjData(model), np.random.default_rng(0)
+        for _ in range(300):
+            data.ctrl[:] = generator.uniform(-1, 1, model.nu)
+            mujoco.mj_step(model, data, nstep=5)
+        states.append(np.concatenate([data.qpos, data.qvel]))
+    assert np.array_equal(*states)

@@ -148,7 +148,7 @@ def test_a_simulation_that_breaks_down_ends_alone(make: Any, bad: float) -> None
 
 def test_a_simulation_that_mujoco_gives_up_ends_alone(make: Any, robot_xml: str) -> None:
     """Memory for a robot in the air, and too little for one with its feet on the ground."""
-    tight = robot_xml.replace("<default>", '<size memory="14K"/><default>', 1)
+    tight = robot_xml.replace("<default>", '<size memory="10K"/><default>', 1)
     # Above the limit: there is no other reason to end.
     envs = make(xml=tight, min_torso_height=0.0, reset_noise_scale=0.0)
     envs.reset(seed=0)
