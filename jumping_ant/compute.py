@@ -11,8 +11,10 @@ from typing import Any, TypeVar, cast
 
 import ray
 import torch
+from ray.exceptions import AuthenticationError
 
 import jumping_ant
+from jumping_ant.errors import InputError
 
 Key = TypeVar("Key", bound=Hashable)
 Job = Callable[[], Iterator[Any]]
@@ -33,15 +35,35 @@ def num_workers(requested: int, num_jobs: int) -> int:
     return min(requested or available, num_jobs)
 
 
+def num_threads(requested: int, num_jobs: int) -> list[int]:
+    """Return how many threads each job may take, so that no core stands idle at the end.
+
+    Jobs are as many as there are workers at a time, one thread each; those of a last, smaller round
+    share the cores.
+
+    Args:
+        requested: As in `params.yaml`; 0 stands for every core.
+        num_jobs: Jobs in all.
+    """
+    if _on_cluster():
+        return [1] * num_jobs
+    cores = requested or os.cpu_count() or 1
+    last_round = num_jobs % cores or min(cores, num_jobs)
+    return [1] * (num_jobs - last_round) + [cores // last_round] * last_round
+
+
 def stream(jobs: Mapping[Key, Job], workers: int) -> Iterator[tuple[Key, Any]]:
     """Run generators and yield what they yield, as it comes.
 
     Args:
         jobs: What makes each generator, by key; to leave this process it must be picklable.
-        workers: How many run at once, one thread each.
+        workers: How many run at once.
 
     Yields:
         Key and item. The items of one generator come in its order, whatever the others do.
+
+    Raises:
+        InputError: `RAY_ADDRESS` names a cluster that cannot be joined.
     """
     return _inline(jobs) if workers == 1 else _on_ray(jobs, workers)
 
@@ -87,7 +109,15 @@ def _connect(workers: int) -> None:
     quiet: dict[str, Any] = {"logging_level": "ERROR", "log_to_driver": False}
     if _on_cluster():
         package = str(Path(jumping_ant.__file__).parent)
-        ray.init(runtime_env={"py_modules": [package]}, **quiet)
+        try:
+            ray.init(runtime_env={"py_modules": [package]}, **quiet)
+        except (ConnectionError, AuthenticationError) as error:
+            reason = str(error).strip().partition("\n")[0]
+            raise InputError(
+                f"RAY_ADDRESS: given {os.environ['RAY_ADDRESS']!r}, which cannot be joined "
+                f"({reason}); allowed: the address of a running cluster (with RAY_AUTH_MODE=token "
+                "and its token, where it asks for one), or unset to compute on this machine"
+            ) from error
     else:
         ray.init(
             num_cpus=workers,

@@ -64,9 +64,10 @@ def train(root: Path, params: Params, agent_name: str) -> None:
     """
     agent = params.agent(agent_name)
     xml = robot.read(root)
+    threads = compute.num_threads(params.compute.workers, len(params.seeds))
     jobs = {
-        seed: partial(train_seed, xml, params.env, agent, params.training, seed)
-        for seed in params.seeds
+        seed: partial(train_seed, xml, params.env, agent, params.training, seed, num_threads)
+        for seed, num_threads in zip(params.seeds, threads, strict=True)
     }
     is_trivial = agent.max_env_steps == 0  # not worth starting processes
     workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(jobs))
@@ -84,7 +85,12 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 
 
 def train_seed(
-    xml: str, env: EnvParams, agent: AgentParams, training: TrainingParams, seed: int
+    xml: str,
+    env: EnvParams,
+    agent: AgentParams,
+    training: TrainingParams,
+    seed: int,
+    num_threads: int = 1,
 ) -> Iterator[Report]:
     """Train one seed, evaluating its snapshots on the way.
 
@@ -94,15 +100,18 @@ def train_seed(
         agent: The agent's block.
         training: How often and on which episodes snapshots are evaluated.
         seed: Determines the run.
+        num_threads: Threads that step the simulations; results do not depend on it.
     """
     trainer = importlib.import_module(f"jumping_ant.agents.{agent.trainer}.trainer")
     episode_seeds = [training.evaluation_seed + i for i in range(training.evaluation_episodes)]
     started, paused = time.perf_counter(), 0.0
-    for event in trainer.train(xml, env, agent, seed, training.evaluations):
+    for event in trainer.train(xml, env, agent, seed, training.evaluations, num_threads):
         now = time.perf_counter()
         returns: tuple[float, ...] = ()
         if isinstance(event, Snapshot):
-            episodes = rollout.run(xml, env, policies.load(event.policy), episode_seeds)
+            episodes = rollout.run(
+                xml, env, policies.load(event.policy), episode_seeds, num_threads
+            )
             returns = tuple(float(episode.rewards.sum()) for episode in episodes)
         yield Report(event, now - started - paused, returns)
         paused += time.perf_counter() - now

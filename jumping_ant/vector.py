@@ -105,7 +105,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         if seeds is not None:
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed: given {len(seeds)} seeds, allowed: {self.num_envs}")
-            for index, own_seed in enumerate(list(seeds)):
+            for index, own_seed in enumerate(seeds):
                 if mask[index] and own_seed is not None:
                     self._generators[index], _ = gym.utils.seeding.np_random(own_seed)
         self._start_episodes(np.flatnonzero(mask))

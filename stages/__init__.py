@@ -1,5 +1,6 @@
 """The stages of `dvc.yaml`, one thin script each; a stage never imports a stage."""
 
+import argparse
 import os
 import sys
 from collections.abc import Callable
@@ -9,7 +10,26 @@ os.environ.setdefault("DVC_NO_ANALYTICS", "true")
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
-from jumping_ant.errors import InputError  # noqa: E402  (telemetry is off before any import)
+from jumping_ant import params  # noqa: E402  (telemetry is off before any import)
+from jumping_ant.errors import InputError  # noqa: E402
+from jumping_ant.params import Params  # noqa: E402
+
+
+def parse_agent(description: str) -> tuple[str, Params]:
+    """Return the agent that the command line names, and all parameters.
+
+    Args:
+        description: What the stage does, for `--help`; the first line counts.
+
+    Raises:
+        InputError: There is no such agent, or `params.yaml` has a mistake.
+    """
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument("agent")
+    agent = parser.parse_args().agent
+    settings = params.load()
+    settings.agent(agent)
+    return agent, settings
 
 
 def run(main: Callable[[], None]) -> None:

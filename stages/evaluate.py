@@ -5,21 +5,16 @@ Reads: params `seeds`, `env`, `evaluate`; assets/jumping_ant.xml, models/AGENT/s
 Writes: results/AGENT/ (episodes.csv, metrics.json, trajectories.npz), results/seeds/AGENT.csv.
 """
 
-import argparse
 import os
 
-from jumping_ant import evaluation, params, policies, robot
+from jumping_ant import evaluation, policies, robot
 from jumping_ant.files import PROJECT_ROOT, write_json, write_text
-from stages import run
+from stages import parse_agent, run
 
 
 def main() -> None:
     """Run the stage."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("agent")
-    agent = parser.parse_args().agent
-    settings = params.load()
-    settings.agent(agent)
+    agent, settings = parse_agent(__doc__)
     xml = robot.read(PROJECT_ROOT)
     models = PROJECT_ROOT / "models" / agent
     trained = {

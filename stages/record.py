@@ -5,20 +5,14 @@ Reads: params `record`; assets/jumping_ant.xml, results/AGENT/trajectories.npz.
 Writes: media/AGENT.mp4, media/AGENT.rrd.
 """
 
-import argparse
-
-from jumping_ant import params, recording, rendering, robot, trajectory
+from jumping_ant import recording, rendering, robot, trajectory
 from jumping_ant.files import PROJECT_ROOT, write_bytes
-from stages import run
+from stages import parse_agent, run
 
 
 def main() -> None:
     """Run the stage."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("agent")
-    agent = parser.parse_args().agent
-    settings = params.load()
-    settings.agent(agent)
+    agent, settings = parse_agent(__doc__)
     xml = robot.read(PROJECT_ROOT)
     episode = trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")
     media = PROJECT_ROOT / "media"

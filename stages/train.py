@@ -5,15 +5,14 @@ Reads: params `seeds`, `env`, `training`, `agents.AGENT`; assets/jumping_ant.xml
 Writes: models/AGENT/seed-N/ (policy.zip, curve.csv), results/timing/AGENT.csv.
 """
 
-import argparse
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from jumping_ant import params, training
+from jumping_ant import training
 from jumping_ant.files import PROJECT_ROOT
-from stages import run
+from stages import parse_agent, run
 
 SECONDS_FOR_LAST_ROWS = 60
 
@@ -41,11 +40,7 @@ def live_tracking(agent: str) -> Iterator[None]:
 
 def main() -> None:
     """Run the stage."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("agent")
-    agent = parser.parse_args().agent
-    settings = params.load()
-    settings.agent(agent)
+    agent, settings = parse_agent(__doc__)
     with live_tracking(agent):
         training.train(PROJECT_ROOT, settings, agent)
 

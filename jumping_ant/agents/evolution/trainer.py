@@ -38,9 +38,12 @@ class JumpProblem(Problem):
         env: The task.
         agent: The agent's block.
         seed: Of the sampling and of the start states.
+        num_threads: Threads that step the simulations; results do not depend on it.
     """
 
-    def __init__(self, xml: str, env: EnvParams, agent: PGPEParams, seed: int) -> None:
+    def __init__(
+        self, xml: str, env: EnvParams, agent: PGPEParams, seed: int, num_threads: int = 1
+    ) -> None:
         super().__init__(
             "max",
             solution_length=SOLUTION_LENGTH,
@@ -53,7 +56,7 @@ class JumpProblem(Problem):
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
         self._envs = JumpingAntVectorEnv(
-            xml, env, agent.population_size, autoreset_mode=AutoresetMode.DISABLED
+            xml, env, agent.population_size, num_threads, AutoresetMode.DISABLED
         )
         self._envs.reset(seed=seed)
 
@@ -96,7 +99,12 @@ class JumpProblem(Problem):
 
 
 def train(
-    xml: str, env: EnvParams, agent: PGPEParams, seed: int, evaluations: int
+    xml: str,
+    env: EnvParams,
+    agent: PGPEParams,
+    seed: int,
+    evaluations: int,
+    num_threads: int = 1,
 ) -> Iterator[Event]:
     """Evolve a linear policy; a row of the curve is a generation.
 
@@ -106,13 +114,14 @@ def train(
         agent: The agent's block.
         seed: Determines the run.
         evaluations: Number of snapshots, spread evenly over the budget.
+        num_threads: Threads that step the simulations; results do not depend on it.
 
     Yields:
         Progress (with the best return, the centre's norm and the mean stdev), snapshots of the
         centre's policy, and at last that policy.
     """
     logging.getLogger("evotorch").setLevel(logging.WARNING)  # it describes every problem it makes
-    problem = JumpProblem(xml, env, agent, seed)
+    problem = JumpProblem(xml, env, agent, seed, num_threads)
     searcher = PGPE(
         problem,
         popsize=agent.population_size,

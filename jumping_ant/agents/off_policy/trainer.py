@@ -2,8 +2,8 @@
 
 DQN (Mnih et al. 2015, "Human-level control through deep reinforcement learning") acts by five
 discrete commands, SAC (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications") by
-continuous torques. Algorithm, networks and replay buffer are Stable-Baselines3's; the loop around
-them does what its `learn()` does, and yields in between.
+continuous torques. Algorithms and networks are Stable-Baselines3's, with leaner gradient steps; the
+loop around them does what its `learn()` does, and yields in between.
 """
 
 import io
@@ -15,7 +15,6 @@ from typing import Any, cast
 import numpy as np
 import torch
 from gymnasium import spaces
-from stable_baselines3 import DQN, SAC
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.logger import Logger
@@ -24,6 +23,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import TrainFreq
 from stable_baselines3.common.vec_env import VecEnv
 
+from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
 from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
 from jumping_ant.events import Event, Finished, Progress, Snapshot
 from jumping_ant.params import DQNParams, EnvParams, SACParams
@@ -103,14 +103,16 @@ def make_model(envs: VecEnv, agent: DQNParams | SACParams, seed: int) -> OffPoli
         "features_extractor_class": ScaledObservations,
         "features_extractor_kwargs": {"velocity_scale": agent.velocity_scale},
     }
-    algorithm: Any = SAC if is_sac else DQN
+    algorithm: Any = LeanSAC if is_sac else LeanDQN
     model: OffPolicyAlgorithm = algorithm(
         "MlpPolicy", envs, policy_kwargs=policy_kwargs, seed=seed, device="cpu", **settings
     )
     return model
 
 
-def make_envs(xml: str, env: EnvParams, agent: DQNParams | SACParams) -> VecEnv:
+def make_envs(
+    xml: str, env: EnvParams, agent: DQNParams | SACParams, num_threads: int = 1
+) -> VecEnv:
     """Return the environments an agent learns in: torques for SAC, commands for DQN.
 
     Their episodes are cut after `episode_steps`, which learners treat as the time limit it is.
@@ -119,16 +121,22 @@ def make_envs(xml: str, env: EnvParams, agent: DQNParams | SACParams) -> VecEnv:
         xml: The robot as MJCF text.
         env: The task.
         agent: The agent's block.
+        num_threads: Threads that step the simulations; results do not depend on it.
     """
     steps = min(agent.episode_steps, env.max_episode_steps)
     envs = JumpingAntVectorEnv(
-        xml, env.model_copy(update={"max_episode_steps": steps}), agent.num_envs
+        xml, env.model_copy(update={"max_episode_steps": steps}), agent.num_envs, num_threads
     )
     return SB3VecEnv(envs if isinstance(agent, SACParams) else DiscreteCommandsVector(envs))
 
 
 def train(
-    xml: str, env: EnvParams, agent: DQNParams | SACParams, seed: int, evaluations: int
+    xml: str,
+    env: EnvParams,
+    agent: DQNParams | SACParams,
+    seed: int,
+    evaluations: int,
+    num_threads: int = 1,
 ) -> Iterator[Event]:
     """Train DQN or SAC, as `OffPolicyAlgorithm.learn` does.
 
@@ -138,12 +146,13 @@ def train(
         agent: The agent's block.
         seed: Determines the run.
         evaluations: Number of snapshots, spread evenly over the budget.
+        num_threads: Threads that step the simulations; results do not depend on it.
 
     Yields:
         Progress every `log_interval` control steps (with losses, and the exploration rate or the
         entropy coefficient), snapshots of the policy, and at last the policy.
     """
-    model = make_model(make_envs(xml, env, agent), agent, seed)
+    model = make_model(make_envs(xml, env, agent, num_threads), agent, seed)
     model.set_logger(Logger(folder=None, output_formats=[]))
     _, callback = model._setup_learn(agent.total_steps, CallbackList([]))
     episodes = _EpisodeReturns(model)

@@ -8,7 +8,12 @@ from jumping_ant.policies import UniformPolicy
 
 
 def train(
-    xml: str, env: EnvParams, agent: RandomAgentParams, seed: int, evaluations: int
+    xml: str,
+    env: EnvParams,
+    agent: RandomAgentParams,
+    seed: int,
+    evaluations: int,
+    num_threads: int = 1,
 ) -> Iterator[Event]:
     """Yield the policy that draws torques at random, without a step of training.
 
@@ -18,6 +23,7 @@ def train(
         agent: The agent's block, which has no numbers.
         seed: The policy's seed.
         evaluations: Unused; one snapshot shows all there is.
+        num_threads: Unused.
     """
     policy = UniformPolicy(seed).to_bytes()
     yield Snapshot(0, policy)
