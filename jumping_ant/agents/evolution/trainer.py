@@ -15,7 +15,6 @@ from evotorch.algorithms import PGPE
 from evotorch.neuroevolution.net import RunningNorm
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from torch.nn.functional import linear
 
 from jumping_ant.events import Event, Finished, Progress, Snapshot
 from jumping_ant.params import EnvParams, PGPEParams
@@ -67,16 +66,20 @@ class JumpProblem(Problem):
         return LinearPolicy(weight.numpy(), bias.numpy(), mean.numpy(), stdev.numpy())
 
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
-        networks = [_unflatten(solution) for solution in batch.values]
+        # Plain tensors: EvoTorch's own class checks every operation for writes.
+        networks = [_unflatten(solution) for solution in batch.values.as_subclass(torch.Tensor)]
+        torques = torch.empty(len(batch), NUM_ACTIONS)
         mean, stdev = self._moments()
         observations, _ = self._envs.reset()
         alive = np.ones(len(batch), dtype=np.bool_)
         returns, lengths, seen = np.zeros(len(batch)), np.zeros(len(batch)), [observations]
         for _ in range(self.agent.episode_steps):
             normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
-            torques = [linear(row, *own) for row, own in zip(normalized, networks, strict=True)]
+            # Row by row, as GymNE does: all in one product would be rounded differently.
+            for row, (weight, bias), out in zip(normalized, networks, torques, strict=True):
+                torch.addmv(bias, weight, row, out=out)
             observations, rewards, terminated, truncated, _ = self._envs.step(
-                torch.stack(torques).clamp(-1.0, 1.0).numpy()
+                torques.clamp_(-1.0, 1.0).numpy()
             )
             returns += rewards * alive
             lengths += alive
