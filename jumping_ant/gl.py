@@ -22,7 +22,8 @@ HEADLESS_BACKENDS = ("egl", "osmesa")  # the better first
 _PROBE = """
 import mujoco
 model = mujoco.MjModel.from_xml_string(
-    '<mujoco><worldbody><light pos="0 0 3"/><geom size="1"/></worldbody></mujoco>'
+    '<mujoco><visual><quality shadowsize="0"/></visual>'
+    '<worldbody><geom size="1"/></worldbody></mujoco>'
 )
 data = mujoco.MjData(model)
 mujoco.mj_forward(model, data)

@@ -11,9 +11,9 @@ def top(path) -> str:
 
 LAYERS = [
     {"errors"},
-    {"files", "events"},
+    {"files", "events", "gl"},
     {"params"},
-    {"gl", "rewards", "robot", "statistics", "task", "trajectory"},
+    {"drawing", "rewards", "robot", "statistics", "task", "trajectory"},
     {"env", "vector", "rendering", "recording"},
     {"policies"},
     {"agents", "rollout", "serving"},
