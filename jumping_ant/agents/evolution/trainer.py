@@ -6,7 +6,9 @@ in one batch of simulations, for one short episode each.
 """
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -22,6 +24,7 @@ from jumping_ant.policies import NUM_ACTIONS, NUM_OBSERVATIONS, LinearPolicy
 from jumping_ant.vector import JumpingAntVectorEnv
 
 SOLUTION_LENGTH = NUM_ACTIONS * NUM_OBSERVATIONS + NUM_ACTIONS
+Network = tuple[torch.Tensor, torch.Tensor]  # weight (8, 27) and bias (8,)
 INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the first centre, as in EvoTorch's GymNE
 
 
@@ -37,7 +40,7 @@ class JumpProblem(Problem):
         env: The task.
         agent: The agent's block.
         seed: Of the sampling and of the start states.
-        num_threads: Threads that step the simulations; results do not depend on it.
+        num_threads: Threads that play; results do not depend on it.
     """
 
     def __init__(
@@ -54,10 +57,16 @@ class JumpProblem(Problem):
         self.normalizer = RunningNorm(shape=NUM_OBSERVATIONS, dtype=torch.float32)
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
-        self._envs = JumpingAntVectorEnv(
-            xml, env, agent.population_size, num_threads, AutoresetMode.DISABLED
-        )
-        self._envs.reset(seed=seed)
+        # A thread plays its share of the population from start to end: none waits for another.
+        shares = np.array_split(np.arange(agent.population_size), num_threads)
+        self._shares = [share for share in shares if len(share)]
+        self._envs = [
+            JumpingAntVectorEnv(xml, env, len(share), autoreset_mode=AutoresetMode.DISABLED)
+            for share in self._shares
+        ]
+        for envs, share in zip(self._envs, self._shares, strict=True):
+            envs.reset(seed=seed + int(share[0]))
+        self._pool = ThreadPoolExecutor(len(self._shares))
 
     def policy(self, solution: torch.Tensor) -> LinearPolicy:
         """Return the policy that a solution describes, with the normaliser as it stands."""
@@ -68,37 +77,66 @@ class JumpProblem(Problem):
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
         # Plain tensors: EvoTorch's own class checks every operation for writes.
         networks = [_unflatten(solution) for solution in batch.values.as_subclass(torch.Tensor)]
-        torques = torch.empty(len(batch), NUM_ACTIONS)
+        shares = [[networks[index] for index in share] for share in self._shares]
+        episodes = list(self._pool.map(self._play, self._envs, shares))
+        self.returns = np.concatenate([episode.returns for episode in episodes])
+        alive = np.concatenate([episode.alive for episode in episodes], axis=1)
+        if self.agent.observation_normalization:
+            observations = np.concatenate([episode.observations for episode in episodes], axis=1)
+            self.normalizer.update(torch.from_numpy(observations[alive]))
+        lengths = alive[1:].sum(0)
+        self.env_steps += int(lengths.sum())
+        fitness = self.returns - self.agent.decrease_rewards_by * lengths
+        batch.set_evals(torch.as_tensor(fitness, dtype=torch.float32))
+
+    def _play(self, envs: JumpingAntVectorEnv, networks: Sequence[Network]) -> "_Episodes":
+        """Play an episode of each policy, side by side."""
+        episodes = _Episodes.empty(self.agent.episode_steps, len(networks))
+        torques = torch.empty(len(networks), NUM_ACTIONS)
         mean, stdev = self._moments()
-        observations, _ = self._envs.reset()
-        alive = np.ones(len(batch), dtype=np.bool_)
-        returns, lengths, seen = np.zeros(len(batch)), np.zeros(len(batch)), [observations]
-        for _ in range(self.agent.episode_steps):
-            normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
+        episodes.observations[0], _ = envs.reset()
+        episodes.alive[0] = alive = np.ones(len(networks), dtype=np.bool_)
+        for step in range(self.agent.episode_steps):
+            normalized = (torch.from_numpy(episodes.observations[step]) - mean) / stdev
             # Row by row, as GymNE does: all in one product would be rounded differently.
             for row, (weight, bias), out in zip(normalized, networks, torques, strict=True):
                 torch.addmv(bias, weight, row, out=out)
-            observations, rewards, terminated, truncated, _ = self._envs.step(
+            observations, rewards, terminated, truncated, _ = envs.step(
                 torques.clamp_(-1.0, 1.0).numpy()
             )
-            returns += rewards * alive
-            lengths += alive
-            seen.append(observations[alive])
-            alive &= ~(terminated | truncated)
+            episodes.observations[step + 1], episodes.alive[step + 1] = observations, alive
+            episodes.returns[:] += rewards * alive
+            alive = alive & ~(terminated | truncated)
             if not alive.any():
                 break
-        if self.agent.observation_normalization:
-            self.normalizer.update(torch.from_numpy(np.concatenate(seen).astype(np.float32)))
-        self.returns = returns
-        self.env_steps += int(lengths.sum())
-        fitness = returns - self.agent.decrease_rewards_by * lengths
-        batch.set_evals(torch.as_tensor(fitness, dtype=torch.float32))
+        return episodes
 
     def _moments(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the normaliser's mean and deviation, (27,) each; none before it saw anything."""
         if self.normalizer.count == 0:
             return torch.zeros(NUM_OBSERVATIONS), torch.ones(NUM_OBSERVATIONS)
         return self.normalizer.mean, self.normalizer.stdev
+
+
+@dataclass(frozen=True)
+class _Episodes:
+    """Episodes of n policies, of T control steps or fewer.
+
+    Attributes:
+        observations: At the start and after each step, shape (T + 1, n, 27).
+        alive: Whether a policy took that step, true at the start, shape (T + 1, n).
+        returns: Shape (n,).
+    """
+
+    observations: NDArray[np.float32]
+    alive: NDArray[np.bool_]
+    returns: NDArray[np.float64]
+
+    @classmethod
+    def empty(cls, steps: int, size: int) -> "_Episodes":
+        """Return episodes that have not begun."""
+        observations = np.zeros((steps + 1, size, NUM_OBSERVATIONS), np.float32)
+        return cls(observations, np.zeros((steps + 1, size), np.bool_), np.zeros(size))
 
 
 def train(
@@ -154,7 +192,7 @@ def train(
     yield Finished(problem.env_steps, problem.policy(center).to_bytes())
 
 
-def _unflatten(solution: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+def _unflatten(solution: torch.Tensor) -> Network:
     """Return weight (8, 27) and bias (8,) of a flat solution (224,)."""
     weight, bias = solution.split([NUM_ACTIONS * NUM_OBSERVATIONS, NUM_ACTIONS])
     return weight.reshape(NUM_ACTIONS, NUM_OBSERVATIONS), bias
