@@ -83,8 +83,9 @@ def serve() -> None:
     """Draw the shots that come pickled on standard input, for `_draw_apart`.
 
     Pictures go to standard output, pickled, and after them the error that ended the work, if any.
+    Where nobody is left to read them, the work ends in silence.
     """
-    with os.fdopen(os.dup(1), "wb") as pipe:
+    with contextlib.suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as pipe:
         os.dup2(2, 1)  # what libraries print goes to standard error
         try:
             for picture in _draw_here(pickle.load(sys.stdin.buffer)):

@@ -1,6 +1,7 @@
 """Drawing: the same pictures from one process and from several, and errors that come through."""
 
 import os
+import pickle
 import subprocess
 import sys
 from dataclasses import replace
@@ -114,6 +115,20 @@ def test_processes_end_with_whom_they_draw_for(
     assert len(started) == 2
     drawn.close()  # type: ignore[attr-defined]
     assert None not in [process.returncode for process in started]
+
+
+def test_a_process_whose_pictures_nobody_reads_ends_in_silence(shots: Shots) -> None:
+    program = subprocess.Popen(
+        [sys.executable, "-c", "from jumping_ant import drawing; drawing.serve()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=PROJECT_ROOT,
+    )
+    assert program.stdin is not None and program.stdout is not None
+    program.stdout.close()
+    _, said = program.communicate(pickle.dumps(shots))
+    assert (program.returncode, said) == (0, b"")
 
 
 def test_a_process_that_cannot_draw_says_why(
