@@ -7,6 +7,7 @@ closes however the training ends, and what is not logged yet is logged then.
 """
 
 import argparse
+import gc
 import os
 import select
 import signal
@@ -15,7 +16,10 @@ from pathlib import Path
 
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
-from jumping_ant.tracking import live
+
+# A quarter of the time of MLflow's import goes into a search for garbage that it does not make.
+gc.set_threshold(100_000)
+from jumping_ant.tracking import live  # noqa: E402
 
 NICENESS = 10  # training comes first where both share a core
 
@@ -40,6 +44,7 @@ def main() -> None:
         live.follow(arguments.agent, arguments.root, has_ended)
     except InputError as error:
         print(f"warning: no live curves: {error}", file=sys.stderr)
+    gc.freeze()  # the training waits for the exit, which would search all of MLflow once more
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from jumping_ant.tracking.store import Store
 
 TIMEOUT_SECONDS = 5
 MAX_RETRIES = 0
-POLL_SECONDS = 2.0
+POLL_SECONDS = 5.0  # a call of MLflow costs as much as 50 points
 PAUSE_SECONDS = 30.0  # after a failure
 
 
