@@ -17,7 +17,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro test ui view lock clean
+.PHONY: help install repro test bench ui view lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -30,6 +30,9 @@ install: .venv/.packages .venv/.rendering ## install what is missing, into .venv
 .venv/.rendering: .venv/.packages
 	@scripts/environment.sh rendering
 
+.venv/.peers: benchmarks/requirements.lock .venv/.packages
+	@scripts/environment.sh peers
+
 repro: install ## rerun what a change to params.yaml or to the code touches
 	dvc repro
 
@@ -38,6 +41,9 @@ test: install ## check style, types and behaviour
 	ruff format --check
 	mypy
 	CI=1 pytest -q
+
+bench: install .venv/.peers ## measure the project beside its peers, into benchmarks/ (ten minutes)
+	python -m benchmarks
 
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
 	python -m stages.track
@@ -54,7 +60,7 @@ endif
 view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
 
-lock: ## renew requirements.lock from pyproject.toml
+lock: ## renew requirements.lock and benchmarks/requirements.lock from pyproject.toml
 	@scripts/environment.sh lock
 
 clean: ## remove .venv and caches; results stay

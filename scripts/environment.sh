@@ -3,7 +3,8 @@
 #
 #   scripts/environment.sh packages   install the Python packages of requirements.lock into .venv
 #   scripts/environment.sh rendering  install a library to draw with, where none is found
-#   scripts/environment.sh lock       renew requirements.lock from pyproject.toml
+#   scripts/environment.sh peers      install those of benchmarks/requirements.lock as well
+#   scripts/environment.sh lock       renew both locks from pyproject.toml
 #
 # Environment variables:
 #   PYTHON        interpreter of version 3.11 or newer (default: the first found)
@@ -93,7 +94,20 @@ install_rendering() {
     fi
 }
 
-renew_lock() {
+install_peers() {
+    echo "install: the packages of benchmarks/requirements.lock, into .venv"
+    # Without their wishes for other versions of what the project has: those stay as locked.
+    .venv/bin/python -m pip install --no-deps -r benchmarks/requirements.lock
+    touch .venv/.peers
+}
+
+# Print what a Python has, without the suffix of torch's build (+cpu), which the usual index does
+# not know.
+freeze() {
+    "$1" -m pip freeze --all --exclude pip --exclude-editable | sed 's/+.*//'
+}
+
+renew_locks() {
     local folder python
     folder=$(mktemp -d)
     trap 'rm -rf "'"$folder"'"' EXIT
@@ -106,18 +120,25 @@ renew_lock() {
         -e '.[dev]'
     {
         echo "# Every package at its exact version. Made by \`make lock\` from pyproject.toml."
-        # Without the suffix of torch's build (+cpu), which the usual index does not know.
-        "$python" -m pip freeze --all --exclude pip --exclude-editable | sed 's/+.*//'
+        freeze "$python"
     } >"$folder/requirements.lock"
-    if grep -E '^(nvidia|cuda|triton)' "$folder/requirements.lock"; then
+    "$python" -m pip install -qq -c "$folder/torch.txt" -e '.[bench]'
+    sed -n 's/^\([^#=]*\)==.*/^\1==/p' "$folder/requirements.lock" >"$folder/locked.txt"
+    {
+        echo "# What \`make bench\` needs beyond requirements.lock. Made by \`make lock\`."
+        freeze "$python" | grep -vif "$folder/locked.txt"
+    } >"$folder/peers.lock"
+    if grep -hE '^(nvidia|cuda|triton)' "$folder/requirements.lock" "$folder/peers.lock"; then
         stop "these come with CUDA; renew the lock with a TORCH_INDEX without it"
     fi
     cp "$folder/requirements.lock" requirements.lock
+    cp "$folder/peers.lock" benchmarks/requirements.lock
 }
 
 case "${1:-}" in
 packages) install_packages ;;
 rendering) install_rendering ;;
-lock) renew_lock ;;
-*) stop "given '${1:-}', allowed: packages, rendering, lock" ;;
+peers) install_peers ;;
+lock) renew_locks ;;
+*) stop "given '${1:-}', allowed: packages, rendering, peers, lock" ;;
 esac

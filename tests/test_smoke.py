@@ -1,9 +1,7 @@
 """The pipeline as a person runs it: a clone, a preset, `dvc`, and the real thing throughout."""
 
 import json
-import os
 import shlex
-import shutil
 import subprocess
 import sys
 from functools import reduce
@@ -16,6 +14,8 @@ import pytest
 from mlflow.entities import Run, ViewType
 from ruamel.yaml import YAML
 
+from benchmarks.checkout import copy_project, with_tools
+
 ROOT = Path(__file__).resolve().parents[1]
 AGENTS = ["random", "dqn", "sac", "pgpe"]
 
@@ -26,12 +26,7 @@ class Project:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.uri = f"sqlite:///{folder}/mlflow.db"
-        scripts = Path(sys.executable).parent
-        self._env = os.environ | {
-            "PATH": f"{scripts}{os.pathsep}{os.environ['PATH']}",
-            "DVC_NO_ANALYTICS": "true",
-            "GIT_CONFIG_GLOBAL": "/dev/null",
-        }
+        self._env = with_tools() | {"GIT_CONFIG_GLOBAL": "/dev/null"}
         self._env.pop("MLFLOW_TRACKING_URI", None)
 
     def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
@@ -55,14 +50,8 @@ class Project:
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     folder = tmp_path_factory.mktemp("clone") / "project"
-    listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    names = subprocess.run(listing, cwd=ROOT, text=True, capture_output=True, check=True).stdout
-    for name in filter(None, names.split("\0")):
-        if (ROOT / name).is_file():
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(ROOT / name, folder / name)
+    copy_project(folder)
     project = Project(folder)
-    project.run("git", "init", "-q")
     project.run("git", "config", "user.name", "Test")
     project.run("git", "config", "user.email", "test@example.org")
     project.run("git", "add", "-A")

@@ -1,0 +1,85 @@
+"""Measure the rows, or those named, and write them to results.json and README.md.
+
+Usage: python -m benchmarks [NAME...]
+"""
+
+import argparse
+import importlib
+import sys
+from collections.abc import Collection, Iterator
+
+import psutil  # type: ignore[import-untyped]
+
+from benchmarks import report
+from benchmarks.measure import Row
+
+# Modules are imported when their turn comes: some take seconds.
+ROWS = {
+    "vector_env_vs_mj_step": "simulation",
+    "vector_env_vs_async_gymnasium": "simulation",
+    "vector_env_vs_envpool": "simulation",
+    "pgpe_vs_gymne": "evolution",
+    "dqn_vs_sb3": "off_policy",
+    "sac_vs_sb3": "off_policy",
+    "article_four_seeds_vs_script": "four_seeds",
+    "render_vs_record_video": "rendering",
+}
+PIPELINE_ROWS = ("tracking_overhead", "peak_memory", "noop_repro")  # from the same runs of it
+ROW_NAMES = (*ROWS, *PIPELINE_ROWS)
+TABLES = {"profiles": "profiles", "scale": "costs"}  # beside the rows: module and function
+NAMES = (*ROW_NAMES, *TABLES)
+MOST_BUSY = 20.0  # [%] of all cores, before a row, for its figures to be trusted
+
+
+def main() -> None:
+    """Measure, and write after every row."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
+    names = parser.parse_args().names or NAMES
+    unknown = set(names) - set(NAMES)
+    if unknown:
+        parser.error(f"given {sorted(unknown)}, allowed: {', '.join(NAMES)}")
+    results = report.load()
+    for row in measure(names):
+        print(
+            f"{row.name:30} {report.shown(row.ours):>8} {report.shown(row.peer):>8} "
+            f"{row.unit:14} ratio {row.ratio:.2f}, spread {row.spread:.0%}",
+            flush=True,
+        )
+        results = report.with_row(results, row, ROW_NAMES)
+        report.save(results)
+    for table, function in TABLES.items():
+        if table in names:
+            entries = []
+            for entry in getattr(importlib.import_module(f"benchmarks.{table}"), function)():
+                print(entry, flush=True)
+                entries.append(entry)
+            results = report.with_table(results, table, entries)
+            report.save(results)
+
+
+def measure(names: Collection[str]) -> Iterator[Row]:
+    """Measure the rows named, in their own order."""
+    for name, module in ROWS.items():
+        if name in names:
+            warn_if_busy(name)
+            yield getattr(importlib.import_module(f"benchmarks.{module}"), name)()
+    if any(name in names for name in PIPELINE_ROWS):
+        warn_if_busy(", ".join(PIPELINE_ROWS))
+        rows = importlib.import_module("benchmarks.pipeline").rows()
+        yield from (row for row in rows if row.name in names)
+
+
+def warn_if_busy(rows: str) -> None:
+    """Say so where something else has the cores: it hits peers with many threads the hardest."""
+    busy = psutil.cpu_percent(interval=1.0)
+    if busy > MOST_BUSY:
+        print(
+            f"warning: {rows}: the machine is {busy:.0f} % busy with something else; "
+            "measure again when it is idle",
+            file=sys.stderr,
+        )
+
+
+if __name__ == "__main__":
+    main()

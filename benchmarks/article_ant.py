@@ -1,0 +1,43 @@
+"""The environment as the article's script makes it, on Gymnasium's own Ant."""
+
+import tempfile
+from typing import Any
+
+import numpy as np
+from gymnasium.envs.mujoco.ant_v5 import AntEnv
+from numpy.typing import NDArray
+
+from benchmarks.settings import robot_xml, task
+from jumping_ant.rewards import torso_height_reward
+
+
+class ArticleAnt(AntEnv):
+    """Gymnasium's `Ant-v5` on the edited robot, rewarded for the height of its torso.
+
+    Observation, action, reward and termination are the project's, as is the physics.
+
+    Args:
+        options: Further arguments of `AntEnv`, as `render_mode`.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._task = task()
+        with tempfile.NamedTemporaryFile("w", suffix=".xml") as file:  # it wants a path
+            file.write(robot_xml())
+            file.flush()
+            super().__init__(
+                xml_file=file.name,
+                frame_skip=self._task.frame_skip,
+                healthy_z_range=(self._task.min_torso_height, np.inf),
+                reset_noise_scale=self._task.reset_noise_scale,
+                include_cfrc_ext_in_observation=False,
+                **options,
+            )
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float64], np.float64, bool, bool, dict[str, np.float64]]:
+        """Hold the torques for a control step, and reward the height."""
+        observation, _, terminated, truncated, info = super().step(action)
+        reward = torso_height_reward(self.data.qpos[2], self._task.reward)
+        return observation, np.float64(reward), terminated, truncated, info

@@ -1,0 +1,84 @@
+"""PGPE beside EvoTorch's own problem for Gymnasium environments, in as many actors as cores."""
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from itertools import islice
+
+import ray
+import torch
+from evotorch.algorithms import PGPE
+from evotorch.neuroevolution import GymNE
+
+from benchmarks.apart import compare_apart
+from benchmarks.article_ant import ArticleAnt
+from benchmarks.cost import MIN_ENV_STEPS, Cost, cost
+from benchmarks.measure import Row, rate
+from benchmarks.settings import CORES, article_agent, robot_xml, task
+from jumping_ant.agents.evolution import trainer
+
+GENERATIONS = 2  # of a repeat
+EPISODE_STEPS = 10  # [control steps] of a policy, where it is the population that grows
+
+
+def pgpe_vs_gymne() -> Row:
+    """Compare generations a second, all cores each."""
+    return compare_apart("pgpe_vs_gymne", "generations/s", partial(project, CORES), gymne)
+
+
+def project(num_threads: int) -> Callable[[], float]:
+    """Start the project's training with the article's settings.
+
+    Args:
+        num_threads: That step the simulations; torch has one, as in the pipeline.
+    """
+    torch.set_num_threads(1)
+    agent = article_agent("pgpe")
+    events = trainer.train(
+        robot_xml(), task(), agent, seed=0, evaluations=1, num_threads=num_threads
+    )
+    next(events)
+    return lambda: rate(lambda: list(islice(events, GENERATIONS)), GENERATIONS)
+
+
+def gymne() -> Callable[[], float]:
+    """Start the article's script."""
+    logging.getLogger("evotorch").setLevel(logging.WARNING)
+    ray.init(logging_level=logging.ERROR, log_to_driver=False, include_dashboard=False)
+    agent = article_agent("pgpe")
+    problem = GymNE(
+        ArticleAnt,
+        "Linear(obs_length, act_length)",
+        num_actors="max",
+        observation_normalization=agent.observation_normalization,
+        decrease_rewards_by=agent.decrease_rewards_by,
+        episode_length=agent.episode_steps,
+    )
+    searcher = PGPE(
+        problem,
+        popsize=agent.population_size,
+        center_learning_rate=agent.center_learning_rate,
+        stdev_learning_rate=agent.stdev_learning_rate,
+        stdev_init=agent.stdev_init,
+        optimizer="clipup",
+        optimizer_config={"max_speed": agent.max_speed, "momentum": agent.momentum},
+    )
+    searcher.run(1)  # the actors start
+    return lambda: rate(partial(searcher.run, GENERATIONS), GENERATIONS)
+
+
+def population(size: int) -> Callable[[], Cost]:
+    """Set up the cost of a population of so many policies, all of training included."""
+    return partial(cost, "PGPE", size, partial(_env_steps_per_second, size))
+
+
+def _env_steps_per_second(population_size: int, num_threads: int) -> float:
+    torch.set_num_threads(1)
+    changes = {"population_size": population_size, "episode_steps": EPISODE_STEPS}
+    agent = article_agent("pgpe").model_copy(update=changes)
+    generations = max(1, MIN_ENV_STEPS // agent.population_size // agent.episode_steps)
+    events = trainer.train(
+        robot_xml(), task(), agent, seed=0, evaluations=1, num_threads=num_threads
+    )
+    env_steps = generations * population_size * EPISODE_STEPS
+    return rate(lambda: list(islice(events, generations)), env_steps)

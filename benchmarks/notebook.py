@@ -1,0 +1,54 @@
+"""The article's script for one seed, as far as its memory goes.
+
+Usage: python -m benchmarks.notebook
+
+One notebook trains DQN, then SAC, then PGPE on every core, and keeps what it has trained. In place
+of an hour of training, the pages of the replay buffers that it would fill are written at once.
+"""
+
+import time
+from typing import cast
+
+from stable_baselines3 import DQN, SAC
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
+from benchmarks import evolution
+from benchmarks.article_ant import ArticleAnt
+from benchmarks.settings import article_agent
+from jumping_ant.env import DiscreteCommands
+
+STEPS = 300  # of real training, for networks and optimisers to take their place
+SECONDS_TO_STAY = 3.0  # at the highest moment, for it to be seen
+
+
+def main() -> None:
+    """Train the three learners, and hold them."""
+    env = ArticleAnt()
+    models: dict[str, OffPolicyAlgorithm] = {
+        "dqn": DQN("MlpPolicy", DiscreteCommands(env)),
+        "sac": SAC("MlpPolicy", env),
+    }
+    for name, model in models.items():
+        model.learn(STEPS)
+        fill(cast(ReplayBuffer, model.replay_buffer), article_agent(name).total_steps)
+    searcher = evolution.gymne()
+    time.sleep(SECONDS_TO_STAY)
+    del searcher  # its actors end with it
+
+
+def fill(buffer: ReplayBuffer, num_transitions: int) -> None:
+    """Write the pages that so many transitions take."""
+    for column in (
+        buffer.observations,
+        buffer.next_observations,
+        buffer.actions,
+        buffer.rewards,
+        buffer.dones,
+        buffer.timeouts,
+    ):
+        column[:num_transitions] = 0
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""DQN and SAC beside Stable-Baselines3, called as the article calls it."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import torch
+from stable_baselines3 import DQN, SAC
+
+from benchmarks.apart import compare_apart
+from benchmarks.article_ant import ArticleAnt
+from benchmarks.measure import Row, rate
+from benchmarks.settings import article_agent, robot_xml, task
+from jumping_ant.agents.off_policy import trainer
+from jumping_ant.env import DiscreteCommands
+
+REPEATS = 5
+# Control steps of a repeat; the first so many, in which learning starts, are not counted.
+STEPS = {"dqn": 1200, "sac": 120}
+# The article explores during a tenth of its budget. The rest, in which a step costs a forward pass
+# more, is measured: exploration ends within the first steps.
+PAST_EXPLORATION: dict[str, Any] = {"exploration_fraction": 1e-6}
+
+
+def dqn_vs_sb3() -> Row:
+    """Compare DQN, one thread each."""
+    return _compare("dqn")
+
+
+def sac_vs_sb3() -> Row:
+    """Compare SAC, one thread each."""
+    return _compare("sac")
+
+
+def _compare(algorithm: str) -> Row:
+    ours, peer = partial(project, algorithm), partial(stable_baselines3, algorithm, num_threads=1)
+    return compare_apart(f"{algorithm}_vs_sb3", "env-steps/s", ours, peer, REPEATS)
+
+
+def project(algorithm: str) -> Callable[[], float]:
+    """Start the project's training of an agent with the article's settings, on one thread."""
+    torch.set_num_threads(1)
+    steps = STEPS[algorithm]
+    changes: dict[str, Any] = {"log_interval": steps}
+    if algorithm == "dqn":
+        changes |= PAST_EXPLORATION
+    agent = article_agent(algorithm).model_copy(update=changes)
+    events = trainer.train(robot_xml(), task(), agent, seed=0, evaluations=1)
+    next(events)
+    return lambda: rate(partial(next, events), steps)
+
+
+def stable_baselines3(algorithm: str, num_threads: int | None = None) -> Callable[[], float]:
+    """Start the article's script for an agent.
+
+    Args:
+        algorithm: `dqn` or `sac`.
+        num_threads: Of torch; by default its own choice, every core.
+    """
+    if num_threads is not None:
+        torch.set_num_threads(num_threads)
+    agent = article_agent(algorithm)
+    env = ArticleAnt()
+    model: DQN | SAC
+    if algorithm == "dqn":
+        model = DQN(
+            "MlpPolicy",
+            DiscreteCommands(env),
+            learning_rate=agent.learning_rate,
+            seed=0,
+            **PAST_EXPLORATION,
+        )
+    else:
+        model = SAC(
+            "MlpPolicy", env, learning_rate=agent.learning_rate, ent_coef=agent.ent_coef, seed=0
+        )
+    steps = STEPS[algorithm]
+    model.learn(steps)
+    return lambda: rate(partial(model.learn, steps, reset_num_timesteps=False), steps)

@@ -1,0 +1,119 @@
+"""The pipeline in a throw-away copy of the project: its memory, and what bookkeeping costs."""
+
+import sys
+from collections.abc import Iterator, Mapping
+from functools import partial
+
+from benchmarks.checkout import Checkout, checkout, with_tools
+from benchmarks.measure import Row, compare
+from benchmarks.settings import CORES
+from benchmarks.watch import watch
+from jumping_ant import params
+from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.params import OffPolicyParams, Params
+
+# Memory does not grow with these: a run is shortened to so much of the training and evaluation.
+MEMORY_SHARES = {"total_steps": 0.05, "generations": 0.02}
+MEMORY_EPISODES = 2
+MEMORY_FILM_SECONDS = 2.0
+# Apart from replay memory, which a short run leaves empty: 2 observations of 27 float64, up to 8
+# torques, reward, and two flags.
+TRANSITION_BYTES = 500
+
+TRACKED_AGENT = "sac"
+TRACKED_SHARES = {"total_steps": 0.25}
+TRACKED_SEEDS = [0, 1]
+TRACKED_REPEATS = 2
+TRAIN = [sys.executable, "-m", "stages.train", TRACKED_AGENT]
+TRAIN_UNTRACKED = [
+    sys.executable,
+    "-c",
+    "from contextlib import nullcontext\n"
+    "from stages import run, train\n"
+    "train.live_tracking = nullcontext\n"
+    "run(train.main)",
+    TRACKED_AGENT,
+]
+
+NOOP_REPEATS = 4
+
+
+def rows() -> Iterator[Row]:
+    """Measure one row after the other, in the same copy."""
+    with checkout() as project:
+        yield peak_memory(project)
+        yield noop_repro(project)
+        yield tracking_overhead(project)
+
+
+def peak_memory(project: Checkout) -> Row:
+    """Measure a run of everything beside the article's script; the ratio is ours itself."""
+    settings = params.load()
+    brief = shortened(settings, MEMORY_SHARES)
+    updates = {
+        "evaluate": settings.evaluate.model_copy(update={"episodes": MEMORY_EPISODES}),
+        "record": settings.record.model_copy(update={"seconds": MEMORY_FILM_SECONDS}),
+    }
+    project.write_params(brief.model_copy(update=updates))
+    repro = watch(["dvc", "repro"], project.folder, project.environment)
+    script = watch([sys.executable, "-m", "benchmarks.notebook"], PROJECT_ROOT, with_tools())
+    ours = repro.peak_memory + empty_replay_memory(settings, MEMORY_SHARES["total_steps"])
+    return Row("peak_memory", ours, script.peak_memory, "GiB", ratio=ours, spread=0.0)
+
+
+def noop_repro(project: Checkout) -> Row:
+    """Compare `dvc repro` with `dvc status` where everything is up to date."""
+    return compare(
+        "noop_repro",
+        "s",
+        partial(project.seconds, "dvc", "repro"),
+        partial(project.seconds, "dvc", "status"),
+        NOOP_REPEATS,
+    )
+
+
+def tracking_overhead(project: Checkout) -> Row:
+    """Compare the `train` stage of an agent with itself, its live tracking left out."""
+    settings = params.load()
+    compute = settings.compute.model_copy(update={"workers": len(TRACKED_SEEDS)})
+    updates = {"seeds": TRACKED_SEEDS, "compute": compute}
+    project.write_params(shortened(settings, TRACKED_SHARES).model_copy(update=updates))
+    return compare(
+        "tracking_overhead",
+        "s",
+        partial(project.seconds, *TRAIN),
+        partial(project.seconds, *TRAIN_UNTRACKED),
+        TRACKED_REPEATS,
+    )
+
+
+def shortened(settings: Params, shares: Mapping[str, float]) -> Params:
+    """Return parameters with a part of the training.
+
+    Args:
+        settings: The parameters.
+        shares: What remains of a budget, by its name in an agent's block.
+    """
+    agents = {}
+    for name, agent in settings.agents.items():
+        budgets = {
+            budget: max(1, round(share * getattr(agent, budget)))
+            for budget, share in shares.items()
+            if hasattr(agent, budget)
+        }
+        agents[name] = agent.model_copy(update=budgets)
+    evaluations = max(1, round(max(shares.values()) * settings.training.evaluations))
+    training = settings.training.model_copy(update={"evaluations": evaluations})
+    return settings.model_copy(update={"agents": agents, "training": training})
+
+
+def empty_replay_memory(settings: Params, share: float) -> float:
+    """Return the replay memory that a shortened run leaves empty, of all workers together [GiB]."""
+    workers = min(settings.compute.workers or CORES, len(settings.seeds))
+    transitions = [
+        min(agent.buffer_size, agent.total_steps)
+        - min(agent.buffer_size, round(share * agent.total_steps))
+        for agent in settings.agents.values()
+        if isinstance(agent, OffPolicyParams)
+    ]
+    return workers * max(transitions, default=0) * TRANSITION_BYTES / 2**30

@@ -1,0 +1,141 @@
+"""Where the time goes, beside what no change of ours can take away.
+
+The floor is `mj_step` for as many control steps, and the matrix products of the networks.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from mujoco.batch import Batch
+from torch.profiler import ProfilerActivity, profile
+
+from benchmarks import evolution, off_policy, simulation
+from benchmarks.apart import apart
+from benchmarks.settings import article_agent, robot_xml, task
+from jumping_ant import rollout
+from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
+from jumping_ant.policies import LinearPolicy
+
+PRODUCTS = ("aten::mm", "aten::addmm", "aten::addmv")  # as PyTorch names them
+FLOOR_ENVS = 16
+EPISODES, EPISODE_STEPS = 10, 200  # evaluated
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Microseconds of a control step of one robot, on one thread.
+
+    Attributes:
+        work: What is done, with the article's settings.
+        total: All of it.
+        physics: In MuJoCo's batch.
+        mj_step: Of MuJoCo alone, with random torques.
+        learning: In gradient steps.
+        products: In PyTorch's matrix products.
+    """
+
+    work: str
+    total: float
+    physics: float
+    mj_step: float
+    learning: float
+    products: float
+
+
+def profiles() -> Iterator[Profile]:
+    """Profile every kind of work, each in a process of its own."""
+    with apart(partial(simulation.raw, robot_xml(), FLOOR_ENVS, np.arange(FLOOR_ENVS))) as turn:
+        seconds = min(turn()[0] for _ in range(3))
+    mj_step = seconds * 1e6 / simulation.ENV_STEPS
+    for contender in (dqn, sac, pgpe, evaluation):
+        with apart(partial(contender, mj_step)) as turn:
+            yield turn()[0]
+
+
+def dqn(mj_step: float) -> Callable[[], Profile]:
+    """Set DQN's training up."""
+    go_on = off_policy.project("dqn")
+    return partial(_profile, "DQN", mj_step, go_on, off_policy.STEPS["dqn"], LeanDQN)
+
+
+def sac(mj_step: float) -> Callable[[], Profile]:
+    """Set SAC's training up."""
+    go_on = off_policy.project("sac")
+    return partial(_profile, "SAC", mj_step, go_on, off_policy.STEPS["sac"], LeanSAC)
+
+
+def pgpe(mj_step: float) -> Callable[[], Profile]:
+    """Set PGPE's training up."""
+    agent = article_agent("pgpe")
+    steps = evolution.GENERATIONS * agent.population_size * agent.episode_steps
+    return partial(_profile, "PGPE", mj_step, evolution.project(1), steps)
+
+
+def evaluation(mj_step: float) -> Callable[[], Profile]:
+    """Set episodes of a linear policy up, side by side as the `evaluate` stage runs them."""
+    weight = np.random.default_rng(0).normal(0, 0.2, (8, 27)).astype(np.float32)
+    zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
+    policy = LinearPolicy(weight, zeros[:8], zeros, ones)
+    env = task().model_copy(update={"max_episode_steps": EPISODE_STEPS})
+    run = partial(rollout.run, robot_xml(), env, policy, range(EPISODES))
+    return partial(_profile, "evaluation", mj_step, run, EPISODES * EPISODE_STEPS)
+
+
+def _profile(
+    work: str,
+    mj_step: float,
+    go_on: Callable[[], Any],
+    steps: int,
+    learner: type | None = None,
+) -> Profile:
+    """Profile one call.
+
+    Args:
+        work: See `Profile`.
+        mj_step: See `Profile`.
+        go_on: What is called.
+        steps: The control steps it does.
+        learner: The class whose `train` takes the gradient steps, if any.
+    """
+    with ExitStack() as stack:
+        physics = stack.enter_context(_timed(Batch, "step"))
+        learning = stack.enter_context(_timed(learner, "train")) if learner else []
+        started = time.perf_counter()
+        go_on()
+        total = time.perf_counter() - started
+    with profile(activities=[ProfilerActivity.CPU]) as trace:
+        go_on()
+    events = [event for event in trace.key_averages() if event.key in PRODUCTS]
+    return Profile(
+        work,
+        total=total * 1e6 / steps,
+        physics=sum(physics) * 1e6 / steps,
+        mj_step=mj_step,
+        learning=sum(learning) * 1e6 / steps,
+        products=sum(event.self_cpu_time_total for event in events) / steps,
+    )
+
+
+@contextmanager
+def _timed(owner: type, name: str) -> Iterator[list[float]]:
+    """Time all calls of a method, and yield the list that their seconds come to stand in."""
+    method = getattr(owner, name)
+    seconds: list[float] = []
+
+    def timed(*args: Any, **kwargs: Any) -> Any:
+        started = time.perf_counter()
+        try:
+            return method(*args, **kwargs)
+        finally:
+            seconds.append(time.perf_counter() - started)
+
+    setattr(owner, name, timed)
+    try:
+        yield seconds
+    finally:
+        setattr(owner, name, method)

@@ -1,0 +1,56 @@
+"""Films beside Gymnasium's recording wrapper, of an episode with the same random torques."""
+
+import tempfile
+from collections.abc import Callable
+from functools import partial
+
+from gymnasium.wrappers import RecordVideo
+
+from benchmarks.apart import compare_apart
+from benchmarks.article_ant import ArticleAnt
+from benchmarks.measure import Row, rate
+from benchmarks.settings import robot_xml, task
+from jumping_ant import evaluation, gl, params, rendering, robot, rollout
+from jumping_ant.policies import UniformPolicy
+from jumping_ant.rollout import Episode
+
+SEED = 0
+SIZE = 480  # [pixels] width and height
+FILM_STEPS = 160  # [control steps] filmed by the project
+VIDEO_STEPS = 20  # [control steps] by the wrapper, which takes long over a frame
+
+
+def render_vs_record_video() -> Row:
+    """Compare frames a second, encoding included, with shadows."""
+    return compare_apart("render_vs_record_video", "frames/s", film, record_video)
+
+
+def film() -> Callable[[], float]:
+    """Set the project's film up: that of the `record` stage."""
+    record = params.load().record.model_copy(update={"width": SIZE, "height": SIZE})
+    model = robot.load(robot_xml())
+    trajectory = evaluation.replay(model, task().frame_skip, random_episode(FILM_STEPS), SEED, 0)
+    stride = rendering.frame_stride(trajectory.timestep, record.fps)
+    num_frames = len(trajectory.rows(stride, record.seconds))
+    return lambda: rate(partial(rendering.film, robot_xml(), trajectory, record), num_frames)
+
+
+def record_video() -> Callable[[], float]:
+    """Set the wrapper up, with its defaults: a frame of each control step."""
+    gl.select_backend()  # Gymnasium by itself takes one that needs a screen
+    torques = random_episode(VIDEO_STEPS).torques
+
+    def record() -> None:
+        env = ArticleAnt(render_mode="rgb_array", width=SIZE, height=SIZE)
+        with tempfile.TemporaryDirectory() as folder, RecordVideo(env, f"{folder}/video") as video:
+            video.reset(seed=SEED)
+            for row in torques:
+                video.step(row)
+
+    return lambda: rate(record, len(torques) + 1)
+
+
+def random_episode(num_steps: int) -> Episode:
+    """Return an episode of the random agent."""
+    env = task().model_copy(update={"max_episode_steps": num_steps})
+    return rollout.run(robot_xml(), env, UniformPolicy(SEED), [SEED])[0]

@@ -1,0 +1,21 @@
+"""How cost grows with the work: a flat cost of a step is what to look for."""
+
+from collections.abc import Iterator
+from functools import partial
+
+from benchmarks import cost, evolution
+from benchmarks.apart import apart
+from benchmarks.cost import Cost
+
+SIZES = {
+    cost.environments: (1, 16, 256, 4096),
+    evolution.population: (20, 200, 2000),
+}
+
+
+def costs() -> Iterator[Cost]:
+    """Measure every size, each in a process of its own."""
+    for contender, sizes in SIZES.items():
+        for size in sizes:
+            with apart(partial(contender, size)) as measure:
+                yield measure()[0]

@@ -1,0 +1,144 @@
+"""The batched environment beside raw MuJoCo and beside other ways to run many environments.
+
+Every repeat starts from the same states and plays the same random torques: what a step costs
+depends on what the robot touches.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import envpool
+import mujoco
+import numpy as np
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+from numpy.typing import NDArray
+
+from benchmarks.apart import apart, compare_apart
+from benchmarks.article_ant import ArticleAnt
+from benchmarks.measure import Row, compare, rate
+from benchmarks.settings import CORES, robot_xml, task
+from jumping_ant import robot
+from jumping_ant.vector import JumpingAntVectorEnv
+
+SEED = 0
+REPEATS = 5
+ENV_STEPS = 64 * 120  # control steps of all environments together in a repeat
+
+
+def vector_env_vs_mj_step() -> Row:
+    """Compare with `mj_step` alone, on all cores: what MuJoCo itself takes."""
+    ours = partial(batched, robot_xml(), 64, CORES, AutoresetMode.DISABLED)
+    shares = np.array_split(np.arange(64), CORES)
+    peers = [partial(raw, robot_xml(), 64, share) for share in shares]
+    with apart(ours) as own, apart(*peers) as other:
+        return compare(
+            "vector_env_vs_mj_step",
+            "env-steps/s",
+            lambda: own()[0],
+            lambda: ENV_STEPS / max(other()),
+            REPEATS,
+        )
+
+
+def vector_env_vs_async_gymnasium() -> Row:
+    """Compare with Gymnasium's environment in a process each."""
+    return compare_apart(
+        "vector_env_vs_async_gymnasium",
+        "env-steps/s",
+        partial(batched, robot_xml(), 8, CORES, AutoresetMode.SAME_STEP),
+        partial(asynchronous, 8),
+        REPEATS,
+    )
+
+
+def vector_env_vs_envpool() -> Row:
+    """Compare with EnvPool's Ant, the stock one, on two threads."""
+    stock = robot.SOURCE_PATH.read_text()
+    return compare_apart(
+        "vector_env_vs_envpool",
+        "env-steps/s",
+        partial(batched, stock, 64, 2, AutoresetMode.DISABLED),
+        partial(pooled, 64, 2),
+        REPEATS,
+    )
+
+
+def batched(
+    xml: str, num_envs: int, num_threads: int, autoreset: AutoresetMode
+) -> Callable[[], float]:
+    """Set the project's batched environment up."""
+    envs = JumpingAntVectorEnv(xml, task(), num_envs, num_threads, autoreset)
+    return partial(steps_per_second, partial(envs.reset, seed=SEED), envs.step, num_envs)
+
+
+def asynchronous(num_envs: int) -> Callable[[], float]:
+    """Set Gymnasium's environments up, each in a process, to restart as the batched ones do."""
+    envs = AsyncVectorEnv([ArticleAnt] * num_envs, autoreset_mode=AutoresetMode.SAME_STEP)
+    return partial(steps_per_second, partial(envs.reset, seed=SEED), envs.step, num_envs)
+
+
+def pooled(num_envs: int, num_threads: int) -> Callable[[], float]:
+    """Set EnvPool up, as fast as it goes: nothing computed beyond the 27 observations."""
+    envs = envpool.make(
+        "Ant-v5",
+        env_type="gymnasium",
+        num_envs=num_envs,
+        batch_size=num_envs,
+        num_threads=num_threads,
+        seed=SEED,
+        use_contact_force=False,
+        post_constraint=False,
+        terminate_when_unhealthy=False,
+    )
+    return partial(steps_per_second, envs.reset, envs.step, num_envs)
+
+
+def raw(xml: str, num_envs: int, share: NDArray[np.int64]) -> Callable[[], float]:
+    """Set up what one process does of the same simulations without any environment.
+
+    Args:
+        xml: The robot.
+        num_envs: Number of simulations of all processes.
+        share: Which of them are this process's.
+
+    Returns:
+        What runs them, one after the other, and returns the seconds it took.
+    """
+    model = robot.load(xml)
+    data = mujoco.MjData(model)
+    envs = JumpingAntVectorEnv(xml, task(), num_envs)
+    envs.reset(seed=SEED)
+    starts = [(envs.qpos[index].copy(), envs.qvel[index].copy()) for index in share]
+    controls = random_torques(num_envs).swapaxes(0, 1)[share]
+    nstep = task().frame_skip
+
+    def simulate() -> None:
+        for (qpos, qvel), torques in zip(starts, controls, strict=True):
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:] = qpos, qvel
+            mujoco.mj_forward(model, data)
+            for ctrl in torques:
+                data.ctrl[:] = ctrl
+                mujoco.mj_step(model, data, nstep=nstep)
+
+    return lambda: 1 / rate(simulate, 1)
+
+
+def steps_per_second(
+    reset: Callable[[], object], step: Callable[[NDArray[np.float64]], object], num_envs: int
+) -> float:
+    """Return the rate of the control steps of all environments, the reset not counted."""
+    reset()
+    torques = random_torques(num_envs)
+
+    def play() -> None:
+        for row in torques:
+            step(row)
+
+    return rate(play, ENV_STEPS)
+
+
+def random_torques(num_envs: int) -> NDArray[np.float64]:
+    """Return torques over peak torques, shape (ENV_STEPS / num_envs, num_envs, 8)."""
+    shape = (ENV_STEPS // num_envs, num_envs, 8)
+    return np.random.default_rng(SEED).uniform(-1.0, 1.0, shape)
