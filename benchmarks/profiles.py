@@ -21,7 +21,7 @@ from jumping_ant import rollout
 from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
 from jumping_ant.policies import LinearPolicy
 
-PRODUCTS = ("aten::mm", "aten::addmm", "aten::addmv")  # as PyTorch names them
+PRODUCTS = ("aten::mm", "aten::addmm")  # as PyTorch names them
 FLOOR_ENVS = 16
 EPISODES, EPISODE_STEPS = 10, 200  # evaluated
 
@@ -36,7 +36,7 @@ class Profile:
         physics: In MuJoCo's batch.
         mj_step: Of MuJoCo alone, with random torques.
         learning: In gradient steps.
-        products: In PyTorch's matrix products.
+        products: In the matrix products of the gradient steps.
     """
 
     work: str
