@@ -42,7 +42,7 @@ test: install ## check style, types and behaviour
 	mypy
 	CI=1 pytest -q
 
-bench: install .venv/.peers ## measure the project beside its peers, into benchmarks/ (ten minutes)
+bench: install .venv/.peers ## measure the project beside its peers, into benchmarks/ (eleven minutes)
 	python -m benchmarks
 
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
