@@ -21,9 +21,9 @@ MEMORY_FILM_SECONDS = 2.0
 TRANSITION_BYTES = 500
 
 TRACKED_AGENT = "sac"
-TRACKED_SHARES = {"total_steps": 0.25}
+TRACKED_SHARES = {"total_steps": 0.5}
 TRACKED_SEEDS = [0, 1]
-TRACKED_REPEATS = 2
+TRACKED_REPEATS = 3
 TRAIN = [sys.executable, "-m", "stages.train", TRACKED_AGENT]
 TRAIN_UNTRACKED = [
     sys.executable,

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from jumping_ant.errors import InputError
@@ -140,6 +139,8 @@ class _Network:
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> Self:
         """Build the policy from a policy file's entries; tensors are all that is read."""
+        import torch  # takes seconds, which whoever reads no network need not wait for
+
         state = torch.load(io.BytesIO(entries["policy.pth"]), map_location="cpu", weights_only=True)
         names = [
             name.removesuffix(".weight")

@@ -25,6 +25,9 @@ CAMERA_SMOOTHING = 0.25
 CAMERA_HEIGHT = 0.22
 CAMERA_SLACK = 0.2
 
+# Corners of round parts: around, and from pole to pole. Of MuJoCo's 28 and 16 the eye misses none
+# at the sizes that films have, and every corner is computed three times a frame.
+SLICES, STACKS = 16, 10
 LIGHT_HEIGHT = 8.0  # [m] of the lamp above the torso
 SHADOW_REACH = 2.0  # [m] from below the torso, as far as a shadow may lie
 TILE = 2.0  # [m] side of the floor's squares
@@ -137,6 +140,7 @@ def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
     spec.visual.map.zfar = 20.0
     spec.visual.map.shadowclip = SHADOW_REACH / spec.stat.extent
     spec.visual.quality.shadowsize = shadow_size
+    spec.visual.quality.numslices, spec.visual.quality.numstacks = SLICES, STACKS
     spec.visual.quality.offsamples = 0  # smoother edges would double the time of a frame
     return spec.compile()
 
@@ -151,7 +155,7 @@ def encode(pictures: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
         fps: Frame rate [1/s].
     """
     options = (
-        "-crf 20 -preset fast -threads 1 "
+        "-crf 19 -preset veryfast -threads 1 "
         "-vf scale=out_color_matrix=bt709:out_range=tv,"
         "setparams=range=tv:colorspace=bt709:color_primaries=bt709:color_trc=bt709 "
         "-fflags +bitexact -flags:v +bitexact -map_metadata -1 -movflags +faststart"

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from jumping_ant import training
 from jumping_ant.files import PROJECT_ROOT
 from stages import parse_agent, run
 
@@ -42,6 +41,8 @@ def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
     with live_tracking(agent):
+        from jumping_ant import training  # takes seconds, in which the follower starts as well
+
         training.train(PROJECT_ROOT, settings, agent)
 
 

@@ -13,7 +13,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from jumping_ant import params
 from jumping_ant.agents.off_policy import trainer
-from jumping_ant.agents.off_policy.adam import FlatAdam
+from jumping_ant.agents.off_policy.adam import FlatAdam, denormals_flushed
 from jumping_ant.agents.off_policy.mlp import MLP
 from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer
 
@@ -132,3 +132,19 @@ def test_gradients_are_those_of_autograd() -> None:
     assert torch.allclose(by_inputs, inputs.grad, atol=1e-6)
     for mine, theirs in zip(network.parameters(), reference.parameters(), strict=True):
         assert torch.allclose(mine.grad, theirs.grad, atol=1e-6)
+
+
+def test_means_of_silent_neurons_vanish() -> None:
+    """Left alone they stay denormal, the smallest numbers there are, and cost a hundredfold."""
+    tiny = torch.finfo(torch.float32).tiny
+    network = torch.nn.Linear(8, 8)
+    optimizer = torch.optim.Adam(network.parameters())
+    adam = FlatAdam(optimizer)
+    adam.gradient.fill_(1.0)
+    with torch.no_grad(), denormals_flushed():
+        adam.step()
+        adam.gradient.zero_()
+        for _ in range(1200):
+            adam.step()
+    assert optimizer.state[network.weight]["exp_avg"].abs().max() == 0
+    assert torch.tensor(tiny) / 2 > 0, "denormals are back afterwards"

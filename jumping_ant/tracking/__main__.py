@@ -17,11 +17,9 @@ from pathlib import Path
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
 
-# A quarter of the time of MLflow's import goes into a search for garbage that it does not make.
-gc.set_threshold(100_000)
-from jumping_ant.tracking import live  # noqa: E402
-
 NICENESS = 10  # training comes first where both share a core
+# A quarter of the time of MLflow's import goes into a search for garbage that it does not make.
+GARBAGE_THRESHOLD = 100_000
 
 
 def main() -> None:
@@ -32,6 +30,7 @@ def main() -> None:
     parser.add_argument("--root", type=Path, default=PROJECT_ROOT, help="the project folder")
     arguments = parser.parse_args()
     os.nice(NICENESS)
+    gc.set_threshold(GARBAGE_THRESHOLD)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the training; the pipe tells
     is_terminated: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: is_terminated.append(number))
@@ -39,6 +38,8 @@ def main() -> None:
     def has_ended(seconds: float) -> bool:
         readable, _, _ = select.select([sys.stdin], [], [], seconds)
         return bool(is_terminated or (readable and not os.read(sys.stdin.fileno(), 4096)))
+
+    from jumping_ant.tracking import live  # imports MLflow, by the rules above
 
     try:
         live.follow(arguments.agent, arguments.root, has_ended)

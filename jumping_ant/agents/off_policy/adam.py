@@ -1,6 +1,7 @@
 """Adam on all parameters of an optimiser at once."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import torch
 from torch import Tensor, nn
@@ -66,6 +67,22 @@ class FlatAdam:
             eps=self._group["eps"],
             maximize=False,
         )
+
+
+@contextmanager
+def denormals_flushed() -> Iterator[None]:
+    """Round numbers too small for a float's normal form to zero, on this thread.
+
+    The gradients of a ReLU that has fallen silent are zero, so Adam's means of them shrink until
+    they are such numbers, and stay it: the smallest one times 0.9 is rounded to itself. Processors
+    take up to a hundred times as long over them, and Adam then takes longer than a network's pass.
+    Where a processor cannot flush them, nothing changes.
+    """
+    torch.set_flush_denormal(True)
+    try:
+        yield
+    finally:
+        torch.set_flush_denormal(False)
 
 
 def flatten(parameters: Sequence[nn.Parameter]) -> Tensor:

@@ -24,7 +24,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torch.optim import Adam
 
-from jumping_ant.agents.off_policy.adam import FlatAdam, flatten
+from jumping_ant.agents.off_policy.adam import FlatAdam, denormals_flushed, flatten
 from jumping_ant.agents.off_policy.mlp import MLP
 from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer, Batches
 
@@ -47,6 +47,7 @@ class LeanDQN(DQN):
     def _excluded_save_params(self) -> list[str]:
         return [*super()._excluded_save_params(), "_online", "_target", "_adam"]
 
+    @denormals_flushed()
     @torch.no_grad()
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
         """Take gradient steps on the Huber loss of the temporal differences.
@@ -95,6 +96,7 @@ class LeanSAC(SAC):
         own = ["_gaussian", "_critics", "_targets", "_target_values"]
         return [*super()._excluded_save_params(), *own, "_actor_adam", "_critic_adam"]
 
+    @denormals_flushed()
     @torch.no_grad()
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:
         """Take gradient steps: entropy coefficient, critics, actor, target critics.
