@@ -21,7 +21,7 @@ MEMORY_FILM_SECONDS = 2.0
 TRANSITION_BYTES = 500
 
 TRACKED_AGENT = "sac"
-TRACKED_SHARES = {"total_steps": 0.5}
+TRACKED_SHARES = {"total_steps": 0.4}
 TRACKED_SEEDS = [0, 1]
 TRACKED_REPEATS = 3
 TRAIN = [sys.executable, "-m", "stages.train", TRACKED_AGENT]

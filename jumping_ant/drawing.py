@@ -7,6 +7,7 @@ and it waits while its pictures are not read, so that few of them are in memory.
 """
 
 import contextlib
+import fcntl
 import os
 import pickle
 import subprocess
@@ -25,6 +26,7 @@ from jumping_ant.errors import InputError
 Process = subprocess.Popen[bytes]
 
 PICTURES_PER_PROCESS = 100  # fewer are drawn before another process has started
+PIPE_BYTES = 2**20  # what Linux lets everybody have; a picture of 480 x 480 takes two thirds
 MAX_PROCESSES = 4  # an encoder, which takes the pictures one by one, keeps up with no more
 
 _PROGRAM = "from jumping_ant import drawing; drawing.serve()"
@@ -96,8 +98,7 @@ def serve() -> None:
 
 
 def _num_worthwhile(num_pictures: int) -> int:
-    # One more than cores: it draws while another hands its picture over.
-    useful = min((os.cpu_count() or 1) + 1, MAX_PROCESSES)
+    useful = min(os.cpu_count() or 1, MAX_PROCESSES)
     return max(1, min(useful, num_pictures // PICTURES_PER_PROCESS))
 
 
@@ -155,6 +156,10 @@ def _start() -> Iterator[Process]:
     environment = os.environ | _ENVIRONMENT
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment) as process:
+        # With room for a picture in the pipe, the next is drawn before the last is fetched. Systems
+        # without this call, or with a lower limit, only wait longer.
+        with contextlib.suppress(AttributeError, OSError):
+            fcntl.fcntl(cast(IO[bytes], process.stdout), fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         try:
             yield process
         except BaseException:
