@@ -4,6 +4,7 @@
 PYTHON ?=
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PORT ?= 5000
+MINUTES ?= 30
 AGENT ?= *
 MLFLOW_TRACKING_URI ?= sqlite:///$(CURDIR)/mlflow.db
 
@@ -17,7 +18,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro test bench ui view lock clean
+.PHONY: help install repro test bench soak ui view lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -42,8 +43,11 @@ test: install ## check style, types and behaviour
 	mypy
 	CI=1 pytest -q
 
-bench: install .venv/.peers ## measure the project beside its peers, into benchmarks/ (eleven minutes)
+bench: install .venv/.peers ## measure the project beside its peers, into benchmarks/ (ten minutes)
 	python -m benchmarks
+
+soak: install ## kill, starve and mislead the pipeline for a while, into results/soak.json (MINUTES=30)
+	python -m soak --minutes $(MINUTES)
 
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
 	python -m stages.track

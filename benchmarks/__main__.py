@@ -1,4 +1,4 @@
-"""Measure the rows, or those named, and write them to results.json and README.md.
+"""Measure the rows, or the rows and tables named, for results.json and README.md.
 
 Usage: python -m benchmarks [NAME...]
 """
@@ -23,6 +23,7 @@ ROWS = {
     "sac_vs_sb3": "off_policy",
     "article_four_seeds_vs_script": "four_seeds",
     "render_vs_record_video": "rendering",
+    "checkpoint_overhead": "checkpoint",
 }
 PIPELINE_ROWS = ("tracking_overhead", "peak_memory", "noop_repro")  # from the same runs of it
 ROW_NAMES = (*ROWS, *PIPELINE_ROWS)
@@ -35,7 +36,7 @@ def main() -> None:
     """Measure, and write after every row."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
-    names = parser.parse_args().names or NAMES
+    names = parser.parse_args().names or ROW_NAMES
     unknown = set(names) - set(NAMES)
     if unknown:
         parser.error(f"given {sorted(unknown)}, allowed: {', '.join(NAMES)}")

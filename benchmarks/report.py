@@ -2,9 +2,7 @@
 
 import importlib.metadata
 import json
-import platform
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 from benchmarks.measure import Row
 from benchmarks.settings import CORES
 from jumping_ant.files import write_json, write_text
+from jumping_ant.machine import processor
 
 RESULTS_PATH = Path(__file__).with_name("results.json")
 README_PATH = Path(__file__).with_name("README.md")
@@ -51,7 +50,7 @@ def machine() -> dict[str, Any]:
     """Return what figures depend on: the processor, its cores and the versions of packages."""
     return {
         "cores": CORES,
-        "cpu": _processor(),
+        "cpu": processor(),
         "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
     }
 
@@ -87,16 +86,6 @@ def fill(text: str, results: Results) -> str:
         _, end, after = rest.partition(f"<!-- end of {name} -->\n")
         text = before + start + make(results) + end + after
     return text
-
-
-def _processor() -> str:
-    """Return the processor's name, which Python knows on some systems and Linux tells in a file."""
-    with suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        names = [line.partition(": ")[2] for line in lines if line.startswith("model name")]
-        if names:
-            return names[0]
-    return platform.processor() or platform.machine()
 
 
 def _rows(results: Results) -> str:

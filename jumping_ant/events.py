@@ -55,4 +55,17 @@ class Finished:
     policy: bytes
 
 
-Event = Progress | Snapshot | Finished
+@dataclass(frozen=True)
+class Checkpoint:
+    """All that training goes on from, as if it had never stopped.
+
+    Attributes:
+        env_steps: Control steps simulated so far.
+        content: What the trainer of this agent takes to go on.
+    """
+
+    env_steps: int
+    content: bytes
+
+
+Event = Progress | Snapshot | Checkpoint | Finished

@@ -12,7 +12,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
@@ -27,6 +35,17 @@ Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
 RESERVED_NAMES = {"figures", "plots", "seeds", "timing"}  # folders of results/
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
+
+
+RATE = 100  # [1/s] of the simulation's steps
+
+
+def _divides_the_rate(fps: int) -> int:
+    """Refuse a frame rate that would need a frame between two steps."""
+    if RATE % fps:
+        divisors = ", ".join(str(number) for number in range(1, RATE + 1) if RATE % number == 0)
+        raise ValueError(f"given {fps}, allowed: {divisors}")
+    return fps
 
 
 class Block(BaseModel):
@@ -187,6 +206,7 @@ class ComputeParams(Block):
     """How the work is spread; no result depends on it."""
 
     workers: Annotated[int, Field(ge=0)]
+    checkpoint_seconds: Positive
 
 
 class EvaluateParams(Block):
@@ -202,7 +222,7 @@ class RecordParams(Block):
 
     width: Annotated[int, Field(ge=64, le=3840, multiple_of=2)]
     height: Annotated[int, Field(ge=64, le=2160, multiple_of=2)]
-    fps: Literal[1, 2, 4, 5, 10, 20, 25, 50, 100]  # divisors of the simulation's 100 a second
+    fps: Annotated[int, Field(ge=1, le=RATE), AfterValidator(_divides_the_rate)]
     seconds: Positive
     shadow_size: Annotated[int, Field(ge=0, le=8192)]
     camera_distance: Positive

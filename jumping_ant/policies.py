@@ -8,7 +8,6 @@ are read from it: the structure comes from the classes here. Equal policies are 
 
 import io
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,13 +16,13 @@ from typing import Any, ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.archive import from_array, pack, to_array, unpack
 from jumping_ant.errors import InputError
 from jumping_ant.task import COMMANDS
 
 HEADER = "policy.json"
 NUM_OBSERVATIONS, NUM_ACTIONS = 27, 8
 FIRST_VELOCITY = 13  # observations before it are positions, from it on velocities
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip entry can carry
 
 Array = NDArray[np.float64]
 Header = Mapping[str, Any]
@@ -95,16 +94,13 @@ class LinearPolicy:
 
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
-        arrays = {f"{name}.npy": _npy(getattr(self, name)) for name in self.__annotations__}
+        arrays = {f"{name}.npy": from_array(getattr(self, name)) for name in self.__annotations__}
         return pack({HEADER: _header("linear"), **arrays})
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> "LinearPolicy":
         """Build the policy from a policy file's entries."""
-        arrays = {
-            name: np.load(io.BytesIO(entries[f"{name}.npy"]), allow_pickle=False)
-            for name in cls.__annotations__
-        }
+        arrays = {name: to_array(entries[f"{name}.npy"]) for name in cls.__annotations__}
         return cls(**arrays)
 
 
@@ -233,26 +229,5 @@ def network_header(algorithm: str, velocity_scale: float) -> bytes:
     return _header(algorithm, velocity_scale=velocity_scale)
 
 
-def pack(entries: Mapping[str, bytes]) -> bytes:
-    """Return a zip archive that is the same bytes for the same entries."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        for name, content in entries.items():
-            archive.writestr(zipfile.ZipInfo(name, _EPOCH), content)
-    return buffer.getvalue()
-
-
-def unpack(content: bytes) -> dict[str, bytes]:
-    """Return the entries of a zip archive."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
-
-
 def _header(kind: str, **fields: float) -> bytes:
     return json.dumps({"format": 1, "kind": kind, **fields}).encode()
-
-
-def _npy(array: NDArray[Any]) -> bytes:
-    buffer = io.BytesIO()
-    np.save(buffer, array, allow_pickle=False)
-    return buffer.getvalue()

@@ -20,12 +20,13 @@ class TrainingProgress:
         agent: The agent's name.
         seeds: Its seeds.
         total: Control steps of one seed's budget.
-        stream: Where the lines go.
+        stream: Where the lines go; by default standard error.
     """
 
     def __init__(
-        self, agent: str, seeds: list[int], total: int, stream: TextIO = sys.stderr
+        self, agent: str, seeds: list[int], total: int, stream: TextIO | None = None
     ) -> None:
+        stream = stream or sys.stderr
         self._agent = agent
         self._is_terminal = stream.isatty()
         self._stream = stream
@@ -82,6 +83,11 @@ class TrainingProgress:
         elif time.monotonic() - self._printed[seed] >= SECONDS_BETWEEN_LINES:
             self._printed[seed] = time.monotonic()
             self._print(self._line(seed, env_steps, seconds))
+
+    def say(self, line: str) -> None:
+        """Show a line that stays."""
+        tqdm.write(f"{self._agent}: {line}", file=self._stream)
+        self._stream.flush()
 
     def finish(self, seed: int, env_steps: int, seconds: float) -> None:
         """Say that a seed is done.

@@ -63,11 +63,17 @@ def frames(
 
     Raises:
         InputError: The frame rate does not divide the simulation's, the XML is not a robot with
-            a torso and a floor, or nothing draws on this machine.
+            a torso and a floor, or another than the trajectory's, or nothing draws on this machine.
     """
     rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
+    model = scene(xml, params.shadow_size)
+    if trajectory.qpos.shape[1] != model.nq:
+        raise InputError(
+            f"trajectory: given states of {trajectory.qpos.shape[1]} positions, allowed: the "
+            f"robot's {model.nq}; it shows another robot, and `dvc repro` evaluates this one"
+        )
     shots = Shots(
-        model=scene(xml, params.shadow_size),
+        model=model,
         qpos=trajectory.qpos[rows],
         lookat=camera_path(trajectory.qpos[rows, :3], params),
         width=params.width,

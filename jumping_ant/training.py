@@ -1,26 +1,31 @@
 """From trainers' events to files: the driver of the `train` stage.
 
 It alone touches files while training runs. For each seed, `curve.csv` grows row by row, and
-`policy.zip` appears whole when training ends. Wall-clock figures, which no two runs share, stand
-apart in `results/timing/`.
+`policy.zip` appears whole when training ends, with the machine it comes from in `machine.json`.
+Wall-clock figures, which no two runs share, stand apart in `results/timing/`. Checkpoints let a run
+that was killed go on where it was (see `jumping_ant.checkpoints`); the files come out the same.
 """
 
-import csv
+import hashlib
 import importlib
+import json
 import math
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
-from jumping_ant import compute, policies, robot, rollout
-from jumping_ant.events import Event, Finished, Progress, Snapshot
-from jumping_ant.files import write_bytes, write_text
+from jumping_ant import compute, imports, machine, policies, robot, rollout
+from jumping_ant.checkpoints import Checkpoints, Saved
+from jumping_ant.errors import StoppedError
+from jumping_ant.events import Checkpoint, Event, Finished, Progress, Snapshot
+from jumping_ant.files import write_bytes, write_json, write_text
 from jumping_ant.params import AgentParams, EnvParams, Params, TrainingParams
 from jumping_ant.progress import TrainingProgress
 
@@ -43,15 +48,17 @@ class Report:
         event: What the trainer said.
         seconds: Training seconds of this seed so far, evaluations not counted.
         returns: Returns of the evaluation of a snapshot, shape (episodes,).
+        machine: With the last event, where it comes from.
     """
 
     event: Event
     seconds: float
     returns: tuple[float, ...] = ()
+    machine: dict[str, Any] | None = None
 
 
 def train(root: Path, params: Params, agent_name: str) -> None:
-    """Train every seed of an agent.
+    """Train every seed of an agent, each from where it stands.
 
     Args:
         root: The project's folder; `assets/jumping_ant.xml` is read, and `models/<agent>/` and
@@ -60,28 +67,48 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         agent_name: Which agent.
 
     Raises:
-        InputError: There is no such agent, or no robot yet.
+        InputError: There is no such agent, or no robot yet, or another process trains the agent.
+        StoppedError: A signal asked for an end; another call goes on from there.
+        OSError: A file cannot be written, as on a full disk; what was there before is as it was.
     """
     agent = params.agent(agent_name)
     xml = robot.read(root)
-    threads = compute.num_threads(params.compute.workers, len(params.seeds))
-    jobs = {
-        seed: partial(train_seed, xml, params.env, agent, params.training, seed, num_threads)
-        for seed, num_threads in zip(params.seeds, threads, strict=True)
-    }
-    is_trivial = agent.max_env_steps == 0  # not worth starting processes
-    workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(jobs))
     with ExitStack() as stack:
         display = TrainingProgress(agent_name, params.seeds, agent.max_env_steps)
         stack.enter_context(display)
+        key = dependencies(xml, params, agent)
+        checkpoints = Checkpoints(root, agent_name, key, display.say)
+        stack.enter_context(checkpoints.opened(params.seeds))
+        folder = root / "models" / agent_name
         seeds = {
-            seed: stack.enter_context(_SeedFiles(root / "models" / agent_name / f"seed-{seed}"))
+            seed: stack.enter_context(_Seed(seed, folder / f"seed-{seed}", checkpoints, display))
             for seed in params.seeds
         }
-        for seed, report in compute.stream(jobs, workers):
-            seeds[seed].write(report)
-            _show(display, seed, report)
-    _write_timing(root / "results" / "timing" / f"{agent_name}.csv", seeds)
+        untrained = [number for number, seed in seeds.items() if not seed.is_finished]
+        threads = compute.num_threads(params.compute.workers, len(untrained))
+        num_threads = dict(zip(untrained, threads, strict=True))
+
+        def start(number: int) -> compute.Job:
+            return partial(
+                train_seed,
+                xml,
+                params.env,
+                agent,
+                params.training,
+                number,
+                num_threads=num_threads[number],
+                saved=seeds[number].start(),
+                checkpoint_seconds=params.compute.checkpoint_seconds,
+            )
+
+        is_trivial = agent.max_env_steps == 0  # not worth starting processes
+        workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(untrained))
+        for number, report in compute.stream(start, untrained, workers, display.say):
+            seeds[number].write(report)
+        if unfinished := [seed for seed in seeds.values() if not seed.is_finished]:
+            places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
+            raise StoppedError(f"{agent_name} is not trained yet; the next run goes on: {places}")
+        _write_timing(root / "results" / "timing" / f"{agent_name}.csv", seeds)
 
 
 def train_seed(
@@ -90,7 +117,10 @@ def train_seed(
     agent: AgentParams,
     training: TrainingParams,
     seed: int,
+    stop: threading.Event,
     num_threads: int = 1,
+    saved: Saved | None = None,
+    checkpoint_seconds: float = math.inf,
 ) -> Iterator[Report]:
     """Train one seed, evaluating its snapshots on the way.
 
@@ -100,54 +130,155 @@ def train_seed(
         agent: The agent's block.
         training: How often and on which episodes snapshots are evaluated.
         seed: Determines the run.
+        stop: Once it is set, a last checkpoint follows and training ends.
         num_threads: Threads that step the simulations; results do not depend on it.
+        saved: Where to go on from.
+        checkpoint_seconds: Time from one checkpoint to the next [s].
     """
     trainer = importlib.import_module(f"jumping_ant.agents.{agent.trainer}.trainer")
     episode_seeds = [training.evaluation_seed + i for i in range(training.evaluation_episodes)]
-    started, paused = time.perf_counter(), 0.0
-    for event in trainer.train(xml, env, agent, seed, training.evaluations, num_threads):
+    started = last = time.perf_counter()
+    paused = -saved.seconds if saved else 0.0
+
+    def is_checkpoint_due() -> bool:
+        return stop.is_set() or time.perf_counter() - last >= checkpoint_seconds
+
+    for event in trainer.train(
+        xml,
+        env,
+        agent,
+        seed,
+        training.evaluations,
+        num_threads,
+        saved.content if saved else None,
+        is_checkpoint_due,
+    ):
         now = time.perf_counter()
-        returns: tuple[float, ...] = ()
+        report = Report(event, now - started - paused)
         if isinstance(event, Snapshot):
-            episodes = rollout.run(
-                xml, env, policies.load(event.policy), episode_seeds, num_threads
-            )
+            policy = policies.load(event.policy)
+            episodes = rollout.run(xml, env, policy, episode_seeds, num_threads)
             returns = tuple(float(episode.rewards.sum()) for episode in episodes)
-        yield Report(event, now - started - paused, returns)
+            report = replace(report, returns=returns)
+        elif isinstance(event, Finished):
+            report = replace(report, machine=machine.describe())
+        yield report
+        if isinstance(event, Checkpoint):
+            if stop.is_set():
+                return
+            last = time.perf_counter()
         paused += time.perf_counter() - now
 
 
-class _SeedFiles:
-    """The files of one seed, written while it trains."""
+def dependencies(xml: str, params: Params, agent: AgentParams) -> str:
+    """Return the digest of all that the bytes of an agent's seeds depend on.
 
-    def __init__(self, folder: Path) -> None:
+    These are the robot, the parameters, the code of training and of the agent's trainer, and the
+    machine with its versions.
+
+    Args:
+        xml: The robot as MJCF text.
+        params: All parameters; of them the task and how snapshots are evaluated count.
+        agent: The agent's block.
+    """
+    trainer = Path(__file__).parent / "agents" / agent.trainer / "trainer.py"
+    code = sorted(imports.closure(Path(__file__), trainer))
+    content = {
+        "robot": xml,
+        "params": [block.model_dump() for block in (params.env, params.training, agent)],
+        "code": [path.read_text() for path in code],
+        "machine": machine.describe(),
+    }
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+class _Seed:
+    """The files of one seed, and how far it has come."""
+
+    def __init__(
+        self, number: int, folder: Path, checkpoints: Checkpoints, display: TrainingProgress
+    ) -> None:
+        self.number = number
         self.timing: list[tuple[int, float]] = []
+        self.is_finished = False
+        self.saved_steps = 0
         self._folder = folder
-        self._columns: list[str] = []
+        self._checkpoints = checkpoints
+        self._display = display
+        self._curve = ""
         self._file: TextIO
 
-    def __enter__(self) -> "_SeedFiles":
+    def __enter__(self) -> "_Seed":
         self._folder.mkdir(parents=True, exist_ok=True)
         self._file = (self._folder / "curve.csv").open("w", newline="")
+        if saved := self._checkpoints.finished(self.number):
+            self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")
+            self._go_on_from(saved)
+            self._finish(saved)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def write(self, report: Report) -> None:
-        event = report.event
-        if isinstance(event, Finished):
-            write_bytes(self._folder / "policy.zip", event.policy)
-            return
-        row = _row(event, report.returns)
-        if not self._columns:
-            self._columns = [*COLUMNS, *(key for key in row if key not in COLUMNS)]
-            self._write_row(self._columns)
-        self._write_row([_cell(row.get(column)) for column in self._columns])
-        self.timing.append((event.env_steps, report.seconds))
+    def start(self) -> Saved | None:
+        """Return where training begins, None for the start, and bring the files there."""
+        saved = self._checkpoints.load(self.number)
+        if saved:
+            self._display.say(f"seed {self.number}: goes on from {saved.env_steps:,} steps")
+        self._go_on_from(saved)
+        return saved
 
-    def _write_row(self, cells: list[str]) -> None:
-        csv.writer(self._file, lineterminator="\n").writerow(cells)
+    def write(self, report: Report) -> None:
+        """Take note of an event."""
+        event = report.event
+        if isinstance(event, Checkpoint):
+            self._checkpoints.save(self.number, self._saved(report, event.content))
+            self.saved_steps = event.env_steps
+        elif isinstance(event, Finished):
+            saved = self._saved(report, event.policy)
+            self._checkpoints.finish(self.number, saved)
+            self._finish(saved)
+            self._display.finish(self.number, event.env_steps, report.seconds)
+        else:
+            self._write_row(_row(event, report.returns))
+            self.timing.append((event.env_steps, report.seconds))
+            if isinstance(event, Progress):
+                latest = None if math.isnan(event.return_mean) else event.return_mean
+                self._display.update(self.number, event.env_steps, report.seconds, latest)
+
+    def _saved(self, report: Report, content: bytes) -> Saved:
+        return Saved(
+            env_steps=report.event.env_steps,
+            seconds=report.seconds,
+            timing=self.timing,
+            machine=report.machine,
+            curve=self._curve,
+            content=content,
+        )
+
+    def _go_on_from(self, saved: Saved | None) -> None:
+        self.timing = list(saved.timing) if saved else []
+        self.saved_steps = saved.env_steps if saved else 0
+        self._curve = ""
+        self._file.seek(0)
+        self._file.truncate()
+        self._write(saved.curve if saved else "")
+
+    def _finish(self, saved: Saved) -> None:
+        write_json(self._folder / "machine.json", saved.machine)
+        write_bytes(self._folder / "policy.zip", saved.content)
+        self.is_finished = True
+
+    def _write_row(self, row: dict[str, float]) -> None:
+        if not self._curve:
+            columns = [*COLUMNS, *(key for key in row if key not in COLUMNS)]
+            self._write(",".join(columns) + "\n")
+        columns = self._curve.partition("\n")[0].split(",")
+        self._write(",".join(_cell(row.get(column)) for column in columns) + "\n")
+
+    def _write(self, text: str) -> None:
+        self._curve += text
+        self._file.write(text)
         self._file.flush()  # live tracking reads along
 
 
@@ -167,17 +298,8 @@ def _cell(value: Any) -> str:
     return "" if value is None or math.isnan(value) else repr(value)
 
 
-def _show(display: TrainingProgress, seed: int, report: Report) -> None:
-    event = report.event
-    if isinstance(event, Finished):
-        display.finish(seed, event.env_steps, report.seconds)
-    elif isinstance(event, Progress):
-        latest = None if math.isnan(event.return_mean) else event.return_mean
-        display.update(seed, event.env_steps, report.seconds, latest)
-
-
-def _write_timing(path: Path, seeds: dict[int, _SeedFiles]) -> None:
+def _write_timing(path: Path, seeds: dict[int, _Seed]) -> None:
     lines = ["seed,env_steps,seconds"]
-    for seed, files in seeds.items():
-        lines += [f"{seed},{env_steps},{seconds:.3f}" for env_steps, seconds in files.timing]
+    for number, seed in seeds.items():
+        lines += [f"{number},{env_steps},{seconds:.3f}" for env_steps, seconds in seed.timing]
     write_text(path, "\n".join(lines) + "\n")

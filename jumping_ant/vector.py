@@ -37,6 +37,9 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         num_threads: Threads that step them; results do not depend on it.
         autoreset_mode: SAME_STEP or DISABLED.
 
+    Attributes:
+        generators: Where each environment's noise comes from.
+
     Raises:
         InputError: The XML is not a robot with the Ant's joints.
         ValueError: The autoreset mode is not one of the two.
@@ -68,7 +71,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         self.qvel = self._batch.bind("qvel")
         self._ctrl = self._batch.bind("ctrl")
         self._contacts = self._batch.bind("ncon")
-        self._generators = [np.random.default_rng() for _ in range(num_envs)]
+        self.generators = [np.random.default_rng() for _ in range(num_envs)]
         self._num_steps = np.zeros(num_envs, dtype=np.int64)
 
     @property
@@ -107,7 +110,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
                 raise ValueError(f"seed: given {len(seeds)} seeds, allowed: {self.num_envs}")
             for index, own_seed in enumerate(seeds):
                 if mask[index] and own_seed is not None:
-                    self._generators[index], _ = gym.utils.seeding.np_random(own_seed)
+                    self.generators[index], _ = gym.utils.seeding.np_random(own_seed)
         self._start_episodes(np.flatnonzero(mask))
         return observe(self.qpos, self.qvel), {"torso_height": self.qpos[:, 2].copy()}
 
@@ -155,13 +158,31 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
             observations[done] = observe(self.qpos[done], self.qvel[done])
         return observations, rewards, terminations, truncations, infos
 
+    def save_state(self) -> dict[str, Any]:
+        """Return all that later steps depend on: arrays, and what JSON can express."""
+        return {
+            "physics": self._batch.state.copy(),
+            "num_steps": self._num_steps.copy(),
+            "generators": [generator.bit_generator.state for generator in self.generators],
+        }
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        """Go on from a state of as many environments.
+
+        `airborne` tells of the contacts of the last step, and so nothing until the next.
+        """
+        self._batch.state[:] = state["physics"]
+        self._num_steps[:] = state["num_steps"]
+        for generator, own in zip(self.generators, state["generators"], strict=True):
+            generator.bit_generator.state = own
+
     def _start_episodes(self, indices: NDArray[np.int64]) -> None:
         if len(indices) == 0:
             return
         self._batch.reset(indices, stage=mjtStage.mjSTAGE_NONE)
         for index in indices:
             self.qpos[index], self.qvel[index] = start_state(
-                self.model, self.params.reset_noise_scale, self._generators[index]
+                self.model, self.params.reset_noise_scale, self.generators[index]
             )
         self._batch.forward(indices)
         self._num_steps[indices] = 0

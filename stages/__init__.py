@@ -11,7 +11,7 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
 from jumping_ant import params  # noqa: E402  (telemetry is off before any import)
-from jumping_ant.errors import InputError  # noqa: E402
+from jumping_ant.errors import InputError, StoppedError  # noqa: E402
 from jumping_ant.params import Params  # noqa: E402
 
 
@@ -33,9 +33,19 @@ def parse_agent(description: str) -> tuple[str, Params]:
 
 
 def run(main: Callable[[], None]) -> None:
-    """Run a stage's `main`; a mistake in its input ends in one clear line and exit status 2."""
+    """Run a stage's `main`.
+
+    A mistake in its input ends in one clear line and exit status 2, a file that cannot be written,
+    as on a full disk, in one and status 1, and a request to stop in one and status 130.
+    """
     try:
         main()
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
+    except OSError as error:
+        print(f"error: {error}; what was there before is as it was", file=sys.stderr)
+        sys.exit(1)
+    except StoppedError as error:
+        print(f"stopped: {error}", file=sys.stderr)
+        sys.exit(130)

@@ -1,21 +1,43 @@
-from collections.abc import Iterator
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
+import psutil
 import pytest
 
 from jumping_ant import compute
+from jumping_ant.compute import Job
 from jumping_ant.errors import InputError
 
 
-def count(key: str, length: int) -> Iterator[str]:
+def count(key: str, length: int, stop: threading.Event) -> Iterator[str]:
     for number in range(length):
         yield f"{key}{number}"
 
 
-def fail() -> Iterator[str]:
+def fail(stop: threading.Event) -> Iterator[str]:
     yield "a start"
     raise InputError("a clear line")
+
+
+def die(folder: Path, times: int, stop: threading.Event) -> Iterator[str]:
+    """Kill this process with its first item on the way, the first few times."""
+    attempt = len(list(folder.iterdir()))
+    (folder / str(attempt)).touch()
+    yield f"attempt {attempt}"
+    if attempt < times:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def wait_for_the_end(folder: Path, key: str, stop: threading.Event) -> Iterator[str]:
+    yield "begun"
+    (folder / key).touch()
+    assert stop.wait(60)
+    yield "stopped"
 
 
 @pytest.fixture(autouse=True)
@@ -23,25 +45,83 @@ def workers_find_this_file(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
 
 
+def collect(jobs: Mapping[str, Job], workers: int) -> dict[str, list[str]]:
+    items: dict[str, list[str]] = {key: [] for key in jobs}
+    for key, item in compute.stream(lambda key: jobs[key], list(jobs), workers):
+        items[key].append(item)
+    return items
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_every_item_arrives_in_its_order(workers: int) -> None:
     jobs = {key: partial(count, key, length) for key, length in (("a", 3), ("b", 0), ("c", 5))}
-    items: dict[str, list[str]] = {key: [] for key in jobs}
-    for key, item in compute.stream(jobs, workers):
-        items[key].append(item)
-    assert items == {key: list(job()) for key, job in jobs.items()}
+    expected = {key: list(job(threading.Event())) for key, job in jobs.items()}
+    assert collect(jobs, workers) == expected
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_an_error_arrives_as_itself(workers: int) -> None:
     with pytest.raises(InputError, match="a clear line"):
-        list(compute.stream({"good": partial(count, "x", 2), "bad": fail}, workers))
+        collect({"good": partial(count, "x", 2), "bad": fail}, workers)
+
+
+def test_a_worker_that_dies_is_replaced(tmp_path: Path) -> None:
+    jobs = {"good": partial(count, "x", 3), "dying": partial(die, tmp_path, 2)}
+    items = collect(jobs, 2)
+    assert items["good"] == ["x0", "x1", "x2"]
+    assert items["dying"][-1] == "attempt 2"
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_job_that_kills_every_worker_is_given_up(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError, match="dying: its worker died 4 times"):
+        collect({"good": partial(count, "x", 1), "dying": partial(die, tmp_path, 99)}, 2)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_asks_for_an_end(tmp_path: Path, workers: int, number: signal.Signals) -> None:
+    """Whoever runs finishes in order, and whoever waits does not begin."""
+    before = signal.getsignal(number)
+    jobs = {key: partial(wait_for_the_end, tmp_path, key) for key in ("a", "b", "c")}
+
+    def send() -> None:
+        while len(list(tmp_path.iterdir())) < workers:
+            time.sleep(0.01)
+        os.kill(os.getpid(), number)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    items = collect(jobs, workers)
+    sender.join()
+    assert list(items.values()) == [["begun", "stopped"]] * workers + [[]] * (3 - workers)
+    if (number, workers) != (signal.SIGTERM, 2):  # which Ray leaves with a handler of its own
+        assert signal.getsignal(number) == before
+
+
+def look_around(stop: threading.Event) -> Iterator[set[str]]:
+    """Yield the addresses that Ray's processes listen on."""
+    ray_processes = psutil.Process().parent().parent().children(recursive=True)
+    yield {
+        connection.laddr.ip
+        for process in ray_processes
+        for connection in process.net_connections(kind="tcp")
+        if connection.status == psutil.CONN_LISTEN
+    }
+
+
+def test_nobody_else_can_talk_to_ray() -> None:
+    items = collect({"a": look_around, "b": partial(count, "b", 1)}, 2)
+    (addresses,) = items["a"]
+    assert addresses
+    assert {address.removeprefix("::ffff:") for address in addresses} == {"127.0.0.1"}
 
 
 def test_num_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     monkeypatch.setattr("os.cpu_count", lambda: 8)
     assert compute.num_workers(0, num_jobs=4) == 4
+    assert compute.num_workers(0, num_jobs=0) == 1
     assert compute.num_workers(0, num_jobs=20) == 8
     assert compute.num_workers(3, num_jobs=20) == 3
     monkeypatch.setenv("RAY_ADDRESS", "cluster:6379")
@@ -70,4 +150,4 @@ def test_a_cluster_that_cannot_be_joined_is_named(monkeypatch: pytest.MonkeyPatc
     jobs = {"a": partial(count, "a", 1), "b": partial(count, "b", 1)}
     expected = r"RAY_ADDRESS: given 'cluster:6379', which cannot be joined \(version mismatch\)"
     with pytest.raises(InputError, match=expected):
-        list(compute.stream(jobs, 2))
+        collect(jobs, 2)

@@ -6,7 +6,8 @@ from evotorch.neuroevolution import GymNE
 from evotorch.neuroevolution.net import RunningStat
 
 from jumping_ant import params, policies
-from jumping_ant.agents.evolution.trainer import SOLUTION_LENGTH, JumpProblem, train
+from jumping_ant.agents.evolution.problem import SOLUTION_LENGTH, JumpProblem
+from jumping_ant.agents.evolution.trainer import train
 from jumping_ant.env import JumpingAnt
 from jumping_ant.events import Finished, Progress, Snapshot
 

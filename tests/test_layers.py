@@ -1,7 +1,9 @@
 """The library is layered: a module imports only from layers above its own."""
 
 import pytest
-from test_pipeline import ROOT, imports
+
+from jumping_ant import imports
+from jumping_ant.files import PROJECT_ROOT as ROOT
 
 
 def top(path) -> str:
@@ -11,13 +13,13 @@ def top(path) -> str:
 
 LAYERS = [
     {"errors"},
-    {"files", "events", "gl"},
-    {"params"},
+    {"archive", "events", "files", "gl", "machine"},
+    {"imports", "params"},
     {"drawing", "rewards", "robot", "statistics", "task", "trajectory"},
     {"env", "vector", "rendering", "recording"},
     {"policies"},
     {"agents", "rollout", "serving"},
-    {"comparison", "compute", "evaluation", "progress"},
+    {"checkpoints", "comparison", "compute", "evaluation", "progress"},
     {"claims", "figures", "tracking", "training"},
 ]
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
@@ -26,7 +28,7 @@ MODULES = sorted((ROOT / "jumping_ant").rglob("*.py"))
 
 @pytest.mark.parametrize("path", [path for path in MODULES if path.stat().st_size], ids=top)
 def test_imports_point_upwards(path) -> None:
-    for imported in imports(path):
+    for imported in imports.direct(path):
         assert imported.is_relative_to(ROOT / "jumping_ant"), "the library imports no stage"
         if top(imported) != top(path):
             assert LAYER[top(imported)] < LAYER[top(path)], f"{path.name} imports {imported.name}"

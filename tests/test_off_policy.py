@@ -7,9 +7,9 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 
 from jumping_ant import params
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, train
+from jumping_ant.archive import unpack
 from jumping_ant.env import DiscreteCommands, JumpingAnt
 from jumping_ant.events import Finished, Progress, Snapshot
-from jumping_ant.policies import unpack
 
 PARAMS = params.load()
 ENV = PARAMS.env.model_copy(update={"max_episode_steps": 40})  # several resets

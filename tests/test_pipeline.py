@@ -1,6 +1,5 @@
 """`dvc.yaml` against the code: every stage depends on all it imports, and on no more."""
 
-import ast
 import shlex
 from functools import reduce
 from pathlib import Path
@@ -8,36 +7,15 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from jumping_ant import params
+from jumping_ant import imports, params
 
 ROOT = Path(__file__).resolve().parents[1]
 STAGES = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text())["stages"]
 
 
-def imports(path: Path) -> set[Path]:
-    """Return the project's files that a file imports directly."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            names = [f"{node.module}.{alias.name}" for alias in node.names] + [str(node.module)]
-        else:
-            continue
-        for name in names:
-            place = ROOT.joinpath(*name.split("."))
-            found |= {place.with_suffix(".py"), place / "__init__.py"}
-    return {file for file in found if file.is_file() and file.stat().st_size > 0}
-
-
-def closure(path: Path) -> set[str]:
-    """Return the project's files that a file imports, directly or not, itself included."""
-    done, waiting = set(), {path}
-    while waiting:
-        file = waiting.pop()
-        done.add(file)
-        waiting |= imports(file) - done
-    return {str(file.relative_to(ROOT)) for file in done}
+def closure(*paths: Path) -> set[str]:
+    """Return the project's files that files import, directly or not, themselves included."""
+    return {str(file.relative_to(ROOT)) for file in imports.closure(*paths)}
 
 
 def code_deps(stage: dict, trainer: str = "") -> set[str]:
@@ -60,9 +38,8 @@ def test_deps_are_the_import_closure(name: str) -> None:
 @pytest.mark.parametrize("agent", sorted(params.load().agents))
 def test_training_depends_on_its_own_trainer_alone(agent: str) -> None:
     trainer = params.load().agents[agent].trainer
-    needed = closure(ROOT / "stages" / "train.py")
-    needed |= closure(ROOT / "jumping_ant" / "agents" / trainer / "trainer.py")
-    assert code_deps(STAGES["train"], trainer) == needed
+    paths = (Path("stages/train.py"), Path("jumping_ant/agents", trainer, "trainer.py"))
+    assert code_deps(STAGES["train"], trainer) == closure(*(ROOT / path for path in paths))
 
 
 @pytest.mark.parametrize("name", sorted(STAGES))

@@ -14,6 +14,7 @@ from stable_baselines3 import DQN, SAC
 
 from jumping_ant import policies
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_file
+from jumping_ant.archive import pack, unpack
 from jumping_ant.errors import InputError
 from jumping_ant.params import Params
 from jumping_ant.policies import GaussianActor, GreedyCommands, LinearPolicy, UniformPolicy
@@ -119,7 +120,7 @@ def test_velocities_are_scaled_and_positions_are_not() -> None:
 
 def archive(kind: Any, **entries: bytes) -> bytes:
     header = json.dumps({"format": 1, "kind": kind, "velocity_scale": 1.0}).encode()
-    return policies.pack({"policy.json": header, **entries})
+    return pack({"policy.json": header, **entries})
 
 
 def npy(array: Any) -> bytes:
@@ -139,21 +140,21 @@ def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
 
 
 LINEAR = linear_policy().to_bytes()
-ARRAYS = policies.unpack(LINEAR)
+ARRAYS = unpack(LINEAR)
 DAMAGED = {
     "empty": b"",
     "text": b"no policy at all",
     "truncated": LINEAR[:-30],
     "flipped bit": LINEAR[:400] + bytes([LINEAR[400] ^ 1]) + LINEAR[401:],
-    "foreign zip": policies.pack({"a.txt": b"a"}),
-    "no header": policies.pack({name: ARRAYS[name] for name in ARRAYS if name != "policy.json"}),
+    "foreign zip": pack({"a.txt": b"a"}),
+    "no header": pack({name: ARRAYS[name] for name in ARRAYS if name != "policy.json"}),
     "header of other kind": archive("ppo"),
     "header of odd kind": archive(["linear"]),
-    "header not JSON": policies.pack({"policy.json": b"{"}),
-    "header a list": policies.pack({"policy.json": b"[]"}),
-    "array missing": policies.pack({name: ARRAYS[name] for name in ARRAYS if name != "bias.npy"}),
-    "array of other shape": policies.pack(ARRAYS | {"weight.npy": npy(np.zeros((8, 26)))}),
-    "too few torques": policies.pack(
+    "header not JSON": pack({"policy.json": b"{"}),
+    "header a list": pack({"policy.json": b"[]"}),
+    "array missing": pack({name: ARRAYS[name] for name in ARRAYS if name != "bias.npy"}),
+    "array of other shape": pack(ARRAYS | {"weight.npy": npy(np.zeros((8, 26)))}),
+    "too few torques": pack(
         ARRAYS | {"weight.npy": npy(np.zeros((7, 27))), "bias.npy": npy(np.zeros(7))}
     ),
     "no network": archive("sac", **{"policy.pth": tensors()}),
@@ -189,8 +190,8 @@ def test_pickled_code_is_not_run(tmp_path: Path) -> None:
     files = [
         archive("sac", **{"policy.pth": pickle.dumps(payload)}),
         archive("dqn", **{"policy.pth": saved.getvalue()}),
-        policies.pack(ARRAYS | {"weight.npy": npy(np.array([payload], dtype=object))}),
-        policies.pack(ARRAYS | {"mean.npy": pickle.dumps(payload)}),
+        pack(ARRAYS | {"weight.npy": npy(np.array([payload], dtype=object))}),
+        pack(ARRAYS | {"mean.npy": pickle.dumps(payload)}),
         pickle.dumps(payload),
     ]
     for content in files:

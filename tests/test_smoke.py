@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import shutil
 import subprocess
 import sys
 from functools import reduce
@@ -76,6 +77,47 @@ def test_everything_is_there_and_up_to_date(project: Project) -> None:
         assert low <= iqm <= high
     assert project.stale() == set()
     assert "Data and pipelines are up to date." in project.run("dvc", "repro").stdout
+
+
+def digests(project: Project) -> dict[str, str]:
+    """Return DVC's digest of every output without wall-clock times in it, but for recordings."""
+    stages = YAML(typ="safe").load((project.folder / "dvc.lock").read_text())["stages"]
+    timed = ("results/timing/", "results/comparison.json", "results/figures", "results/plots")
+    return {
+        out["path"]: out["md5"]
+        for stage in stages.values()
+        for out in stage.get("outs", [])
+        if not out["path"].startswith(timed) and not out["path"].endswith(".rrd")
+    }
+
+
+def test_a_forced_rerun_trains_anew_and_changes_no_byte(project: Project, tmp_path: Path) -> None:
+    before = digests(project)
+    assert len(before) > 5 * len(AGENTS)
+    for agent in AGENTS:
+        shutil.copy(project.folder / "media" / f"{agent}.rrd", tmp_path)
+    done = project.run("dvc", "repro", "--force")
+    assert "sac seed 1: done, 600 steps" in done.stderr
+    assert "trained before" not in done.stderr
+    assert digests(project) == before
+    for agent in AGENTS:
+        new = project.folder / "media" / f"{agent}.rrd"
+        project.run("rerun", "rrd", "compare", str(tmp_path / new.name), str(new))
+
+
+def test_a_new_seed_trains_alone(project: Project) -> None:
+    before = digests(project)
+    params = project.folder / "params.yaml"
+    text = params.read_text()
+    params.write_text(text.replace("seeds: [0, 1]", "seeds: [0, 1, 2]"))
+    done = project.run("dvc", "repro", "--single-item", "train@pgpe")
+    assert {line for line in done.stderr.splitlines() if "trained before" in line} == {
+        f"pgpe: seed {seed}: trained before, 1,600 steps" for seed in (0, 1)
+    }
+    assert "pgpe seed 2: done" in done.stderr
+    params.write_text(text)
+    project.run("dvc", "repro")
+    assert digests(project) == before
 
 
 def test_git_knows_only_small_things(project: Project) -> None:

@@ -1,12 +1,23 @@
 import csv
 import hashlib
+import json
+import os
+import shutil
+import signal
+import threading
+import time
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import psutil
 import pytest
 
-from jumping_ant import params, training
-from jumping_ant.errors import InputError
-from jumping_ant.params import Params
+from jumping_ant import machine, params, training
+from jumping_ant.checkpoints import Saved
+from jumping_ant.errors import InputError, StoppedError
+from jumping_ant.events import Checkpoint
+from jumping_ant.params import ComputeParams, Params
 
 SMALL = {
     "dqn": {"total_steps": 640, "learning_starts": 100, "net_arch": [16], "log_interval": 160},
@@ -54,7 +65,191 @@ def test_workers_change_no_byte(project: Path) -> None:
             training.train(project, small_params(workers), agent)
         runs.append(digests(project / "models"))
     assert runs[0] == runs[1]
-    assert len(runs[0]) == len(SMALL) * 2 * 2
+    assert len(runs[0]) == len(SMALL) * 2 * 3
+
+
+class KillError(Exception):
+    """Stands for a kill: nothing is tidied up after it."""
+
+
+def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> None:
+    """Have training end after the n-th checkpoint of a seed, with a row written behind it."""
+    original = training._Seed.write
+    seen = []
+
+    def write(self: Any, report: training.Report) -> None:
+        if len(seen) == checkpoint:
+            raise KillError
+        original(self, report)
+        if isinstance(report.event, Checkpoint) and self.number == seed:
+            seen.append(report.event.env_steps)
+
+    monkeypatch.setattr(training._Seed, "write", write)
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_a_killed_run_goes_on_to_the_same_bytes(
+    project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = small_params(1)
+    training.train(project, settings, agent)
+    expected = digests(project / "models")
+    often = settings.model_copy(
+        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
+    )
+    for seed, checkpoint in ((0, 1), (0, 2), (5, 1), (5, 2)):
+        shutil.rmtree(project / "models")  # as DVC does before a stage runs
+        with monkeypatch.context() as patch, pytest.raises(KillError):
+            interrupt(patch, seed, checkpoint)
+            training.train(project, often, agent)
+    shutil.rmtree(project / "models")
+    capsys.readouterr()
+    training.train(project, often, agent)
+    assert digests(project / "models") == expected
+    said = capsys.readouterr().err
+    assert f"{agent}: seed 0: trained before" in said
+    assert f"{agent}: seed 5: goes on from" in said
+    left = {path.name for path in (project / ".checkpoints").rglob("*") if path.is_file()}
+    assert left == {"lock", "complete.json", "seed-0.finished", "seed-5.finished"}
+    for seed in ("0", "5"):
+        timing = rows(project / "results" / "timing" / f"{agent}.csv")
+        seconds = [float(row["seconds"]) for row in timing if row["seed"] == seed]
+        assert seconds == sorted(seconds) and len(seconds) > 1
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_threads_change_nothing_across_a_checkpoint(robot_xml: str, agent: str) -> None:
+    settings = small_params(1)
+    run = partial(train_seed, robot_xml, settings, agent)
+    whole = run(num_threads=1)
+    first = run(num_threads=2, stop_after=2)
+    assert isinstance(first[-1].event, Checkpoint)
+    at = first[-1].event
+    saved = Saved(at.env_steps, first[-1].seconds, [], None, "", at.content)
+    rest = run(num_threads=1, saved=saved)
+    told = [repr(report.event) for report in first[:-1] + rest]  # a NaN equals no other
+    assert told == [repr(report.event) for report in whole]
+    assert rest[0].seconds > first[-1].seconds
+
+
+def train_seed(
+    xml: str,
+    settings: Params,
+    agent: str,
+    num_threads: int,
+    stop_after: int | None = None,
+    saved: Saved | None = None,
+) -> list[training.Report]:
+    """Train seed 0, asked to stop after so many reports."""
+    stop = threading.Event()
+    reports = []
+    for report in training.train_seed(
+        xml, settings.env, settings.agent(agent), settings.training, 0, stop, num_threads, saved
+    ):
+        reports.append(report)
+        if len(reports) == stop_after:
+            stop.set()
+    return reports
+
+
+def test_a_new_seed_trains_alone(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = small_params(1)
+    more = settings.model_copy(update={"seeds": [0, 5, 6]})
+    training.train(project, more, "pgpe")
+    expected = digests(project / "models")
+    training.train(project, settings, "pgpe")
+    shutil.rmtree(project / "models")
+    capsys.readouterr()
+    training.train(project, more, "pgpe")
+    said = capsys.readouterr().err
+    assert "seed 0: trained before" in said and "seed 5: trained before" in said
+    assert "seed 6: trained before" not in said
+    assert digests(project / "models") == expected
+
+
+def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
+    settings = small_params(1)
+    agent = settings.agents["sac"]
+    key = training.dependencies(robot_xml, settings, agent)
+    assert key == training.dependencies(robot_xml, small_params(2), agent)
+    easier = settings.env.model_copy(update={"min_torso_height": 0.1})
+    changed = {
+        "robot": (robot_xml + " ", settings, agent),
+        "agent": (robot_xml, settings, agent.model_copy(update={"gamma": 0.5})),
+        "trainer": (robot_xml, settings, settings.agents["pgpe"]),
+        "task": (robot_xml, settings.model_copy(update={"env": easier}), agent),
+    }
+    keys = {key} | {training.dependencies(*what) for what in changed.values()}
+    assert len(keys) == len(changed) + 1
+
+
+def test_a_machine_is_named_beside_each_policy(project: Path) -> None:
+    training.train(project, small_params(1), "pgpe")
+    for seed in (0, 5):
+        path = project / "models" / "pgpe" / f"seed-{seed}" / "machine.json"
+        told = json.loads(path.read_text())
+        assert told == machine.describe()
+        assert told["cpu"] and told["blas_threads"] == 1
+        assert set(told["versions"]) >= {"mujoco", "numpy", "torch"}
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_signal_ends_training_with_a_checkpoint(
+    project: Path, workers: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = small_params(workers)
+    training.train(project, settings, "sac")
+    expected = digests(project / "models")
+    more = settings.model_dump()
+    more["seeds"] = [5, 0]  # not the same request as before
+    shutil.rmtree(project / ".checkpoints")
+    settings = params.check(more)
+    curve = project / "models" / "sac" / "seed-5" / "curve.csv"
+    curve.unlink()
+
+    def send() -> None:
+        while not curve.exists() or curve.read_text().count("\n") < 2:
+            time.sleep(0.001)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    with pytest.raises(StoppedError, match="sac is not trained yet; the next run goes on: seed"):
+        training.train(project, settings, "sac")
+    sender.join()
+    capsys.readouterr()
+    training.train(project, settings, "sac")
+    assert "goes on from" in capsys.readouterr().err
+    assert digests(project / "models") == expected
+
+
+def test_a_dead_worker_is_replaced_from_the_checkpoint(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = small_params(2)
+    training.train(project, settings, "pgpe")
+    expected = digests(project / "models")
+    shutil.rmtree(project / ".checkpoints")
+    slow = settings.model_dump()
+    slow["compute"] = {"workers": 2, "checkpoint_seconds": 1e-9}
+
+    def kill_one() -> None:
+        folder = project / ".checkpoints"
+        while not list(folder.rglob("*.checkpoint")):
+            time.sleep(0.001)
+        workers = [
+            process
+            for process in psutil.Process().children(recursive=True)
+            if "ray::_Worker" in " ".join(process.cmdline())
+        ]
+        workers[0].kill()
+
+    killer = threading.Thread(target=kill_one)
+    killer.start()
+    training.train(project, params.check(slow), "pgpe")
+    killer.join()
+    assert "its worker died, and another takes over" in capsys.readouterr().err
+    assert digests(project / "models") == expected
 
 
 @pytest.mark.parametrize("agent", sorted(SMALL))

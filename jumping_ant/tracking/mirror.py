@@ -19,10 +19,11 @@ from jumping_ant.tracking import records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.models import AgentModels
 from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, Point, SeedRecord
-from jumping_ant.tracking.store import Store
+from jumping_ant.tracking.store import ConflictError, Store
 
 TIMEOUT_SECONDS = 20
 MAX_RETRIES = 1
+ATTEMPTS = 4  # where another process mirrors the same policies at the same time
 
 
 def track(root: Path = PROJECT_ROOT, say: Callable[[str], None] = print) -> None:
@@ -39,9 +40,16 @@ def track(root: Path = PROJECT_ROOT, say: Callable[[str], None] = print) -> None
     if comparison.missing:
         say(f"not trained yet: {comparison.missing_label}")
     store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES)
-    with stores.failures_as_input_errors(store.uri):
-        done = _Mirror(store, comparison, say).run() if comparison.seeds else Counter[str]()
-        store.clear_abandoned()
+    for remaining in reversed(range(ATTEMPTS)):
+        try:
+            with stores.failures_as_input_errors(store.uri):
+                done = _Mirror(store, comparison, say).run() if comparison.seeds else Counter[str]()
+                store.clear_abandoned()
+            break
+        except ConflictError:
+            if not remaining:
+                raise
+            say("another process is writing the same; once more, from what is there now")
     counts = ", ".join(f"{count} {verb}" for verb, count in sorted(done.items()))
     say(f"MLflow at {store.name}: {counts or 'nothing to show'}")
 

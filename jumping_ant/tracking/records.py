@@ -84,8 +84,8 @@ class SeedRecord:
     @cached_property
     def artifacts(self) -> dict[str, Path]:
         """Files of the run, by their path in it; video and recording if they show this seed."""
-        found = {path.name: path for path in (self.policy_path,)}
-        found["curve.csv"] = self.policy_path.with_name("curve.csv")
+        names = (self.policy_path.name, "curve.csv", "machine.json")
+        found = {name: self.policy_path.with_name(name) for name in names}
         if _filmed_seed(self.root, self.agent) == self.seed:
             found |= _media(self.root, self.agent)
         return _existing(found)

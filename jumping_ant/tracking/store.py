@@ -72,17 +72,27 @@ def home(root: Path) -> Path:
     return root
 
 
+SIGNS_OF_CONFLICT = ("UNIQUE constraint failed", "duplicate key", "database is locked")
+
+
+class ConflictError(InputError):
+    """Two processes wrote the same thing at once, and the database took the other's."""
+
+
 @contextmanager
 def failures_as_input_errors(uri: str) -> Iterator[None]:
     """Turn whatever MLflow and its database raise into one line.
 
     Raises:
+        ConflictError: Another process wrote the same thing in the same moment.
         InputError: MLflow failed.
     """
     try:
         yield
     except (MlflowException, SQLAlchemyError, OSError) as error:
-        raise InputError(f"MLflow at {_without_password(uri)}: {_explain(error)}") from error
+        is_conflict = any(sign in str(error) for sign in SIGNS_OF_CONFLICT)
+        kind = ConflictError if is_conflict else InputError
+        raise kind(f"MLflow at {_without_password(uri)}: {_explain(error)}") from error
 
 
 def connect(root: Path, timeout_seconds: int, max_retries: int) -> "Store":

@@ -1,142 +1,18 @@
 """PGPE with ClipUp: evolution of a linear policy, on EvoTorch.
 
 Policy gradients with parameter-based exploration (Sehnke et al. 2010, "Parameter-exploring policy
-gradients") with the ClipUp optimiser (Toklu et al. 2020). A generation's policies run side by side
-in one batch of simulations, for one short episode each.
+gradients") with the ClipUp optimiser (Toklu et al. 2020).
 """
 
 import logging
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 
-import numpy as np
-import torch
-from evotorch import Problem, SolutionBatch
 from evotorch.algorithms import PGPE
-from evotorch.neuroevolution.net import RunningNorm
-from gymnasium.vector import AutoresetMode
-from numpy.typing import NDArray
 
-from jumping_ant.events import Event, Finished, Progress, Snapshot
+from jumping_ant.agents.evolution import state
+from jumping_ant.agents.evolution.problem import JumpProblem
+from jumping_ant.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.params import EnvParams, PGPEParams
-from jumping_ant.policies import NUM_ACTIONS, NUM_OBSERVATIONS, LinearPolicy
-from jumping_ant.vector import JumpingAntVectorEnv
-
-SOLUTION_LENGTH = NUM_ACTIONS * NUM_OBSERVATIONS + NUM_ACTIONS
-Network = tuple[torch.Tensor, torch.Tensor]  # weight (8, 27) and bias (8,)
-INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the first centre, as in EvoTorch's GymNE
-
-
-class JumpProblem(Problem):
-    """EvoTorch's problem of finding a linear policy that jumps.
-
-    A solution is the flat weight (8, 27) followed by the bias (8,). Its fitness is the return of
-    one episode, less `decrease_rewards_by` a step survived. The normaliser is held fixed within a
-    generation, so that all of its policies are judged alike, and then takes in what they saw.
-
-    Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        agent: The agent's block.
-        seed: Of the sampling and of the start states.
-        num_threads: Threads that play; results do not depend on it.
-    """
-
-    def __init__(
-        self, xml: str, env: EnvParams, agent: PGPEParams, seed: int, num_threads: int = 1
-    ) -> None:
-        super().__init__(
-            "max",
-            solution_length=SOLUTION_LENGTH,
-            dtype=torch.float32,
-            initial_bounds=INITIAL_BOUNDS,
-            seed=seed,
-        )
-        self.agent = agent
-        self.normalizer = RunningNorm(shape=NUM_OBSERVATIONS, dtype=torch.float32)
-        self.env_steps = 0
-        self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
-        # A thread plays its share of the population from start to end: none waits for another.
-        shares = np.array_split(np.arange(agent.population_size), num_threads)
-        self._shares = [share for share in shares if len(share)]
-        self._envs = [
-            JumpingAntVectorEnv(xml, env, len(share), autoreset_mode=AutoresetMode.DISABLED)
-            for share in self._shares
-        ]
-        for envs, share in zip(self._envs, self._shares, strict=True):
-            envs.reset(seed=seed + int(share[0]))
-        self._pool = ThreadPoolExecutor(len(self._shares))
-
-    def policy(self, solution: torch.Tensor) -> LinearPolicy:
-        """Return the policy that a solution describes, with the normaliser as it stands."""
-        weight, bias = _unflatten(solution)
-        mean, stdev = self._moments()
-        return LinearPolicy(weight.numpy(), bias.numpy(), mean.numpy(), stdev.numpy())
-
-    def _evaluate_batch(self, batch: SolutionBatch) -> None:
-        # Plain tensors: EvoTorch's own class checks every operation for writes.
-        networks = [_unflatten(solution) for solution in batch.values.as_subclass(torch.Tensor)]
-        shares = [[networks[index] for index in share] for share in self._shares]
-        episodes = list(self._pool.map(self._play, self._envs, shares))
-        self.returns = np.concatenate([episode.returns for episode in episodes])
-        alive = np.concatenate([episode.alive for episode in episodes], axis=1)
-        if self.agent.observation_normalization:
-            observations = np.concatenate([episode.observations for episode in episodes], axis=1)
-            self.normalizer.update(torch.from_numpy(observations[alive]))
-        lengths = alive[1:].sum(0)
-        self.env_steps += int(lengths.sum())
-        fitness = self.returns - self.agent.decrease_rewards_by * lengths
-        batch.set_evals(torch.as_tensor(fitness, dtype=torch.float32))
-
-    def _play(self, envs: JumpingAntVectorEnv, networks: Sequence[Network]) -> "_Episodes":
-        """Play an episode of each policy, side by side."""
-        episodes = _Episodes.empty(self.agent.episode_steps, len(networks))
-        torques = torch.empty(len(networks), NUM_ACTIONS)
-        mean, stdev = self._moments()
-        episodes.observations[0], _ = envs.reset()
-        episodes.alive[0] = alive = np.ones(len(networks), dtype=np.bool_)
-        for step in range(self.agent.episode_steps):
-            normalized = (torch.from_numpy(episodes.observations[step]) - mean) / stdev
-            # Row by row, as GymNE does: all in one product would be rounded differently.
-            for row, (weight, bias), out in zip(normalized, networks, torques, strict=True):
-                torch.addmv(bias, weight, row, out=out)
-            observations, rewards, terminated, truncated, _ = envs.step(
-                torques.clamp_(-1.0, 1.0).numpy()
-            )
-            episodes.observations[step + 1], episodes.alive[step + 1] = observations, alive
-            episodes.returns[:] += rewards * alive
-            alive = alive & ~(terminated | truncated)
-            if not alive.any():
-                break
-        return episodes
-
-    def _moments(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the normaliser's mean and deviation, (27,) each; none before it saw anything."""
-        if self.normalizer.count == 0:
-            return torch.zeros(NUM_OBSERVATIONS), torch.ones(NUM_OBSERVATIONS)
-        return self.normalizer.mean, self.normalizer.stdev
-
-
-@dataclass(frozen=True)
-class _Episodes:
-    """Episodes of n policies, of T control steps or fewer.
-
-    Attributes:
-        observations: At the start and after each step, shape (T + 1, n, 27).
-        alive: Whether a policy took that step, true at the start, shape (T + 1, n).
-        returns: Shape (n,).
-    """
-
-    observations: NDArray[np.float32]
-    alive: NDArray[np.bool_]
-    returns: NDArray[np.float64]
-
-    @classmethod
-    def empty(cls, steps: int, size: int) -> "_Episodes":
-        """Return episodes that have not begun."""
-        observations = np.zeros((steps + 1, size, NUM_OBSERVATIONS), np.float32)
-        return cls(observations, np.zeros((steps + 1, size), np.bool_), np.zeros(size))
 
 
 def train(
@@ -146,6 +22,8 @@ def train(
     seed: int,
     evaluations: int,
     num_threads: int = 1,
+    checkpoint: bytes | None = None,
+    is_checkpoint_due: Callable[[], bool] = lambda: False,
 ) -> Iterator[Event]:
     """Evolve a linear policy; a row of the curve is a generation.
 
@@ -156,10 +34,12 @@ def train(
         seed: Determines the run.
         evaluations: Number of snapshots, spread evenly over the budget.
         num_threads: Threads that step the simulations; results do not depend on it.
+        checkpoint: Where to go on from, as an earlier call yielded it.
+        is_checkpoint_due: Asked after every generation.
 
     Yields:
         Progress (with the best return, the centre's norm and the mean stdev), snapshots of the
-        centre's policy, and at last that policy.
+        centre's policy, checkpoints when due, and at last that policy.
     """
     logging.getLogger("evotorch").setLevel(logging.WARNING)  # it describes every problem it makes
     problem = JumpProblem(xml, env, agent, seed, num_threads)
@@ -172,9 +52,11 @@ def train(
         optimizer="clipup",
         optimizer_config={"max_speed": agent.max_speed, "momentum": agent.momentum},
     )
-    for generation in range(1, agent.generations + 1):
+    if checkpoint is not None:
+        state.restore(searcher, problem, checkpoint)
+    while searcher.step_count < agent.generations:
         searcher.step()
-        center = searcher.status["center"]
+        generation, center = searcher.step_count, searcher.status["center"]
         yield Progress(
             env_steps=problem.env_steps,
             updates=generation,
@@ -189,10 +71,6 @@ def train(
         )
         if generation * evaluations % agent.generations < evaluations:
             yield Snapshot(problem.env_steps, problem.policy(center).to_bytes())
-    yield Finished(problem.env_steps, problem.policy(center).to_bytes())
-
-
-def _unflatten(solution: torch.Tensor) -> Network:
-    """Return weight (8, 27) and bias (8,) of a flat solution (224,)."""
-    weight, bias = solution.split([NUM_ACTIONS * NUM_OBSERVATIONS, NUM_ACTIONS])
-    return weight.reshape(NUM_ACTIONS, NUM_OBSERVATIONS), bias
+        if is_checkpoint_due():
+            yield Checkpoint(problem.env_steps, state.capture(searcher, problem))
+    yield Finished(problem.env_steps, problem.policy(searcher.status["center"]).to_bytes())

@@ -42,6 +42,16 @@ class FlatAdam:
                 "exp_avg_sq": mean_square,
             }
 
+    @property
+    def vectors(self) -> dict[str, Tensor]:
+        """All that `step` writes, by name."""
+        return {
+            "values": self.values,
+            "mean": self._mean,
+            "mean_square": self._mean_square,
+            "step": self._step,
+        }
+
     def clip(self, max_norm: float) -> None:
         """Shorten the gradient to a norm, if it is longer."""
         norm = torch.linalg.vector_norm(self.gradient).item()

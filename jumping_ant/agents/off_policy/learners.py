@@ -41,11 +41,18 @@ class LeanDQN(DQN):
         self.replay_buffer = _replay_buffer(self)
         super()._setup_model()
         self._adam = FlatAdam(cast(Adam, self.policy.optimizer))
+        self._target_values = flatten(list(self.q_net_target.parameters()))
         self._online = _mlp(self.q_net.q_net)
         self._target = _mlp(self.q_net_target.q_net)
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "_online", "_target", "_adam"]
+        own = ["_online", "_target", "_target_values", "_adam"]
+        return [*super()._excluded_save_params(), *own]
+
+    @property
+    def vectors(self) -> dict[str, Tensor]:
+        """All that learning writes, by name."""
+        return {"target": self._target_values, **self._adam.vectors}
 
     @denormals_flushed()
     @torch.no_grad()
@@ -87,6 +94,8 @@ class LeanSAC(SAC):
         super()._setup_model()
         self._actor_adam = FlatAdam(cast(Adam, self.actor.optimizer))
         self._critic_adam = FlatAdam(cast(Adam, self.critic.optimizer))
+        learned = self.ent_coef_optimizer
+        self._entropy_adam = None if learned is None else FlatAdam(learned)
         self._target_values = flatten(list(self.critic_target.parameters()))
         self._gaussian = _SquashedGaussian(self.actor)
         self._critics = [_mlp(network) for network in self.critic.q_networks]
@@ -94,7 +103,19 @@ class LeanSAC(SAC):
 
     def _excluded_save_params(self) -> list[str]:
         own = ["_gaussian", "_critics", "_targets", "_target_values"]
-        return [*super()._excluded_save_params(), *own, "_actor_adam", "_critic_adam"]
+        adams = ["_actor_adam", "_critic_adam", "_entropy_adam"]
+        return [*super()._excluded_save_params(), *own, *adams]
+
+    @property
+    def vectors(self) -> dict[str, Tensor]:
+        """All that learning writes, by name."""
+        adams = {"actor": self._actor_adam, "critic": self._critic_adam}
+        if self._entropy_adam is not None:
+            adams["entropy"] = self._entropy_adam
+        vectors = {"target": self._target_values}
+        for adam_name, adam in adams.items():
+            vectors |= {f"{adam_name}_{name}": vector for name, vector in adam.vectors.items()}
+        return vectors
 
     @denormals_flushed()
     @torch.no_grad()
@@ -136,12 +157,12 @@ class LeanSAC(SAC):
 
     def _entropy_step(self, log_prob: Tensor) -> float:
         """Return the entropy coefficient; where it is learned, move it on for the next step."""
-        if self.ent_coef_optimizer is None:
+        if self._entropy_adam is None:
             return self.ent_coef_tensor.item()
         assert self.log_ent_coef is not None and isinstance(self.target_entropy, float)
         ent_coef = self.log_ent_coef.exp().item()
-        self.log_ent_coef.grad = -(log_prob + self.target_entropy).mean(0)
-        self.ent_coef_optimizer.step()
+        self._entropy_adam.gradient[0] = -(log_prob + self.target_entropy).mean()
+        self._entropy_adam.step()
         return ent_coef
 
     def _critic_step(self, inputs: Tensor, targets: Tensor) -> float:

@@ -9,7 +9,7 @@ loop around them does what its `learn()` does, and yields in between.
 import io
 import json
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 import numpy as np
@@ -23,11 +23,13 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import TrainFreq
 from stable_baselines3.common.vec_env import VecEnv
 
+from jumping_ant.agents.off_policy import state
 from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
 from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
-from jumping_ant.events import Event, Finished, Progress, Snapshot
+from jumping_ant.archive import pack, unpack
+from jumping_ant.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.params import DQNParams, EnvParams, SACParams
-from jumping_ant.policies import HEADER, network_header, pack, unpack, velocity_factors
+from jumping_ant.policies import HEADER, network_header, velocity_factors
 from jumping_ant.vector import DiscreteCommandsVector, JumpingAntVectorEnv
 
 # What the learning curve keeps of SB3's log, by algorithm.
@@ -87,7 +89,7 @@ DQN_SETTINGS = (
 SAC_SETTINGS = ("ent_coef",)
 
 
-def make_model(envs: VecEnv, agent: DQNParams | SACParams, seed: int) -> OffPolicyAlgorithm:
+def make_model(envs: VecEnv, agent: DQNParams | SACParams, seed: int) -> LeanDQN | LeanSAC:
     """Return the untrained Stable-Baselines3 model of an agent.
 
     Args:
@@ -104,7 +106,7 @@ def make_model(envs: VecEnv, agent: DQNParams | SACParams, seed: int) -> OffPoli
         "features_extractor_kwargs": {"velocity_scale": agent.velocity_scale},
     }
     algorithm: Any = LeanSAC if is_sac else LeanDQN
-    model: OffPolicyAlgorithm = algorithm(
+    model: LeanDQN | LeanSAC = algorithm(
         "MlpPolicy", envs, policy_kwargs=policy_kwargs, seed=seed, device="cpu", **settings
     )
     return model
@@ -137,6 +139,8 @@ def train(
     seed: int,
     evaluations: int,
     num_threads: int = 1,
+    checkpoint: bytes | None = None,
+    is_checkpoint_due: Callable[[], bool] = lambda: False,
 ) -> Iterator[Event]:
     """Train DQN or SAC, as `OffPolicyAlgorithm.learn` does.
 
@@ -147,15 +151,19 @@ def train(
         seed: Determines the run.
         evaluations: Number of snapshots, spread evenly over the budget.
         num_threads: Threads that step the simulations; results do not depend on it.
+        checkpoint: Where to go on from, as an earlier call yielded it.
+        is_checkpoint_due: Asked after every round.
 
     Yields:
         Progress every `log_interval` control steps (with losses, and the exploration rate or the
-        entropy coefficient), snapshots of the policy, and at last the policy.
+        entropy coefficient), snapshots of the policy, checkpoints when due, and at last the policy.
     """
     model = make_model(make_envs(xml, env, agent, num_threads), agent, seed)
     model.set_logger(Logger(folder=None, output_formats=[]))
     _, callback = model._setup_learn(agent.total_steps, CallbackList([]))
     episodes = _EpisodeReturns(model)
+    if checkpoint is not None:
+        episodes.count, episodes.returns = state.restore(model, checkpoint)
     while model.num_timesteps < agent.total_steps:
         before = model.num_timesteps
         _learn_once(model, callback)
@@ -165,6 +173,9 @@ def train(
             yield _progress(model, agent, episodes)
         if is_evaluated:
             yield Snapshot(model.num_timesteps, policy_file(model, agent))
+        if is_checkpoint_due():
+            content = state.capture(model, [episodes.count, episodes.returns])
+            yield Checkpoint(model.num_timesteps, content)
     yield Finished(model.num_timesteps, policy_file(model, agent))
 
 
@@ -209,23 +220,28 @@ def _learn_once(model: OffPolicyAlgorithm, callback: Any) -> None:
 
 
 class _EpisodeReturns:
-    """Returns of the training episodes, as SB3 notes them, since the last row."""
+    """Returns of the training episodes, as SB3 notes them.
+
+    Attributes:
+        count: Of the episodes so far.
+        returns: Of those since the last row.
+    """
 
     def __init__(self, model: OffPolicyAlgorithm) -> None:
         self.count = 0
+        self.returns: list[float] = []
         self._model = model
-        self._returns: list[float] = []
 
     def collect(self) -> None:
         """Take over the episodes that ended since the last call."""
         buffer = cast(deque[dict[str, float]], self._model.ep_info_buffer)
-        self._returns += [info["r"] for info in buffer]
+        self.returns += [info["r"] for info in buffer]
         self.count += len(buffer)
         buffer.clear()
 
     def take(self) -> tuple[float, float]:
         """Return mean and deviation since the last call, NaN where no episode ended."""
-        returns, self._returns = self._returns, []
+        returns, self.returns = self.returns, []
         if not returns:
             return float("nan"), float("nan")
         return float(np.mean(returns)), float(np.std(returns))

@@ -1,12 +1,14 @@
 """The batched environment as Stable-Baselines3 wants it."""
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
+
+from jumping_ant.vector import JumpingAntVectorEnv
 
 
 class SB3VecEnv(VecEnv):
@@ -65,6 +67,20 @@ class SB3VecEnv(VecEnv):
         self._returns[dones] = 0.0
         self._lengths[dones] = 0
         return observations.astype(np.float32), rewards.astype(np.float32), dones, infos
+
+    def save_state(self) -> dict[str, Any]:
+        """Return all that later steps depend on: arrays, and what JSON can express."""
+        return {
+            "returns": self._returns.copy(),
+            "lengths": self._lengths.copy(),
+            "envs": cast(JumpingAntVectorEnv, self.envs.unwrapped).save_state(),
+        }
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        """Go on from a state of as many environments."""
+        self._returns[:] = state["returns"]
+        self._lengths[:] = state["lengths"]
+        cast(JumpingAntVectorEnv, self.envs.unwrapped).load_state(state["envs"])
 
     def close(self) -> None:
         """Close the environments."""

@@ -1,6 +1,6 @@
 """The baseline that learns nothing."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from jumping_ant.events import Event, Finished, Snapshot
 from jumping_ant.params import EnvParams, RandomAgentParams
@@ -14,6 +14,8 @@ def train(
     seed: int,
     evaluations: int,
     num_threads: int = 1,
+    checkpoint: bytes | None = None,
+    is_checkpoint_due: Callable[[], bool] = lambda: False,
 ) -> Iterator[Event]:
     """Yield the policy that draws torques at random, without a step of training.
 
@@ -24,6 +26,8 @@ def train(
         seed: The policy's seed.
         evaluations: Unused; one snapshot shows all there is.
         num_threads: Unused.
+        checkpoint: Unused.
+        is_checkpoint_due: Unused.
     """
     policy = UniformPolicy(seed).to_bytes()
     yield Snapshot(0, policy)

@@ -1,0 +1,81 @@
+"""What checkpoints cost: the time of one beside the time from one to the next."""
+
+import statistics
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from benchmarks.measure import Row
+from benchmarks.settings import CORES, robot_xml, task
+from jumping_ant import compute, params
+from jumping_ant.agents.off_policy import trainer
+from jumping_ant.checkpoints import Checkpoints, Saved
+from jumping_ant.events import Checkpoint
+from jumping_ant.params import DQNParams
+
+AGENT = "dqn"  # has the most to remember
+REPEATS = 5
+
+
+def checkpoint_overhead() -> Row:
+    """Compare training with checkpoints and without, at the end of the agent's budget.
+
+    Training waits while its state is gathered and handed over; that the driver then writes the file
+    is counted in full too, although other cores may do it meanwhile.
+    """
+    settings = params.load()
+    agent = settings.agents[AGENT]
+    assert isinstance(agent, DQNParams)
+    # The replay memory fills as in training, but without learning, which would take minutes.
+    full = agent.model_copy(update={"learning_starts": agent.total_steps})
+    seconds: dict[int, list[float]] = {seed: [] for seed in range(CORES)}
+    with tempfile.TemporaryDirectory() as folder:
+        checkpoints = Checkpoints(Path(folder), AGENT, "benchmark", print)
+        Path(folder, ".checkpoints", AGENT, "benchmark").mkdir(parents=True)
+        jobs = compute.stream(lambda seed: partial(_train, full, seed), list(seconds), CORES)
+        for seed, item in jobs:
+            if isinstance(item, float):
+                seconds[seed].append(item)
+                continue
+            started = time.perf_counter()
+            checkpoints.save(seed, Saved(item.env_steps, 0.0, [], None, "", item.content))
+            seconds[seed].append(time.perf_counter() - started)
+    costs = [
+        blocked + writing
+        for own in seconds.values()
+        for writing, blocked in zip(own[::2], own[1::2], strict=True)
+    ]
+    interval = settings.compute.checkpoint_seconds
+    ratios = [(interval + cost) / interval for cost in costs]
+    ratio = statistics.median(ratios)
+    return Row(
+        name="checkpoint_overhead",
+        ours=interval * ratio,
+        peer=interval,
+        unit="s",
+        ratio=ratio,
+        spread=(max(ratios) - min(ratios)) / ratio,
+    )
+
+
+def _train(agent: DQNParams, seed: int, stop: threading.Event) -> Iterator[Checkpoint | float]:
+    """Fill the replay memory, then yield checkpoints, each with the seconds that it took."""
+    rounds = agent.total_steps // (agent.num_envs * agent.train_freq)
+    remaining = [rounds]
+    asked = [0.0]
+
+    def is_checkpoint_due() -> bool:
+        remaining[0] -= 1
+        asked[0] = time.perf_counter()
+        return remaining[0] < REPEATS
+
+    events = trainer.train(
+        robot_xml(), task(), agent, seed, evaluations=1, is_checkpoint_due=is_checkpoint_due
+    )
+    for event in events:
+        if isinstance(event, Checkpoint):
+            yield event
+            yield time.perf_counter() - asked[0]

@@ -1,0 +1,50 @@
+"""All that PGPE goes on from: the last generation, the distribution, ClipUp and the problem."""
+
+import torch
+from evotorch import SolutionBatch
+from evotorch.algorithms import PGPE
+
+from jumping_ant.agents.evolution.problem import JumpProblem
+from jumping_ant.archive import pack_state, unpack_state
+
+
+def capture(searcher: PGPE, problem: JumpProblem) -> bytes:
+    """Return the state of a search after a generation."""
+    population = searcher.population
+    return pack_state(
+        {
+            "generation": searcher.step_count,
+            "population": population.values.as_subclass(torch.Tensor).numpy(),
+            "evals": population.evals.as_subclass(torch.Tensor).numpy(),
+            "mu": searcher.status["center"].as_subclass(torch.Tensor).numpy(),
+            "sigma": searcher.status["stdev"].as_subclass(torch.Tensor).numpy(),
+            "velocity": searcher.optimizer._velocity.as_subclass(torch.Tensor).numpy(),
+            "problem": problem.save_state(),
+        }
+    )
+
+
+def restore(searcher: PGPE, problem: JumpProblem, content: bytes) -> None:
+    """Put a fresh search into a captured state.
+
+    Args:
+        searcher: Made with the same parameters.
+        problem: Its problem.
+        content: What `capture` returned.
+    """
+    state = unpack_state(content)
+    tensors = {
+        name: torch.from_numpy(state[name])
+        for name in ("population", "evals", "mu", "sigma", "velocity")
+    }
+    population = SolutionBatch(problem, popsize=len(tensors["population"]), empty=True)
+    population.access_values()[:] = tensors["population"]
+    population.set_evals(tensors["evals"])
+    searcher._population = population
+    searcher._first_iter = False
+    searcher._steps_count = state["generation"]
+    searcher._distribution = searcher._distribution.modified_copy(
+        mu=tensors["mu"], sigma=tensors["sigma"]
+    )
+    searcher.optimizer._velocity = tensors["velocity"]
+    problem.load_state(state["problem"])

@@ -1,0 +1,194 @@
+"""How far every seed of an agent has come, on disk, to go on from after a kill.
+
+The folder `.checkpoints/<agent>/<key>/` stands outside DVC's outputs, which DVC deletes before a
+stage runs. The key is a digest of all that a seed's results depend on, so what other parameters,
+another robot, other code or other versions have left is never gone on from. In the folder:
+
+| file | what |
+|---|---|
+| seed-N.M.checkpoint | seed N at its M-th checkpoint; the last two are kept |
+| seed-N.finished | seed N, trained |
+| complete.json | the seeds of a training that came to its end |
+
+Every file is whole or absent (see `jumping_ant.files`), begins with the digest of the rest, and
+holds numbers and text: nothing in it is executed.
+
+Finished seeds outlive the training, so that one with more seeds trains the new ones alone. Asked
+for the same seeds as before, it trains them anew: that is what `dvc repro --force` is for.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from jumping_ant.archive import pack, unpack
+from jumping_ant.errors import InputError
+from jumping_ant.files import write_bytes, write_json
+
+GENERATIONS = 2
+_HEADER, _CONTENT = "header.json", "content"
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A seed as it stood.
+
+    Attributes:
+        env_steps: Control steps so far.
+        seconds: Training seconds so far.
+        timing: Training seconds at each row of the curve: (control steps, seconds).
+        machine: Of a finished seed, where it was trained.
+        curve: Content of `curve.csv` so far.
+        content: The trainer's checkpoint; of a finished seed, the policy file.
+    """
+
+    env_steps: int
+    seconds: float
+    timing: list[tuple[int, float]]
+    machine: dict[str, Any] | None
+    curve: str
+    content: bytes
+
+    def to_bytes(self) -> bytes:
+        """Return the file's content."""
+        header = {name: getattr(self, name) for name in self._header_names()}
+        packed = pack({_HEADER: json.dumps(header).encode(), _CONTENT: self.content})
+        return hashlib.sha256(packed).hexdigest().encode() + b"\n" + packed
+
+    @classmethod
+    def from_bytes(cls, file: bytes) -> "Saved":
+        """Read a file's content.
+
+        Raises:
+            ValueError: It is damaged.
+        """
+        digest, _, packed = file.partition(b"\n")
+        if hashlib.sha256(packed).hexdigest().encode() != digest:
+            raise ValueError("the digest does not match")
+        entries = unpack(packed)
+        header = json.loads(entries[_HEADER])
+        header["timing"] = [tuple(row) for row in header["timing"]]
+        return cls(content=entries[_CONTENT], **header)
+
+    def _header_names(self) -> list[str]:
+        return [field.name for field in fields(self) if field.name != _CONTENT]
+
+
+class Checkpoints:
+    """The checkpoints of an agent's seeds.
+
+    Args:
+        root: The project's folder.
+        agent: The agent's name.
+        key: Digest of what the seeds' results depend on.
+        say: Takes a line about what was found.
+    """
+
+    def __init__(self, root: Path, agent: str, key: str, say: Callable[[str], None]) -> None:
+        self._agent = agent
+        self._agent_folder = root / ".checkpoints" / agent
+        self._folder = self._agent_folder / key
+        self._say = say
+
+    @contextmanager
+    def opened(self, seeds: Sequence[int]) -> Iterator[None]:
+        """Keep others out while an agent trains; clear up if it comes to its end.
+
+        Args:
+            seeds: Those to train.
+
+        Raises:
+            InputError: Another process is training the agent.
+        """
+        self._folder.mkdir(parents=True, exist_ok=True)
+        with (self._agent_folder / "lock").open("a+") as lock:
+            self._take(lock)
+            completed = self._folder / "complete.json"
+            if completed.exists() and json.loads(completed.read_text()) == list(seeds):
+                shutil.rmtree(self._folder)
+            completed.unlink(missing_ok=True)
+            yield
+            write_json(completed, list(seeds))
+            self._forget_others(seeds)
+
+    def load(self, seed: int) -> Saved | None:
+        """Return a seed's newest checkpoint that is sound, if there is any; remove those above."""
+        for path in reversed(self._generations(seed)):
+            if saved := self._read(path):
+                return saved
+            path.unlink()
+        return None
+
+    def finished(self, seed: int) -> Saved | None:
+        """Return a seed that has been trained already, None if it has not."""
+        path = self._finished_path(seed)
+        return self._read(path) if path.exists() else None
+
+    def save(self, seed: int, saved: Saved) -> None:
+        """Write a seed's next checkpoint.
+
+        Raises:
+            OSError: It cannot be written, as on a full disk; older ones are as they were.
+        """
+        old = self._generations(seed)
+        number = int(old[-1].suffixes[-2][1:]) + 1 if old else 1
+        write_bytes(self._folder / f"seed-{seed}.{number}.checkpoint", saved.to_bytes())
+        for path in old[: 1 - GENERATIONS]:
+            path.unlink()
+
+    def finish(self, seed: int, saved: Saved) -> None:
+        """Write a trained seed, and remove its checkpoints.
+
+        Raises:
+            OSError: It cannot be written, as on a full disk; older ones are as they were.
+        """
+        write_bytes(self._finished_path(seed), saved.to_bytes())
+        for path in self._generations(seed):
+            path.unlink()
+
+    def _read(self, path: Path) -> Saved | None:
+        try:
+            return Saved.from_bytes(path.read_bytes())
+        except Exception as error:  # whatever a damaged file provokes
+            self._say(f"{path.name} is damaged ({error}), and not used")
+            return None
+
+    def _generations(self, seed: int) -> list[Path]:
+        """Return a seed's checkpoints, oldest first."""
+        paths = self._folder.glob(f"seed-{seed}.*.checkpoint")
+        return sorted(paths, key=lambda path: int(path.suffixes[-2][1:]))
+
+    def _finished_path(self, seed: int) -> Path:
+        return self._folder / f"seed-{seed}.finished"
+
+    def _take(self, lock: Any) -> None:
+        """Lock the agent; the lock goes with the process, however that ends."""
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            lock.seek(0)
+            process = lock.read().strip()
+            raise InputError(
+                f"{self._agent}: process {process} is training it already, which one at a time "
+                f"may; `kill {process}` ends it, and what it has reached is kept"
+            ) from error
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
+
+    def _forget_others(self, seeds: Sequence[int]) -> None:
+        """Remove what a later training cannot need: other keys' seeds, and those dropped."""
+        for folder in self._agent_folder.iterdir():
+            if folder.is_dir() and folder != self._folder:
+                shutil.rmtree(folder)
+        kept = {self._finished_path(seed) for seed in seeds} | {self._folder / "complete.json"}
+        for path in self._folder.iterdir():
+            if path not in kept:
+                path.unlink()

@@ -1,0 +1,36 @@
+"""The machine that results come from, as far as their bytes depend on it.
+
+On one machine equal parameters give equal bytes. On another the last digits may differ: products of
+matrices are summed in another order by another processor, another BLAS, or another number of BLAS
+threads, and learning amplifies what differs. MuJoCo, NumPy and torch in other versions differ more.
+"""
+
+import importlib.metadata
+import platform
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("evotorch", "gymnasium", "mujoco", "numpy", "stable-baselines3", "torch")
+BLAS_THREADS = 1  # of every worker; simulations may have more, on which nothing depends
+
+
+def describe() -> dict[str, Any]:
+    """Return processor, operating system, versions and the number of BLAS threads."""
+    return {
+        "cpu": processor(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
+        "blas_threads": BLAS_THREADS,
+    }
+
+
+def processor() -> str:
+    """Return the processor's name, which Python knows on some systems and Linux tells in a file."""
+    with suppress(OSError):
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        names = [line.partition(": ")[2] for line in lines if line.startswith("model name")]
+        if names:
+            return names[0]
+    return platform.processor() or platform.machine()

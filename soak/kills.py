@@ -1,0 +1,100 @@
+"""Trainings killed at any moment, and run again until they are through.
+
+Each must end with the bytes of one that was left alone.
+"""
+
+import random
+import subprocess
+import time
+from dataclasses import dataclass
+
+import psutil  # type: ignore[import-untyped]
+
+from benchmarks.checkout import Checkout
+from soak import project as projects
+
+MAX_KILLS_IN_A_ROW = 4
+AFTER_A_CHECKPOINT = 0.8  # share of kills; much of a short training is its start
+REPRO = ("dvc", "repro", "--single-item", "--no-run-cache")
+
+
+@dataclass
+class Count:
+    """Kills of an agent's trainings, and those that changed no byte of what came out."""
+
+    killed: int = 0
+    identical: int = 0
+
+
+class Killer:
+    """Kills the trainings of one agent.
+
+    Args:
+        project: Where.
+        agent: The agent's name.
+        generator: Decides when, how often and whom.
+    """
+
+    def __init__(self, project: Checkout, agent: str, generator: random.Random) -> None:
+        self.count = Count()
+        self.log = project.folder / f"{agent}.log"
+        self._project = project
+        self._agent = agent
+        self._generator = generator
+        started = time.monotonic()
+        process = self._repro("--force")
+        projects.await_checkpoint(project, agent, process)
+        first = time.monotonic()
+        process.wait()
+        self._seconds = time.monotonic() - started
+        self._training_seconds = time.monotonic() - first
+        self._expected = projects.recorded_digest(project, agent)
+
+    def once(self) -> None:
+        """Train once, killed some times on the way.
+
+        Raises:
+            RuntimeError: It does not come to its end although nobody kills it any more.
+        """
+        kills = 0
+        wanted = self._generator.randint(1, MAX_KILLS_IN_A_ROW)
+        options = ["--force"]
+        while kills < wanted:
+            process = self._repro(*options)
+            options = []
+            try:
+                process.wait(self._moment(process))
+                break  # it was faster than the kill
+            except subprocess.TimeoutExpired:
+                projects.kill(self._victims(process))
+                process.wait()
+                kills += 1
+        else:
+            process = self._repro(*options)
+            process.wait()
+        if process.returncode:
+            raise RuntimeError(f"train@{self._agent} fails after a kill; see {self.log}")
+        self.count.killed += kills
+        if projects.recorded_digest(self._project, self._agent) == self._expected:
+            self.count.identical += kills
+
+    def _moment(self, process: subprocess.Popen[bytes]) -> float:
+        """Return the seconds from now to the kill: mostly after a checkpoint, else any time."""
+        if self._generator.random() > AFTER_A_CHECKPOINT:
+            return self._generator.uniform(0, self._seconds)
+        before = projects.checkpoints(self._project, self._agent)
+        newest = int(before[-1].suffixes[-2][1:]) if before else 0
+        projects.await_checkpoint(self._project, self._agent, process, after=newest)
+        return self._generator.uniform(0, 0.7 * self._training_seconds)
+
+    def _repro(self, *options: str) -> subprocess.Popen[bytes]:
+        command = (*REPRO, *options, f"train@{self._agent}")
+        return projects.start(self._project, *command, log=self.log)
+
+    def _victims(self, process: subprocess.Popen[bytes]) -> list[psutil.Process]:
+        """Return whom to kill: everybody, or the training alone, whose end DVC then sees."""
+        everybody = projects.family(process)
+        if self._generator.random() < 0.5:
+            return everybody
+        trainings = [other for other in everybody if "stages.train" in " ".join(other.cmdline())]
+        return trainings[-1:] or everybody

@@ -1,0 +1,143 @@
+"""Code planted in every kind of file that the project reads, none of which may run."""
+
+import io
+import json
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from jumping_ant import archive, policies, trajectory
+from jumping_ant.checkpoints import Checkpoints, Saved
+from jumping_ant.policies import HEADER, UniformPolicy, network_header
+from jumping_ant.serving import ServedPolicy
+
+
+@dataclass
+class Count:
+    """Payloads planted, and those that ran."""
+
+    planted: int = 0
+    executed: int = 0
+
+
+class Payload:
+    """What runs when it is unpickled: it makes a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __reduce__(self) -> tuple[Callable[[Path], None], tuple[Path]]:
+        return Path.touch, (self._path,)
+
+
+def plant_everywhere(folder: Path) -> Count:
+    """Plant a payload in each kind of file, have the project read it, and count.
+
+    Args:
+        folder: An empty one, to work in.
+
+    Raises:
+        RuntimeError: The payload does not work, so that the count would mean nothing.
+    """
+    mark = folder / "executed"
+    pickle.loads(pickle.dumps(Payload(mark)))
+    if not mark.exists():
+        raise RuntimeError("the payload does not work")
+    count = Count()
+    for read in _readings(folder, Payload(mark)):
+        mark.unlink(missing_ok=True)
+        count.planted += 1
+        with suppress(Exception):  # refusing it is one way of not running it
+            read()
+        count.executed += mark.exists()
+    return count
+
+
+def _readings(folder: Path, payload: Payload) -> Iterator[Callable[[], object]]:
+    """Yield functions that read a file with a payload in it."""
+    for content in _policy_files(payload):
+        yield partial(policies.load, content)
+        yield partial(_serve, folder, content)
+    for saved in _checkpoint_files(payload):
+        yield partial(_load_checkpoint, folder, saved)
+    for content in _trajectory_files(payload):
+        yield partial(_load_trajectory, folder, content)
+
+
+def _policy_files(payload: Payload) -> Iterator[bytes]:
+    saved = io.BytesIO()
+    torch.save(payload, saved)
+    pickled = pickle.dumps(payload)
+    network = {HEADER: network_header("sac", velocity_scale=1.0)}
+    linear = archive.unpack(_linear())
+    yield pickled
+    yield saved.getvalue()
+    yield archive.pack({**network, "policy.pth": pickled})
+    yield archive.pack({**network, "policy.pth": saved.getvalue()})
+    yield archive.pack({**network, "policy.pth": saved.getvalue(), "data": pickled})
+    yield archive.pack({**linear, "weight.npy": pickled})
+    yield archive.pack({**linear, "weight.npy": _object_array(payload)})
+    yield archive.pack({**archive.unpack(UniformPolicy(0).to_bytes()), "extra.pkl": pickled})
+    yield archive.pack({HEADER: pickled})
+
+
+def _checkpoint_files(payload: Payload) -> Iterator[bytes]:
+    """Yield checkpoints whose digest is right: they were planted by someone who can count."""
+    saved = Saved(1, 0.0, [], None, "", b"")
+    pickled = pickle.dumps(payload)
+    yield pickled
+    yield replace(saved, content=pickled).to_bytes()
+    values = json.dumps({"learner": {"values": None}}).encode()
+    for array in (pickled, _object_array(payload)):
+        state = {"values.json": values, "state/learner/values.npy": array}
+        yield replace(saved, content=archive.pack(state)).to_bytes()
+
+
+def _trajectory_files(payload: Payload) -> Iterator[bytes]:
+    whole = io.BytesIO()
+    np.savez(whole, allow_pickle=True, qpos=np.array([payload], dtype=object))
+    yield whole.getvalue()
+    yield pickle.dumps(payload)
+
+
+def _object_array(payload: Payload) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, np.array([payload], dtype=object), allow_pickle=True)
+    return buffer.getvalue()
+
+
+def _linear() -> bytes:
+    numbers = np.zeros(27, np.float32)
+    return policies.LinearPolicy(
+        np.zeros((8, 27), np.float32), numbers[:8], numbers, numbers + 1
+    ).to_bytes()
+
+
+def _serve(folder: Path, content: bytes) -> None:
+    """Read a policy file as a model in MLflow does."""
+    path = folder / "policy.zip"
+    path.write_bytes(content)
+    context = type("Context", (), {"artifacts": {"policy": str(path)}})()
+    ServedPolicy().load_context(context)
+
+
+def _load_checkpoint(folder: Path, content: bytes) -> None:
+    """Read a checkpoint as training does."""
+    place = folder / ".checkpoints" / "sac" / "key"
+    place.mkdir(parents=True, exist_ok=True)
+    (place / "seed-0.1.checkpoint").write_bytes(content)
+    saved = Checkpoints(folder, "sac", "key", print).load(0)
+    if saved:
+        archive.unpack_state(saved.content)
+
+
+def _load_trajectory(folder: Path, content: bytes) -> None:
+    path = folder / "trajectories.npz"
+    path.write_bytes(content)
+    trajectory.load(path)

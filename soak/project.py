@@ -1,0 +1,100 @@
+"""A throw-away copy of the project whose trainings take seconds."""
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import psutil  # type: ignore[import-untyped]
+from ruamel.yaml import YAML
+
+from benchmarks.checkout import Checkout
+from jumping_ant import params
+from jumping_ant.params import Params
+
+SEEDS = [0, 1]
+# Large enough that a training lasts for several checkpoints, small enough for many trainings.
+BUDGETS: dict[str, dict[str, Any]] = {
+    "dqn": {"total_steps": 16_000, "learning_starts": 500, "log_interval": 500},
+    "sac": {"total_steps": 2_400, "learning_starts": 200, "log_interval": 100},
+    "pgpe": {"generations": 24, "population_size": 10, "episode_steps": 50},
+}
+CHECKPOINT_SECONDS = 0.3
+
+
+def settings() -> Params:
+    """Return the project's parameters, cut down."""
+    content = params.load().model_dump()
+    content["seeds"] = SEEDS
+    content["env"]["max_episode_steps"] = 200
+    content["training"]["evaluations"] = 3
+    content["compute"]["checkpoint_seconds"] = CHECKPOINT_SECONDS
+    content["evaluate"]["episodes"] = 2
+    for agent, budget in BUDGETS.items():
+        content["agents"][agent] |= budget
+    return params.check(content)
+
+
+def prepare(project: Checkout) -> None:
+    """Write the parameters, and build the robot."""
+    project.write_params(settings())
+    project.seconds("dvc", "repro", "build")
+
+
+def start(project: Checkout, *command: str, log: Path, **variables: str) -> subprocess.Popen[bytes]:
+    """Start a command in a process group of its own, its output going to a file."""
+    with log.open("ab") as file:
+        return subprocess.Popen(
+            command,
+            cwd=project.folder,
+            env=project.environment | variables,
+            stdout=file,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+
+def family(process: subprocess.Popen[bytes]) -> list[psutil.Process]:
+    """Return a process and all below it."""
+    try:
+        top = psutil.Process(process.pid)
+        return [top, *top.children(recursive=True)]
+    except psutil.NoSuchProcess:
+        return []
+
+
+def kill(processes: list[psutil.Process]) -> None:
+    """Kill processes with SIGKILL, which none of them can notice, and wait until they are gone."""
+    for process in processes:
+        try:
+            os.kill(process.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            continue
+    psutil.wait_procs(processes, timeout=30)
+
+
+def checkpoints(project: Checkout, agent: str) -> list[Path]:
+    """Return all checkpoints of an agent, the newest last."""
+    found = (project.folder / ".checkpoints" / agent).rglob("*.checkpoint")
+    return sorted(found, key=lambda path: int(path.suffixes[-2][1:]))
+
+
+def await_checkpoint(
+    project: Checkout, agent: str, process: subprocess.Popen[bytes], after: int = 0
+) -> Path | None:
+    """Wait for a checkpoint with a number above one; None if the process ends before."""
+    while process.poll() is None:
+        for path in checkpoints(project, agent):
+            if int(path.suffixes[-2][1:]) > after:
+                return path
+        time.sleep(0.01)
+    return None
+
+
+def recorded_digest(project: Checkout, agent: str) -> str:
+    """Return DVC's digest of an agent's models, as `dvc.lock` has it."""
+    lock = YAML(typ="safe").load((project.folder / "dvc.lock").read_text())
+    outs = lock["stages"][f"train@{agent}"]["outs"]
+    return next(out["md5"] for out in outs if out["path"] == f"models/{agent}")

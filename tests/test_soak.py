@@ -1,0 +1,84 @@
+"""A little of `make soak`: each kind of ill treatment once, for real."""
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from benchmarks.checkout import Checkout, checkout
+from jumping_ant import params
+from jumping_ant.errors import InputError
+from soak import inputs, payloads
+from soak import project as projects
+from soak.faults import Faults
+from soak.inputs import Inputs
+from soak.kills import Killer
+
+# The others are at home in the tests of their parts.
+FAULTS = [
+    "torn_checkpoint",
+    "disk_full",
+    "run_left_running",
+    "two_pipelines_one_store",
+    "diverging_simulation",
+]
+
+
+@pytest.fixture(scope="module")
+def project() -> Iterator[Checkout]:
+    with checkout() as copy:
+        projects.prepare(copy)
+        yield copy
+
+
+def test_a_killed_pipeline_ends_with_the_same_bytes(project: Checkout) -> None:
+    killer = Killer(project, "sac", random.Random(1))
+    for _ in range(5):
+        killer.once()
+        if "goes on from" in killer.log.read_text():
+            break
+    assert "goes on from" in killer.log.read_text()
+    assert killer.count.identical == killer.count.killed > 0
+
+
+@pytest.fixture(scope="module")
+def faults(project: Checkout) -> Faults:
+    return Faults(project, random.Random(0))
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_survived(faults: Faults, name: str) -> None:
+    faults.once(name)
+    count = faults.counts[name]
+    assert (count.injected, count.survived) == (1, 1)
+
+
+def test_bad_input_is_answered_clearly(project: Checkout, faults: Faults) -> None:
+    project.seconds("dvc", "repro", f"evaluate@{faults.agent}")
+    given = Inputs(project, random.Random(0))
+    given.try_another_robot()
+    given.try_files()
+    for _ in range(25):
+        assert given.try_params()
+    assert given.count.tried == 30
+    assert given.unclear == [] and given.count.clear == given.count.tried
+
+
+def test_there_is_something_wrong_with_every_fault() -> None:
+    """In one process, and so all of them: none is a value that may stand there after all."""
+    settings = projects.settings()
+    accepted = []
+    for fault in inputs.params_faults(settings):
+        try:
+            params.check(fault.content)
+        except InputError as error:
+            assert f"params.yaml: {fault.key}" in str(error), (fault.key, str(error))
+        else:
+            accepted.append(fault.key)
+    assert accepted == []
+
+
+def test_planted_code_does_not_run(tmp_path: Path) -> None:
+    count = payloads.plant_everywhere(tmp_path)
+    assert count.planted > 20 and count.executed == 0
