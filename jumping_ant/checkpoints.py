@@ -26,10 +26,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from jumping_ant.archive import pack, unpack
-from jumping_ant.errors import InputError
 from jumping_ant.files import write_bytes, write_json
 
 GENERATIONS = 2
@@ -101,17 +100,18 @@ class Checkpoints:
     def opened(self, seeds: Sequence[int]) -> Iterator[None]:
         """Keep others out while an agent trains; clear up if it comes to its end.
 
+        Where another process is training the agent, as one does whose `dvc repro` was killed, its
+        end is waited for, and what it has reached is gone on from.
+
         Args:
             seeds: Those to train.
-
-        Raises:
-            InputError: Another process is training the agent.
         """
         self._folder.mkdir(parents=True, exist_ok=True)
         with (self._agent_folder / "lock").open("a+") as lock:
-            self._take(lock)
+            has_waited = self._take(lock)
             completed = self._folder / "complete.json"
-            if completed.exists() and json.loads(completed.read_text()) == list(seeds):
+            is_asked_again = completed.exists() and json.loads(completed.read_text()) == list(seeds)
+            if is_asked_again and not has_waited:
                 shutil.rmtree(self._folder)
             completed.unlink(missing_ok=True)
             yield
@@ -168,20 +168,24 @@ class Checkpoints:
     def _finished_path(self, seed: int) -> Path:
         return self._folder / f"seed-{seed}.finished"
 
-    def _take(self, lock: Any) -> None:
-        """Lock the agent; the lock goes with the process, however that ends."""
+    def _take(self, lock: TextIO) -> bool:
+        """Lock the agent, and tell whether that took a wait; the lock goes with the process."""
+        has_waited = False
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
+        except BlockingIOError:
             lock.seek(0)
-            process = lock.read().strip()
-            raise InputError(
-                f"{self._agent}: process {process} is training it already, which one at a time "
-                f"may; `kill {process}` ends it, and what it has reached is kept"
-            ) from error
+            process = lock.read()
+            self._say(
+                f"waiting for process {process}, which is training it already and will not be "
+                f"started again; `kill {process}` has it stop with a checkpoint"
+            )
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            has_waited = True
         lock.truncate(0)
         lock.write(str(os.getpid()))
         lock.flush()
+        return has_waited
 
     def _forget_others(self, seeds: Sequence[int]) -> None:
         """Remove what a later training cannot need: other keys' seeds, and those dropped."""

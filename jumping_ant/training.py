@@ -67,7 +67,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         agent_name: Which agent.
 
     Raises:
-        InputError: There is no such agent, or no robot yet, or another process trains the agent.
+        InputError: There is no such agent, or no robot yet.
         StoppedError: A signal asked for an end; another call goes on from there.
         OSError: A file cannot be written, as on a full disk; what was there before is as it was.
     """

@@ -2,13 +2,13 @@ import os
 import resource
 import subprocess
 import sys
+import threading
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from jumping_ant.checkpoints import Checkpoints, Saved
-from jumping_ant.errors import InputError
 
 SAVED = Saved(
     env_steps=100,
@@ -145,20 +145,23 @@ def test_a_new_seed_trains_alone_and_the_same_seeds_anew(tmp_path: Path, said: L
 
 
 def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
+    """What one reaches while another waits is the other's, and not trained anew."""
     program = (
-        "import sys, pathlib; from jumping_ant.checkpoints import Checkpoints\n"
-        "with Checkpoints(pathlib.Path(sys.argv[1]), 'sac', 'key', print).opened([0]):\n"
-        "    print('open', flush=True); sys.stdin.read()"
+        "import sys, pathlib; from jumping_ant.checkpoints import Checkpoints, Saved\n"
+        "checkpoints = Checkpoints(pathlib.Path(sys.argv[1]), 'sac', 'key', print)\n"
+        "with checkpoints.opened([0]):\n"
+        "    print('open', flush=True); sys.stdin.read()\n"
+        "    checkpoints.finish(0, Saved(1, 0.0, [], None, '', b'policy'))"
     )
     pipe = subprocess.PIPE
     command = [sys.executable, "-c", program, str(tmp_path)]
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
         assert other.stdout.readline() == "open\n"
-        with (
-            pytest.raises(InputError, match=f"sac: process {other.pid} is training it already"),
-            store(tmp_path, said).opened([0]),
-        ):
-            pass
-        other.kill()
-    with store(tmp_path, said).opened([0]):
-        pass
+        threading.Timer(0.5, other.stdin.close).start()
+        with store(tmp_path, said).opened([0]):
+            assert other.wait() == 0
+            assert store(tmp_path, said).finished(0).content == b"policy"
+    assert said == [
+        f"waiting for process {other.pid}, which is training it already and will not be started "
+        f"again; `kill {other.pid}` has it stop with a checkpoint"
+    ]
