@@ -107,15 +107,16 @@ def test_a_forced_rerun_trains_anew_and_changes_no_byte(project: Project, tmp_pa
 
 def test_a_new_seed_trains_alone(project: Project) -> None:
     before = digests(project)
-    params = project.folder / "params.yaml"
-    text = params.read_text()
-    params.write_text(text.replace("seeds: [0, 1]", "seeds: [0, 1, 2]"))
+    path = project.folder / "params.yaml"
+    text = path.read_text()
+    with path.open("w") as file:
+        YAML().dump(YAML(typ="safe").load(text) | {"seeds": [0, 1, 2]}, file)
     done = project.run("dvc", "repro", "--single-item", "train@pgpe")
     assert {line for line in done.stderr.splitlines() if "trained before" in line} == {
         f"pgpe: seed {seed}: trained before, 1,600 steps" for seed in (0, 1)
     }
     assert "pgpe seed 2: done" in done.stderr
-    params.write_text(text)
+    path.write_text(text)
     project.run("dvc", "repro")
     assert digests(project) == before
 
