@@ -16,13 +16,7 @@ from soak.inputs import Inputs
 from soak.kills import Killer
 
 # The others are at home in the tests of their parts.
-FAULTS = [
-    "torn_checkpoint",
-    "disk_full",
-    "run_left_running",
-    "two_pipelines_one_store",
-    "diverging_simulation",
-]
+FAULTS = ["disk_full", "run_left_running", "diverging_simulation"]
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +53,9 @@ def test_bad_input_is_answered_clearly(project: Checkout, faults: Faults) -> Non
     given = Inputs(project, random.Random(0))
     given.try_another_robot()
     given.try_files()
-    for _ in range(25):
+    for _ in range(15):
         assert given.try_params()
-    assert given.count.tried == 30
+    assert given.count.tried == 20
     assert given.unclear == [] and given.count.clear == given.count.tried
 
 

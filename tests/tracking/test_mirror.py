@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -243,3 +244,19 @@ def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
         records.read_curve(path)
     path.write_text("env_steps,loss,other\n100,nan,\n200,1.5,inf\n300,2")
     assert records.read_curve(path) == {("loss", 200): 1.5}
+
+
+def test_two_at_once_lose_nothing_and_double_nothing(untracked_project: Path) -> None:
+    """As two pipelines on one database do, which have trained the same policies."""
+    program = (
+        "import pathlib, sys; from jumping_ant.tracking.mirror import track\n"
+        "track(pathlib.Path(sys.argv[1]))"
+    )
+    command = [sys.executable, "-c", program, str(untracked_project)]
+    both = [subprocess.Popen(command, stdout=subprocess.DEVNULL) for _ in range(2)]
+    assert [process.wait() for process in both] == [0, 0]
+    assert tracked(untracked_project)[-1].endswith("4 unchanged")
+    assert len(runs(untracked_project)) == 5
+    names = query(untracked_project, "SELECT name FROM runs WHERE lifecycle_stage = 'active'")
+    assert len(names) == 5
+    assert len(content(untracked_project, "metrics", "sac-seed-1")) == 4 * 3 + 3 + 1 + 3 + 1
