@@ -109,6 +109,8 @@ def connect(root: Path, timeout_seconds: int, max_retries: int) -> "Store":
     uri = tracking_uri(root)
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
+    # It would show a traceback of what it raises, which is told in one line.
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
     with failures_as_input_errors(uri):
         if uri.startswith("sqlite:///"):
             _check_sqlite(Path(uri.removeprefix("sqlite:///")))
