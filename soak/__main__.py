@@ -1,6 +1,8 @@
 """Ill-treat the project for some minutes, and write what it survived to results/soak.json.
 
-Usage: python -m soak [--minutes MINUTES] [--seed SEED]
+Usage: python -m soak [PART...] [--minutes MINUTES] [--seed SEED]
+
+The figures of parts that are not named stay as they are, and the minutes add up.
 """
 
 import argparse
@@ -10,6 +12,7 @@ import random
 import tempfile
 import time
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,86 +20,119 @@ from benchmarks.checkout import Checkout, checkout
 from jumping_ant.files import PROJECT_ROOT, write_json
 from soak import payloads
 from soak import project as projects
-from soak.faults import Faults
+from soak.faults import AGENT, Faults
 from soak.inputs import Inputs
 from soak.kills import Killer
 
 PATH = PROJECT_ROOT / "results" / "soak.json"
-INPUTS_SHARE = 0.2  # of the time, for bad input
+PARTS = ("kills", "faults", "bad_inputs", "payloads")
+INPUTS_SHARE = 0.2  # of the time, for bad input, if there is more to do
+LEAST_INPUTS = 300
+
+Figures = dict[str, Any]
 
 
 def main() -> None:
-    """Parse the command line, go through everything in turn, and exit with 1 if anything failed."""
+    """Parse the command line, go through the parts, and exit with 1 if anything went wrong."""
     parser = argparse.ArgumentParser(prog="python -m soak", description=__doc__.splitlines()[0])
+    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
+    parts = arguments.parts or PARTS
+    unknown = set(parts) - set(PARTS)
+    if unknown:
+        parser.error(f"given {sorted(unknown)}, allowed: {', '.join(PARTS)}")
     started = time.monotonic()
+    deadline = started + 60 * arguments.minutes
+    figures: Figures = {}
+    troubles: list[str] = []
     generator = random.Random(arguments.seed)
     with checkout() as project, tempfile.TemporaryDirectory() as folder:
-        figures, troubles = soak(project, Path(folder), generator, 60 * arguments.minutes)
-    write_json(PATH, {"minutes": round((time.monotonic() - started) / 60, 1), **figures})
+        projects.prepare(project)
+        if "payloads" in parts:
+            figures |= plant(Path(folder), troubles)
+        if "bad_inputs" in parts:
+            share = INPUTS_SHARE if {"kills", "faults"} & set(parts) else 1.0
+            inputs_deadline = started + 60 * share * arguments.minutes
+            figures |= mislead(project, generator, inputs_deadline, troubles)
+        figures |= hurt(project, generator, deadline, parts, troubles)
+    minutes = (time.monotonic() - started) / 60
+    if arguments.parts and PATH.exists():
+        stored = json.loads(PATH.read_text())
+        minutes += stored["minutes"]
+        figures = stored | figures
+    figures = {"minutes": round(minutes, 1)} | {part: figures.get(part, {}) for part in PARTS}
+    write_json(PATH, figures)
     print(json.dumps(figures, indent=2))
-    for trouble in troubles:
-        print(trouble)
+    print("\n".join(troubles))
     raise SystemExit(bool(troubles))
 
 
-def soak(
-    project: Checkout, folder: Path, generator: random.Random, seconds: float
-) -> tuple[dict[str, Any], list[str]]:
-    """Ill-treat a project.
+def plant(folder: Path, troubles: list[str]) -> Figures:
+    """Plant code in files; add a line to the troubles if any ran."""
+    count = payloads.plant_everywhere(folder)
+    if count.executed:
+        troubles.append(f"{count.executed} of {count.planted} planted payloads ran")
+    return {"payloads": asdict(count)}
 
-    Args:
-        project: A throw-away copy of it.
-        folder: An empty one, for planted files.
-        generator: Decides everything.
-        seconds: How long; every kind of trouble is caused at least once.
 
-    Returns:
-        The figures, and a line on each thing that was not survived.
-    """
-    deadline = time.monotonic() + seconds
-    projects.prepare(project)
-    planted = payloads.plant_everywhere(folder)
-    print(f"payloads: {planted.planted} planted, {planted.executed} executed", flush=True)
-    killers = {agent: Killer(project, agent, generator) for agent in projects.BUDGETS}
-    faults = Faults(project, generator)
-    project.seconds("dvc", "repro", f"evaluate@{faults.agent}")
+def mislead(
+    project: Checkout, generator: random.Random, deadline: float, troubles: list[str]
+) -> Figures:
+    """Give bad input until a time, and enough of it; add what was not answered clearly."""
+    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
     inputs = Inputs(project, generator)
     inputs.try_another_robot()
-    inputs_end = time.monotonic() + INPUTS_SHARE * (deadline - time.monotonic())
-    while time.monotonic() < inputs_end and inputs.try_params():
+    while time.monotonic() < deadline or inputs.count.tried < LEAST_INPUTS:
+        if not inputs.try_params():
+            break
         if inputs.count.tried % 20 == 0:
             inputs.try_files()
             print(f"bad inputs: {asdict(inputs.count)}", flush=True)
-    troubles = list(inputs.unclear)
+    troubles += inputs.unclear
+    return {"bad_inputs": asdict(inputs.count)}
+
+
+def hurt(
+    project: Checkout,
+    generator: random.Random,
+    deadline: float,
+    parts: tuple[str, ...] | list[str],
+    troubles: list[str],
+) -> Figures:
+    """Kill trainings and cause faults in turn until a time, each kind at least once."""
+    kinds: list[dict[str, Any]] = []
+    figures: Figures = {}
+    if "kills" in parts:
+        killers = {agent: Killer(project, agent, generator) for agent in projects.BUDGETS}
+        kinds.append({agent: killer.once for agent, killer in killers.items()})
+        figures["kills"] = {agent: killer.count for agent, killer in killers.items()}
+    if "faults" in parts:
+        faults = Faults(project, generator)
+        kinds.append({name: partial(faults.once, name) for name in faults.counts})
+        figures["faults"] = faults.counts
+    least = max((len(kind) for kind in kinds), default=0)
     for number in itertools.count():
-        is_first_round = number < len(faults.counts)
-        if not is_first_round and time.monotonic() > deadline:
+        if not kinds or (number >= least and time.monotonic() > deadline):
             break
-        name = list(faults.counts)[number % len(faults.counts)]
-        faults.once(name)
-        agent = list(killers)[number % len(killers)]
-        killers[agent].once()
-        print(f"{name}: {faults.counts[name]}; {agent}: {killers[agent].count}", flush=True)
-    figures: dict[str, Any] = {
-        "kills": {agent: asdict(killer.count) for agent, killer in killers.items()},
-        "faults": {name: asdict(count) for name, count in faults.counts.items()},
-        "bad_inputs": asdict(inputs.count),
-        "payloads": asdict(planted),
+        for kind in kinds:
+            name = list(kind)[number % len(kind)]
+            kind[name]()
+            print(f"{name}: {_count(figures, name)}", flush=True)
+    for part in figures:
+        for name, count in figures[part].items():
+            done, survived = asdict(count).values()
+            if survived < done:
+                troubles.append(f"{part}: {name}: {survived} of {done} survived")
+    return {
+        part: {name: asdict(count) for name, count in counts.items()}
+        for part, counts in figures.items()
     }
-    troubles += [
-        f"{agent}: bytes differ after a kill"
-        for agent, killer in killers.items()
-        if killer.count.identical < killer.count.killed
-    ]
-    troubles += [
-        f"{name}: not survived"
-        for name, count in faults.counts.items()
-        if count.survived < count.injected
-    ]
-    return figures, troubles
+
+
+def _count(figures: Figures, name: str) -> object:
+    return next(counts[name] for counts in figures.values() if name in counts)
 
 
 if __name__ == "__main__":

@@ -50,12 +50,10 @@ class Faults:
         generator: Decides when and where.
 
     Attributes:
-        agent: Whose training it is that suffers.
         counts: Of each fault.
     """
 
     def __init__(self, project: Checkout, generator: random.Random) -> None:
-        self.agent = AGENT
         self._project = project
         self._generator = generator
         self._log = project.folder / "faults.log"

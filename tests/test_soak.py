@@ -11,7 +11,7 @@ from jumping_ant import params
 from jumping_ant.errors import InputError
 from soak import inputs, payloads
 from soak import project as projects
-from soak.faults import Faults
+from soak.faults import AGENT, Faults
 from soak.inputs import Inputs
 from soak.kills import Killer
 
@@ -49,7 +49,7 @@ def test_a_fault_is_survived(faults: Faults, name: str) -> None:
 
 
 def test_bad_input_is_answered_clearly(project: Checkout, faults: Faults) -> None:
-    project.seconds("dvc", "repro", f"evaluate@{faults.agent}")
+    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
     given = Inputs(project, random.Random(0))
     given.try_another_robot()
     given.try_files()
