@@ -2,7 +2,8 @@
 
 Usage: python -m soak [PART...] [--minutes MINUTES] [--seed SEED]
 
-The figures of parts that are not named stay as they are, and the minutes add up.
+Without parts all are gone through, and the file is made anew; with parts their figures are added
+to those that stand there.
 """
 
 import argparse
@@ -58,15 +59,23 @@ def main() -> None:
             figures |= mislead(project, generator, inputs_deadline, troubles)
         figures |= hurt(project, generator, deadline, parts, troubles)
     minutes = (time.monotonic() - started) / 60
-    if arguments.parts and PATH.exists():
-        stored = json.loads(PATH.read_text())
-        minutes += stored["minutes"]
-        figures = stored | figures
     figures = {"minutes": round(minutes, 1)} | {part: figures.get(part, {}) for part in PARTS}
+    if arguments.parts and PATH.exists():
+        figures = added(json.loads(PATH.read_text()), figures)
     write_json(PATH, figures)
     print(json.dumps(figures, indent=2))
     print("\n".join(troubles))
     raise SystemExit(bool(troubles))
+
+
+def added(stored: Figures, new: Figures) -> Figures:
+    """Return the sums of figures, dictionaries in dictionaries."""
+    return stored | {
+        name: added(stored.get(name, {}), value)
+        if isinstance(value, dict)
+        else round(stored.get(name, 0) + value, 1)
+        for name, value in new.items()
+    }
 
 
 def plant(folder: Path, troubles: list[str]) -> Figures:

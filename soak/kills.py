@@ -85,7 +85,7 @@ class Killer:
         before = projects.checkpoints(self._project, self._agent)
         newest = int(before[-1].suffixes[-2][1:]) if before else 0
         projects.await_checkpoint(self._project, self._agent, process, after=newest)
-        return self._generator.uniform(0, 0.7 * self._training_seconds)
+        return self._generator.uniform(0, 0.4 * self._training_seconds)
 
     def _repro(self, *options: str) -> subprocess.Popen[bytes]:
         command = (*REPRO, *options, f"train@{self._agent}")

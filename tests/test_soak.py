@@ -11,6 +11,7 @@ from jumping_ant import params
 from jumping_ant.errors import InputError
 from soak import inputs, payloads
 from soak import project as projects
+from soak.__main__ import added
 from soak.faults import AGENT, Faults
 from soak.inputs import Inputs
 from soak.kills import Killer
@@ -76,3 +77,14 @@ def test_there_is_something_wrong_with_every_fault() -> None:
 def test_planted_code_does_not_run(tmp_path: Path) -> None:
     count = payloads.plant_everywhere(tmp_path)
     assert count.planted > 20 and count.executed == 0
+
+
+def test_figures_of_parts_add_up() -> None:
+    stored = {"minutes": 1.5, "kills": {"sac": {"killed": 2, "identical": 2}}, "payloads": {}}
+    new = {"minutes": 0.2, "kills": {"sac": {"killed": 1, "identical": 0}}, "payloads": {}}
+    assert added(stored, new) == {
+        "minutes": 1.7,
+        "kills": {"sac": {"killed": 3, "identical": 2}},
+        "payloads": {},
+    }
+    assert added({}, new) == new
