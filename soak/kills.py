@@ -96,5 +96,5 @@ class Killer:
         everybody = projects.family(process)
         if self._generator.random() < 0.5:
             return everybody
-        trainings = [other for other in everybody if "stages.train" in " ".join(other.cmdline())]
+        trainings = [other for other in everybody if "stages.train" in projects.command_line(other)]
         return trainings[-1:] or everybody

@@ -65,6 +65,14 @@ def family(process: subprocess.Popen[bytes]) -> list[psutil.Process]:
         return []
 
 
+def command_line(process: psutil.Process) -> str:
+    """Return the command line of a process, nothing if it has ended."""
+    try:
+        return " ".join(process.cmdline())
+    except psutil.Error:
+        return ""
+
+
 def kill(processes: list[psutil.Process]) -> None:
     """Kill processes with SIGKILL, which none of them can notice, and wait until they are gone."""
     for process in processes:
