@@ -5,6 +5,7 @@ PYTHON ?=
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PORT ?= 5000
 MINUTES ?= 30
+PIPELINE_TESTS = $(addprefix tests/test_,smoke.py soak.py benchmarks_pipeline.py)
 AGENT ?= *
 MLFLOW_TRACKING_URI ?= sqlite:///$(CURDIR)/mlflow.db
 
@@ -18,7 +19,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro test bench soak ui view lock clean
+.PHONY: help install repro test test-parts test-pipeline bench soak ui view lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -41,7 +42,14 @@ test: install ## check style, types and behaviour
 	ruff check
 	ruff format --check
 	mypy
-	CI=1 pytest -q
+	@$(MAKE) --no-print-directory --jobs=2 test-parts test-pipeline
+
+# Side by side: the pipeline's tests wait for processes much of the time.
+test-parts:
+	CI=1 pytest -q $(addprefix --ignore=,$(PIPELINE_TESTS))
+
+test-pipeline:
+	CI=1 pytest -q $(PIPELINE_TESTS)
 
 bench: install .venv/.peers ## measure the project beside its peers, into benchmarks/ (ten minutes)
 	python -m benchmarks
