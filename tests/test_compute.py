@@ -3,6 +3,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -105,13 +106,15 @@ def test_a_signal_asks_for_an_end(tmp_path: Path, workers: int, number: signal.S
 
 def look_around(stop: threading.Event) -> Iterator[set[str]]:
     """Yield the addresses that Ray's processes listen on."""
-    ray_processes = psutil.Process().parent().parent().children(recursive=True)
-    yield {
-        connection.laddr.ip
-        for process in ray_processes
-        for connection in process.net_connections(kind="tcp")
-        if connection.status == psutil.CONN_LISTEN
-    }
+    addresses = set()
+    for process in psutil.Process().parent().parent().children(recursive=True):
+        with suppress(psutil.Error):  # some last for a moment
+            addresses |= {
+                connection.laddr.ip
+                for connection in process.net_connections(kind="tcp")
+                if connection.status == psutil.CONN_LISTEN
+            }
+    yield addresses
 
 
 def test_nobody_else_can_talk_to_ray() -> None:
