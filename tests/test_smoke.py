@@ -105,22 +105,6 @@ def test_a_forced_rerun_trains_anew_and_changes_no_byte(project: Project, tmp_pa
         project.run("rerun", "rrd", "compare", str(tmp_path / new.name), str(new))
 
 
-def test_a_new_seed_trains_alone(project: Project) -> None:
-    before = digests(project)
-    path = project.folder / "params.yaml"
-    text = path.read_text()
-    with path.open("w") as file:
-        YAML().dump(YAML(typ="safe").load(text) | {"seeds": [0, 1, 2]}, file)
-    done = project.run("dvc", "repro", "--single-item", "train@pgpe")
-    assert {line for line in done.stderr.splitlines() if "trained before" in line} == {
-        f"pgpe: seed {seed}: trained before, 1,600 steps" for seed in (0, 1)
-    }
-    assert "pgpe seed 2: done" in done.stderr
-    path.write_text(text)
-    project.run("dvc", "repro")
-    assert digests(project) == before
-
-
 def test_git_knows_only_small_things(project: Project) -> None:
     changed = project.run("git", "status", "--porcelain", "--untracked-files=all").stdout
     for line in changed.splitlines():
@@ -150,6 +134,22 @@ def test_mlflow_mirrors_the_files(project: Project) -> None:
     (project.folder / "mlflow.db").unlink()
     project.run(sys.executable, "-m", "stages.track")
     assert {run.info.run_name for run in project.runs()} == {r.info.run_name for r in runs}
+
+
+def test_a_new_seed_trains_alone(project: Project) -> None:
+    before = digests(project)
+    path = project.folder / "params.yaml"
+    text = path.read_text()
+    with path.open("w") as file:
+        YAML().dump(YAML(typ="safe").load(text) | {"seeds": [0, 1, 2]}, file)
+    done = project.run("dvc", "repro", "--single-item", "train@pgpe")
+    assert {line for line in done.stderr.splitlines() if "trained before" in line} == {
+        f"pgpe: seed {seed}: trained before, 1,600 steps" for seed in (0, 1)
+    }
+    assert "pgpe seed 2: done" in done.stderr
+    path.write_text(text)
+    project.run("dvc", "repro")
+    assert digests(project) == before
 
 
 def test_a_changed_number_reruns_what_it_touches(project: Project) -> None:
