@@ -110,7 +110,7 @@ class Checkpoints:
         with (self._agent_folder / "lock").open("a+") as lock:
             has_waited = self._take(lock)
             completed = self._folder / "complete.json"
-            is_asked_again = completed.exists() and json.loads(completed.read_text()) == list(seeds)
+            is_asked_again = _read_json(completed) == list(seeds)
             if is_asked_again and not has_waited:
                 shutil.rmtree(self._folder)
             completed.unlink(missing_ok=True)
@@ -196,3 +196,11 @@ class Checkpoints:
         for path in self._folder.iterdir():
             if path not in kept:
                 path.unlink()
+
+
+def _read_json(path: Path) -> Any:
+    """Return what a JSON file holds, None if it is missing or damaged."""
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None

@@ -27,7 +27,7 @@ from ray.exceptions import (  # noqa: E402
 )
 
 import jumping_ant  # noqa: E402
-from jumping_ant.errors import InputError  # noqa: E402
+from jumping_ant.errors import InputError, WorkerError  # noqa: E402
 from jumping_ant.machine import BLAS_THREADS  # noqa: E402
 
 Key = TypeVar("Key", bound=Hashable)
@@ -70,7 +70,11 @@ def num_threads(requested: int, num_jobs: int) -> list[int]:
 
 
 def stream(
-    start: Callable[[Key], Job], keys: Sequence[Key], workers: int, say: Say = print
+    start: Callable[[Key], Job],
+    keys: Sequence[Key],
+    workers: int,
+    say: Say = print,
+    name: Callable[[Key], str] = str,
 ) -> Iterator[tuple[Key, Any]]:
     """Run generators and yield what they yield, as it comes.
 
@@ -84,15 +88,16 @@ def stream(
         keys: Of all generators, in the order they start.
         workers: How many run at once.
         say: Takes a line about what befell a worker.
+        name: What such a line calls a key.
 
     Yields:
         Key and item. The items of one generator come in its order, whatever the others do.
 
     Raises:
         InputError: `RAY_ADDRESS` names a cluster that cannot be joined.
-        RuntimeError: The workers of one job died again and again.
+        WorkerError: The workers of one job died again and again.
     """
-    return _inline(start, keys) if workers == 1 else _on_ray(start, keys, workers, say)
+    return _inline(start, keys) if workers == 1 else _on_ray(start, keys, workers, say, name)
 
 
 def _inline(start: Callable[[Key], Job], keys: Sequence[Key]) -> Iterator[tuple[Key, Any]]:
@@ -106,13 +111,17 @@ def _inline(start: Callable[[Key], Job], keys: Sequence[Key]) -> Iterator[tuple[
 
 
 def _on_ray(
-    start: Callable[[Key], Job], keys: Sequence[Key], workers: int, say: Say
+    start: Callable[[Key], Job],
+    keys: Sequence[Key],
+    workers: int,
+    say: Say,
+    name: Callable[[Key], str],
 ) -> Iterator[tuple[Key, Any]]:
     """Run each job in an actor that streams; a key waits until one is free."""
     _connect(workers)
     try:
         with _stopped_by_signals() as stop:  # after Ray has set its own handlers
-            yield from _work(start, keys, workers, say, stop)
+            yield from _work(start, keys, workers, say, name, stop)
     finally:
         ray.shutdown()
 
@@ -122,6 +131,7 @@ def _work(
     keys: Sequence[Key],
     workers: int,
     say: Say,
+    name: Callable[[Key], str],
     stop: threading.Event,
 ) -> Iterator[tuple[Key, Any]]:
     waiting = deque(keys)
@@ -157,10 +167,11 @@ def _work(
                 del running[generator]
                 deaths[key] += 1
                 if deaths[key] > MAX_DEATHS:
-                    raise RuntimeError(
-                        f"{key}: its worker died {deaths[key]} times: {error}"
+                    reason = str(error).strip().partition("\n")[0]
+                    raise WorkerError(
+                        f"{name(key)}: its worker died {deaths[key]} times: {reason}"
                     ) from error
-                say(f"{key}: its worker died, and another takes over")
+                say(f"{name(key)}: its worker died, and another takes over")
                 waiting.appendleft(key)
 
 

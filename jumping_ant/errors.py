@@ -8,6 +8,13 @@ class InputError(ValueError):
     """
 
 
+class WorkerError(Exception):
+    """What computes died again and again: the message says what did, and of what.
+
+    Stages print the message without a traceback and exit with status 1.
+    """
+
+
 class StoppedError(Exception):
     """Someone asked for an end: the message says what is kept and how it goes on.
 

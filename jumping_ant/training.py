@@ -68,6 +68,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 
     Raises:
         InputError: There is no such agent, or no robot yet.
+        WorkerError: The workers of one seed died again and again.
         StoppedError: A signal asked for an end; another call goes on from there.
         OSError: A file cannot be written, as on a full disk; what was there before is as it was.
     """
@@ -103,7 +104,9 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 
         is_trivial = agent.max_env_steps == 0  # not worth starting processes
         workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(untrained))
-        for number, report in compute.stream(start, untrained, workers, display.say):
+        for number, report in compute.stream(
+            start, untrained, workers, display.say, "seed {}".format
+        ):
             seeds[number].write(report)
         if unfinished := [seed for seed in seeds.values() if not seed.is_finished]:
             places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)

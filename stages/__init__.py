@@ -11,7 +11,7 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
 from jumping_ant import params  # noqa: E402  (telemetry is off before any import)
-from jumping_ant.errors import InputError, StoppedError  # noqa: E402
+from jumping_ant.errors import InputError, StoppedError, WorkerError  # noqa: E402
 from jumping_ant.params import Params  # noqa: E402
 
 
@@ -36,7 +36,8 @@ def run(main: Callable[[], None]) -> None:
     """Run a stage's `main`.
 
     A mistake in its input ends in one clear line and exit status 2, a file that cannot be written,
-    as on a full disk, in one and status 1, and a request to stop in one and status 130.
+    as on a full disk, or workers that die in one and status 1, and a request to stop in one and
+    status 130.
     """
     try:
         main()
@@ -45,6 +46,9 @@ def run(main: Callable[[], None]) -> None:
         sys.exit(2)
     except OSError as error:
         print(f"error: {error}; what was there before is as it was", file=sys.stderr)
+        sys.exit(1)
+    except WorkerError as error:
+        print(f"error: {error}", file=sys.stderr)
         sys.exit(1)
     except StoppedError as error:
         print(f"stopped: {error}", file=sys.stderr)

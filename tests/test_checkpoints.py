@@ -144,6 +144,13 @@ def test_a_new_seed_trains_alone_and_the_same_seeds_anew(tmp_path: Path, said: L
     ]
 
 
+def test_a_damaged_list_of_seeds_loses_none(tmp_path: Path, said: Lines) -> None:
+    train(tmp_path, said, [0, 1])
+    path = tmp_path / ".checkpoints/sac/key/complete.json"
+    path.write_text(path.read_text()[:2])
+    assert train(tmp_path, said, [0, 1]) == []
+
+
 def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
     """What one reaches while another waits is the other's, and not trained anew."""
     program = (

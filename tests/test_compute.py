@@ -12,7 +12,7 @@ import pytest
 
 from jumping_ant import compute
 from jumping_ant.compute import Job
-from jumping_ant.errors import InputError
+from jumping_ant.errors import InputError, WorkerError
 
 
 def count(key: str, length: int, stop: threading.Event) -> Iterator[str]:
@@ -48,7 +48,9 @@ def workers_find_this_file(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def collect(jobs: Mapping[str, Job], workers: int) -> dict[str, list[str]]:
     items: dict[str, list[str]] = {key: [] for key in jobs}
-    for key, item in compute.stream(lambda key: jobs[key], list(jobs), workers):
+    for key, item in compute.stream(
+        lambda key: jobs[key], list(jobs), workers, name="job {}".format
+    ):
         items[key].append(item)
     return items
 
@@ -78,7 +80,7 @@ def test_a_job_that_kills_every_worker_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(compute, "MAX_DEATHS", 1)
-    with pytest.raises(RuntimeError, match="dying: its worker died 2 times"):
+    with pytest.raises(WorkerError, match="job dying: its worker died 2 times"):
         collect({"good": partial(count, "x", 1), "dying": partial(die, tmp_path, 99)}, 2)
 
 
