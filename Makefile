@@ -19,7 +19,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro test test-parts test-pipeline bench soak ui view lock clean
+.PHONY: help install repro test test-parts test-pipeline bench soak ui view schema lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -71,6 +71,9 @@ endif
 # Rerun has no switch of its own against reporting home, but keeps quiet where CI is set.
 view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
+
+schema: install ## renew params.schema.json, which editors complete params.yaml from
+	python -m jumping_ant.schema
 
 lock: ## renew requirements.lock and benchmarks/requirements.lock from pyproject.toml
 	@scripts/environment.sh lock

@@ -38,56 +38,78 @@ AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 
 
 RATE = 100  # [1/s] of the simulation's steps
+FRAME_RATES = [number for number in range(1, RATE + 1) if RATE % number == 0]
 
 
 def _divides_the_rate(fps: int) -> int:
     """Refuse a frame rate that would need a frame between two steps."""
-    if RATE % fps:
-        divisors = ", ".join(str(number) for number in range(1, RATE + 1) if RATE % number == 0)
-        raise ValueError(f"given {fps}, allowed: {divisors}")
+    if fps not in FRAME_RATES:
+        raise ValueError(f"given {fps}, allowed: {', '.join(map(str, FRAME_RATES))}")
     return fps
 
 
 class Block(BaseModel):
     """A block of `params.yaml`: typed, closed to unknown keys, immutable."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+    )
 
 
 class RobotParams(Block):
     """Edits of Gymnasium's Ant (see `jumping_ant.robot`)."""
 
     density: Positive
+    """[kg/m^3] Density of every part (Gymnasium's Ant: 5). Half of it is half the mass."""
     gear: Positive
+    """[N m] Peak torque of every motor (Gymnasium's Ant: 150)."""
     joint_gear: dict[str, Positive]
+    """[N m] Overrides of `gear` by kind of joint (hip, ankle) or by joint (hip_1)."""
     torso_radius: Positive
+    """[m] Radius of the torso (Gymnasium's Ant: 0.25); its mass grows with the cube."""
     leg_length: Positive
+    """[-] Factor on the length of every segment of the legs."""
     friction: Positive
+    """[-] Sliding friction of feet and floor (Gymnasium's Ant: 1)."""
 
 
 class RewardParams(Block):
     """The reward for torso height (see `jumping_ant.rewards`)."""
 
     floor: float
+    """[m] Torso height that earns nothing."""
     span: Positive
+    """[m] Height above the floor at which the reward saturates."""
     scale: Positive
+    """[1/step] Reward at saturation, per control step."""
 
 
 class EnvParams(Block):
     """The jumping task (see `jumping_ant.env` and `jumping_ant.vector`)."""
 
     frame_skip: Count
+    """[-] Simulation steps of 0.01 s in a control step."""
     reset_noise_scale: NonNegative
+    """[-] Noise on the start state."""
     max_episode_steps: Count
+    """[control steps] An episode is truncated here."""
     min_torso_height: float
+    """[m] An episode ends below this height of the torso."""
     reward: RewardParams
+    """The reward per control step: scale * clip((height - floor) / span, 0, 1)."""
 
 
 class RandomAgentParams(Block):
     """The baseline: torques drawn uniformly at every step."""
 
     trainer: Literal["random"]
+    """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["random"]
+    """What it trains."""
 
     @property
     def max_env_steps(self) -> int:
@@ -99,21 +121,37 @@ class OffPolicyParams(Block):
     """What DQN and SAC have in common, named as in Stable-Baselines3."""
 
     trainer: Literal["off_policy"]
+    """Package of jumping_ant/agents/ that trains the agent."""
     total_steps: Count
+    """[control steps] Training budget of a seed."""
     episode_steps: Count
+    """[control steps] Training episodes are cut here."""
     num_envs: Count
+    """[-] Simulations stepped at once."""
     learning_rate: Positive
+    """[-] Of Adam."""
     buffer_size: Count
+    """[transitions] Replay memory."""
     learning_starts: Annotated[int, Field(ge=0)]
+    """[control steps] Random actions before the first update."""
     batch_size: Count
+    """[transitions] In a gradient step."""
     tau: Fraction
+    """[-] Share of the online networks in an update of the target networks."""
     gamma: Fraction
+    """[-] Discount of a reward one control step later."""
     n_steps: Count
+    """[control steps] Of real reward before the bootstrap."""
     train_freq: Count
+    """[steps of each environment] From one round of updates to the next."""
     gradient_steps: Count
+    """[-] Gradient steps in a round of updates."""
     net_arch: Annotated[list[Count], Field(min_length=1)]
+    """[units] Hidden layers."""
     velocity_scale: Positive
+    """[-] Factor on the velocities that the agent observes."""
     log_interval: Count
+    """[control steps] From one row of the learning curve to the next."""
 
     @property
     def max_env_steps(self) -> int:
@@ -134,35 +172,55 @@ class DQNParams(OffPolicyParams):
     """Deep Q-network on the five discrete commands (Mnih et al. 2015)."""
 
     algorithm: Literal["dqn"]
+    """What is trained."""
     target_update_interval: Count
+    """[control steps] From one target update to the next."""
     exploration_fraction: Annotated[float, Field(gt=0, le=1)]
+    """[-] Share of the budget over which exploration decays."""
     exploration_initial_eps: Fraction
+    """[-] Chance of a random command at the start."""
     exploration_final_eps: Fraction
+    """[-] Chance of a random command after the decay."""
     max_grad_norm: Positive
+    """[-] Gradients are clipped to this norm."""
 
 
 class SACParams(OffPolicyParams):
     """Soft actor-critic on continuous torques (Haarnoja et al. 2018)."""
 
     algorithm: Literal["sac"]
+    """What is trained."""
     ent_coef: Positive | Literal["auto"]
+    """[-] Weight of the policy's entropy, or `auto` to learn it."""
 
 
 class PGPEParams(Block):
     """Policy gradients with parameter-based exploration (Sehnke et al. 2010), with ClipUp."""
 
     trainer: Literal["evolution"]
+    """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["pgpe"]
+    """What it trains."""
     generations: Count
+    """[-] Training budget of a seed."""
     population_size: Annotated[int, Field(ge=2, multiple_of=2)]
+    """[policies] In a generation, in mirrored pairs."""
     episode_steps: Count
+    """[control steps] That each policy is tried for."""
     center_learning_rate: Positive
+    """[-] Length of a ClipUp step of the distribution's centre."""
     stdev_learning_rate: NonNegative
+    """[-] Rate at which the distribution's width is learned."""
     stdev_init: Positive
+    """[-] Width at the start."""
     max_speed: Positive
+    """[-] Longest step of the centre."""
     momentum: Fraction
+    """[-] Of ClipUp."""
     decrease_rewards_by: float
+    """[1/step] Taken off the reward of every control step survived."""
     observation_normalization: bool
+    """Whether observations are normalised by their running statistics."""
 
     @property
     def max_env_steps(self) -> int:
@@ -198,58 +256,93 @@ class TrainingParams(Block):
     """Evaluations while training (see `jumping_ant.training`)."""
 
     evaluations: Count
+    """[-] Spread evenly over the budget."""
     evaluation_episodes: Count
+    """[-] In each of them."""
     evaluation_seed: Seed
+    """Of the first episode; the others count up from it."""
 
 
 class ComputeParams(Block):
     """How the work is spread; no result depends on it."""
 
     workers: Annotated[int, Field(ge=0)]
+    """[processes] Seeds trained at once; 0 takes every core."""
     checkpoint_seconds: Positive
+    """[s] From one checkpoint of a seed to the next."""
 
 
 class EvaluateParams(Block):
     """Held-out episodes (see `jumping_ant.evaluation`)."""
 
     episodes: Count
+    """[-] Held-out episodes for each seed."""
     seed: Seed
+    """Of the first episode; the others count up from it."""
     min_airborne_seconds: NonNegative
+    """[s] Off the ground for this long counts as a jump."""
 
 
 class RecordParams(Block):
     """Videos and recordings (see `jumping_ant.rendering` and `jumping_ant.recording`)."""
 
     width: Annotated[int, Field(ge=64, le=3840, multiple_of=2)]
+    """[pixels] Of the video."""
     height: Annotated[int, Field(ge=64, le=2160, multiple_of=2)]
-    fps: Annotated[int, Field(ge=1, le=RATE), AfterValidator(_divides_the_rate)]
+    """[pixels] Of the video."""
+    fps: Annotated[
+        int,
+        Field(ge=1, le=RATE, json_schema_extra={"enum": FRAME_RATES}),
+        AfterValidator(_divides_the_rate),
+    ]
+    """[frames/s] A divisor of 100, the rate of the simulation."""
     seconds: Positive
+    """[s] Filmed from the start of the episode."""
     shadow_size: Annotated[int, Field(ge=0, le=8192)]
+    """[pixels] Of the shadow map; 0 draws no shadows."""
     camera_distance: Positive
+    """[m] From the torso."""
     camera_azimuth: float
+    """[degrees] Of the view."""
     camera_elevation: Annotated[float, Field(ge=-90, le=90)]
+    """[degrees] Of the view; negative looks down."""
 
 
 class CompareParams(Block):
     """Statistics (see `jumping_ant.statistics` and `jumping_ant.comparison`)."""
 
     confidence: Annotated[float, Field(gt=0, lt=1)]
+    """[-] Of every interval."""
     bootstrap_samples: Annotated[int, Field(ge=100)]
+    """[-] Resamples behind an interval."""
     seed: Seed
+    """Of the bootstrap."""
 
 
 class Params(Block):
     """The whole of `params.yaml`."""
 
-    seeds: Annotated[list[Seed], Field(min_length=1)]
+    seeds: Annotated[list[Seed], Field(min_length=1, json_schema_extra={"uniqueItems": True})]
+    """Training seeds: one run for each agent and seed. A seed is the unit of every statistic."""
     robot: RobotParams
+    """Edits of Gymnasium's Ant."""
     env: EnvParams
-    agents: Annotated[dict[AgentName, AgentParams], Field(min_length=1)]
+    """The task: keep the torso high."""
+    agents: Annotated[
+        dict[AgentName, AgentParams],
+        Field(min_length=1, json_schema_extra={"additionalProperties": False}),
+    ]
+    """The agents that are trained, evaluated, filmed and compared, by name."""
     training: TrainingParams
+    """How learning curves are measured while training."""
     compute: ComputeParams
+    """How the work is spread. No result depends on it."""
     evaluate: EvaluateParams
+    """The held-out episodes, the same for every policy, with deterministic actions."""
     record: RecordParams
+    """Each agent's median episode, as video and as Rerun recording."""
     compare: CompareParams
+    """Interquartile means over seeds with percentile bootstrap intervals."""
 
     @field_validator("agents")
     @classmethod
