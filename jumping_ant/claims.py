@@ -33,6 +33,7 @@ Claim = dict[str, str]
 
 MUCH_BETTER = 2.0  # what "much" is taken to mean: a factor on the return
 HAS_LEARNED = 2.0  # return, in multiples of the random agent's, from which an agent has learned
+PARALLEL = 0.5  # share of the ideal speed-up from which work is taken to run in parallel
 NO_PREFERENCE = 0.5  # a probability of improvement that favours neither side
 
 
@@ -60,6 +61,7 @@ def check(results: Mapping[str, AgentResults], params: CompareParams) -> list[Cl
             _heavy(pgpe, rivals, random, params)
             for pgpe, random in product(runs["pgpe"], runs["random"])
         ]
+    claims += [_parallel(pgpe, params) for pgpe in runs["pgpe"] if pgpe.generation_seconds]
     return claims
 
 
@@ -180,6 +182,28 @@ def _heavy(
         f"Median control steps up to a return of {_number(threshold)}, a seed that never got there "
         f"counting with its whole budget: {steps}; a seed of {pgpe.label} needs more than one of "
         f"another learner with probability {_show(effect)}",
+        pgpe,
+        params,
+    )
+
+
+def _parallel(pgpe: AgentResults, params: CompareParams) -> Claim:
+    """Judge by the share of the ideal speed-up that all cores bring."""
+    cores = max(pgpe.generation_seconds)
+    one, all_cores = pgpe.generation_seconds[1], pgpe.generation_seconds[cores]
+    share = one / all_cores / cores if cores > 1 else np.full(len(one), PARALLEL)
+    effect = estimate(interquartile_mean, [share], params)
+    times = ", ".join(
+        f"{_number(interquartile_mean(seconds))} on {threads}"
+        for threads, seconds in pgpe.generation_seconds.items()
+    )
+    return _claim(
+        f"The population of {pgpe.label} parallelises: {cores} threads play a generation with at "
+        f"least {PARALLEL:g} of the ideal speed-up.",
+        effect,
+        PARALLEL,
+        f"Seconds a generation by number of threads: {times}; share of the ideal speed-up: "
+        f"{_show(effect)}" + ("" if cores > 1 else ", for this machine has one core"),
         pgpe,
         params,
     )

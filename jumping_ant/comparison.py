@@ -8,7 +8,7 @@ statistics are those of `jumping_ant.statistics`: the sample is the seed.
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant import looks
 from jumping_ant.errors import InputError
 from jumping_ant.params import CompareParams, Params
 from jumping_ant.statistics import (
@@ -65,18 +66,20 @@ class AgentResults:
         algorithm: What it runs.
         quantities: Mean over each seed's episodes, by column of `episodes.csv`, (num_seeds,).
         curves: Each seed's training, in the same order of seeds.
+        generation_seconds: By number of threads, what a generation took each seed [s],
+            (num_seeds,); nothing for agents without a population.
     """
 
     name: str
     algorithm: str
     quantities: dict[str, Array]
     curves: dict[int, SeedCurve]
+    generation_seconds: dict[int, Array] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
-        """Return the name to print: an algorithm's acronym in capitals, other names as given."""
-        is_acronym = self.name == self.algorithm and self.name != "random"
-        return self.name.upper() if is_acronym else self.name
+        """Return the name to print."""
+        return looks.label(self.name, self.algorithm)
 
     @property
     def env_steps(self) -> Array:
@@ -120,6 +123,7 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
             algorithm=block.algorithm,
             quantities=_read_quantities(root, name, params.seeds),
             curves=_read_curves(root, name, params.seeds),
+            generation_seconds=_read_scaling(root, name),
         )
         for name, block in params.agents.items()
     }
@@ -274,12 +278,29 @@ def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, Seed
     return curves
 
 
-def _read_table(path: Path, columns: Iterable[str], stage: str) -> dict[str, Array]:
-    """Read a CSV file of numbers by column; an empty cell is NaN."""
+def _read_scaling(root: Path, agent: str) -> dict[int, Array]:
+    """Return the seconds of each seed's generation by number of threads."""
+    path = root / "results" / "scaling.csv"
+    seconds: dict[int, list[float]] = {}
+    for row in _read_rows(path, "scaling"):
+        try:
+            if row["agent"] == agent:
+                seconds.setdefault(int(row["threads"]), []).append(float(row["seconds"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path}: {error}; run `dvc repro --force scaling`") from error
+    return {threads: np.array(values) for threads, values in seconds.items()}
+
+
+def _read_rows(path: Path, stage: str) -> list[dict[str, str]]:
     try:
-        rows = list(csv.DictReader(path.read_text().splitlines()))
+        return list(csv.DictReader(path.read_text().splitlines()))
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; run `dvc repro {stage}`") from error
+
+
+def _read_table(path: Path, columns: Iterable[str], stage: str) -> dict[str, Array]:
+    """Read a CSV file of numbers by column; an empty cell is NaN."""
+    rows = _read_rows(path, stage)
     found = list(rows[0]) if rows else []
     missing = [column for column in columns if column not in found]
     if missing:

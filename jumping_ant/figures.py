@@ -1,13 +1,11 @@
 """The comparison in pictures.
 
-Every agent keeps its colour and marker in all figures: the colours are those of Okabe and Ito,
-"Color Universal Design", 2008, which people of any colour vision tell apart; baselines are grey.
-The same numbers give the same bytes.
+Every agent keeps its colour and marker in all figures (see `jumping_ant.looks`). The same numbers
+give the same bytes.
 """
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
@@ -20,11 +18,7 @@ from matplotlib.ticker import EngFormatter
 
 from jumping_ant.comparison import AgentResults, LearningCurve
 from jumping_ant.files import write_bytes
-
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-BASELINE = "#7F7F7F"
-INK = "#333333"
+from jumping_ant.looks import INK, Look, looks
 
 STYLE: Any = {  # matplotlib types it by each key's name
     "font.size": 10,
@@ -54,15 +48,6 @@ BEHAVIOUR = {  # axis labels of the quantities drawn, where they were measured
 }
 
 
-@dataclass(frozen=True)
-class Look:
-    """How an agent is drawn everywhere."""
-
-    colour: str
-    marker: str
-    line: str
-
-
 def draw(
     results: Mapping[str, AgentResults],
     curves: Mapping[str, LearningCurve],
@@ -80,7 +65,7 @@ def draw(
     Returns:
         Figures by file name, without its ending.
     """
-    looks = _looks(results)
+    drawn = looks({name: agent.algorithm for name, agent in results.items()})
     interval = f"{100 * confidence:g}% interval"
     seeds = f"each seed (points), interquartile mean (bar) and its {interval} (band)"
     with style.context(STYLES):
@@ -88,19 +73,19 @@ def draw(
             "learning_curves": _draw_curves(
                 results,
                 curves,
-                looks,
+                drawn,
                 f"Return while learning: interquartile mean over seeds and its {interval}",
             ),
             "final_return": _draw_quantities(
-                results, summary, looks, RETURN, f"Return of the trained policies: {seeds}"
+                results, summary, drawn, RETURN, f"Return of the trained policies: {seeds}"
             ),
             "behaviour": _draw_quantities(
-                results, summary, looks, BEHAVIOUR, f"How they jump: {seeds}"
+                results, summary, drawn, BEHAVIOUR, f"How they jump: {seeds}"
             ),
         }
         if len(results) > 1:
             figures["probability_of_improvement"] = _draw_probabilities(
-                results, summary, looks, f"Probability of improvement and its {interval}"
+                results, summary, drawn, f"Probability of improvement and its {interval}"
             )
     return figures
 
@@ -119,14 +104,6 @@ def write(folder: Path, figures: Mapping[str, Figure]) -> None:
     for name, figure in figures.items():
         write_bytes(folder / f"{name}.png", render(figure, "png"))
         write_bytes(folder / f"{name}.svg", render(figure, "svg"))
-
-
-def _looks(results: Mapping[str, AgentResults]) -> dict[str, Look]:
-    looks = {}
-    learners = [name for name, agent in results.items() if agent.algorithm != "random"]
-    for i, name in enumerate(learners):
-        looks[name] = Look(COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)], "-")
-    return {name: looks.get(name, Look(BASELINE, "x", "--")) for name in results}
 
 
 def _draw_curves(

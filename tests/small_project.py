@@ -45,6 +45,22 @@ def write_project(
             ]
         write_csv(root / "results" / name / "episodes.csv", episodes)
         write_csv(root / "results" / "timing" / f"{name}.csv", timing)
+    write_scaling(root, agents, seeds)
+
+
+def write_scaling(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
+    """Write what a generation took each seed of the agents with a population."""
+    lines = ["agent,seed,threads,seconds"]
+    lines += [
+        f"{name},{seed},{threads},{2.0 / threads + 0.01 * i}"
+        for name, algorithm in agents.items()
+        if algorithm == "pgpe"
+        for i, seed in enumerate(seeds)
+        for threads in (1, 2)
+    ]
+    path = root / "results" / "scaling.csv"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(lines) + "\n")
 
 
 def episode_row(seed: int, episode: int, value: float) -> dict[str, Any]:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_project import COMPARE
@@ -9,6 +11,7 @@ from jumping_ant.statistics import Estimate
 LOW, MIDDLE, HIGH = [300, 310, 320, 330], [700, 720, 740, 760], [3000, 3100, 3200, 3300]
 TORN = [100, 305, 325, 900]  # on both sides of LOW
 JUMPS, FLUID, SLOW = "jumping pays", "less fluidly", "training time"
+PARALLEL = "parallelises"
 BETTER, ROBUST, HEAVY = "much better", "is robust", "is computationally heavy"
 
 
@@ -172,3 +175,22 @@ def test_evidence_gives_the_numbers():
 def test_the_rule_of_verdicts(low, high, num_seeds, verdict):
     effect = Estimate(np.array((low + high) / 2), np.array(low), np.array(high))
     assert claims.verdict(effect, 0.5, num_seeds, 0.95) == verdict
+
+
+@pytest.mark.parametrize(
+    ("speed_up", "verdict"), [(1.9, "supported"), (0.9, "refuted"), (1.0, "inconclusive")]
+)
+def test_a_population_parallelises_if_threads_bring_half_of_the_ideal(speed_up, verdict):
+    one = np.array([2.0, 2.02, 1.98, 2.01])
+    pgpe = replace(
+        agent("pgpe", "pgpe", HIGH),
+        generation_seconds={1: one, 2: one / (speed_up + np.array([-0.02, 0.0, 0.0, 0.02]))},
+    )
+    assert one_verdict(PARALLEL, pgpe) == verdict
+
+
+def test_one_core_says_nothing_of_parallel_work():
+    pgpe = replace(agent("pgpe", "pgpe", HIGH), generation_seconds={1: np.ones(4)})
+    _, found = check(pgpe)
+    assert found[0]["verdict"] == "inconclusive"
+    assert "this machine has one core" in found[0]["evidence"]

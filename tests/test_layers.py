@@ -13,14 +13,14 @@ def top(path) -> str:
 
 LAYERS = [
     {"errors"},
-    {"archive", "events", "files", "gl", "machine"},
+    {"archive", "events", "files", "gl", "looks", "machine"},
     {"imports", "params"},
-    {"drawing", "rewards", "robot", "statistics", "task", "trajectory"},
+    {"drawing", "rewards", "robot", "schema", "statistics", "task", "trajectory"},
     {"env", "vector", "rendering", "recording"},
     {"policies"},
     {"agents", "rollout", "serving"},
     {"checkpoints", "comparison", "compute", "evaluation", "progress"},
-    {"claims", "figures", "tracking", "training"},
+    {"claims", "figures", "scaling", "tracking", "training"},
 ]
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
 MODULES = sorted((ROOT / "jumping_ant").rglob("*.py"))

@@ -3,6 +3,7 @@
 A generation's policies run side by side in one batch of simulations, for one short episode each.
 """
 
+import logging
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -42,6 +43,7 @@ class JumpProblem(Problem):
     def __init__(
         self, xml: str, env: EnvParams, agent: PGPEParams, seed: int, num_threads: int = 1
     ) -> None:
+        logging.getLogger("evotorch").setLevel(logging.WARNING)  # it describes every problem
         super().__init__(
             "max",
             solution_length=SOLUTION_LENGTH,

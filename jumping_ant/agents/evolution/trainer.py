@@ -4,7 +4,6 @@ Policy gradients with parameter-based exploration (Sehnke et al. 2010, "Paramete
 gradients") with the ClipUp optimiser (Toklu et al. 2020).
 """
 
-import logging
 from collections.abc import Callable, Iterator
 
 from evotorch.algorithms import PGPE
@@ -41,7 +40,6 @@ def train(
         Progress (with the best return, the centre's norm and the mean stdev), snapshots of the
         centre's policy, checkpoints when due, and at last that policy.
     """
-    logging.getLogger("evotorch").setLevel(logging.WARNING)  # it describes every problem it makes
     problem = JumpProblem(xml, env, agent, seed, num_threads)
     searcher = PGPE(
         problem,

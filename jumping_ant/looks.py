@@ -1,0 +1,41 @@
+"""How an agent is named and drawn, everywhere alike.
+
+The colours are those of Okabe and Ito, "Color Universal Design", 2008, which people of any colour
+vision tell apart; baselines are grey.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+BASELINE = "#7F7F7F"
+INK = "#333333"
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colour, marker and line style of an agent, in matplotlib's words."""
+
+    colour: str
+    marker: str
+    line: str
+
+
+def looks(algorithms: Mapping[str, str]) -> dict[str, Look]:
+    """Return each agent's look.
+
+    Args:
+        algorithms: What each agent runs, by its name, in the order of `params.yaml`.
+    """
+    learners = [name for name, algorithm in algorithms.items() if algorithm != "random"]
+    drawn = {
+        name: Look(COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)], "-")
+        for i, name in enumerate(learners)
+    }
+    return {name: drawn.get(name, Look(BASELINE, "x", "--")) for name in algorithms}
+
+
+def label(name: str, algorithm: str) -> str:
+    """Return the name to print: an algorithm's acronym in capitals, other names as given."""
+    return name.upper() if name == algorithm != "random" else name

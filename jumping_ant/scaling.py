@@ -1,0 +1,65 @@
+"""How a population's evaluation speeds up with threads, measured on this machine.
+
+PGPE plays all policies of a generation independently of one another, so more threads play more of
+them at once. What is timed is each seed's first generation, which is as long as any later one.
+"""
+
+import os
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+
+from jumping_ant.agents.evolution.problem import JumpProblem
+from jumping_ant.machine import BLAS_THREADS
+from jumping_ant.params import EnvParams, Params, PGPEParams
+
+COLUMNS = ("agent", "seed", "threads", "seconds")
+REPEATS = 2  # of which the faster counts: what disturbs a measurement only adds to it
+
+
+def measure(xml: str, params: Params, cores: int | None = None) -> list[dict[str, Any]]:
+    """Time a generation of every agent that evolves a population, on one thread and on all cores.
+
+    Args:
+        xml: The robot as MJCF text.
+        params: All parameters.
+        cores: Threads at most; by default the machine's cores.
+
+    Returns:
+        Rows of `COLUMNS`: the seconds that a generation took with so many threads.
+    """
+    counts = list(_thread_counts(cores or os.cpu_count() or 1))
+    torch.set_num_threads(BLAS_THREADS)
+    return [
+        {"agent": name, "seed": seed, "threads": threads, "seconds": round(seconds, 6)}
+        for name, agent in params.agents.items()
+        if isinstance(agent, PGPEParams)
+        for seed in params.seeds
+        for threads, seconds in _time_generation(xml, params.env, agent, seed, counts).items()
+    ]
+
+
+def _thread_counts(cores: int) -> Iterator[int]:
+    """Yield powers of two below the number of cores, and that number."""
+    threads = 1
+    while threads < cores:
+        yield threads
+        threads *= 2
+    yield cores
+
+
+def _time_generation(
+    xml: str, env: EnvParams, agent: PGPEParams, seed: int, counts: list[int]
+) -> dict[int, float]:
+    """Return the seconds of a seed's first generation by number of threads, measured in turn."""
+    fastest = dict.fromkeys(counts, float("inf"))
+    for _ in range(REPEATS):
+        for threads in counts:
+            problem = JumpProblem(xml, env, agent, seed, threads)
+            batch = problem.generate_batch(agent.population_size)
+            started = time.perf_counter()
+            problem.evaluate(batch)
+            fastest[threads] = min(fastest[threads], time.perf_counter() - started)
+    return fastest
