@@ -213,6 +213,8 @@ class _Seed:
 
     def __enter__(self) -> "_Seed":
         self._folder.mkdir(parents=True, exist_ok=True)
+        # DVC clears the folder; where it did not, no older policy may stand by the new curve.
+        (self._folder / "policy.zip").unlink(missing_ok=True)
         self._file = (self._folder / "curve.csv").open("w", newline="")
         if saved := self._checkpoints.finished(self.number):
             self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")

@@ -272,11 +272,16 @@ class Faults:
         return whole.hexdigest()
 
     def _points(self, database: Path | None = None) -> dict[str, int]:
-        """Return how many points of curves MLflow has for each run that is not deleted."""
+        """Return how many points of curves MLflow has for the run of each policy.
+
+        Those of trainings that were killed have the same names and fewer points; what a machine
+        was busy with is told by nobody again; and seconds that were measured anew are one point.
+        """
         return dict(
             self._query(
-                "SELECT name, count(*) FROM metrics JOIN runs USING (run_uuid) "
-                "WHERE lifecycle_stage = 'active' AND name LIKE ? GROUP BY run_uuid",
+                "SELECT name, count(DISTINCT key || step) FROM metrics JOIN runs USING (run_uuid) "
+                "WHERE lifecycle_stage = 'active' AND status = 'FINISHED' AND name LIKE ? "
+                "AND key NOT LIKE 'system/%' GROUP BY run_uuid",
                 f"{AGENT}-seed-%",
                 path=database,
             )

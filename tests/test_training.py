@@ -69,6 +69,19 @@ def test_workers_change_no_byte(project: Path) -> None:
     assert len(runs[0]) == len(SMALL) * 2 * 3
 
 
+def test_no_older_policy_stands_by_a_new_curve(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    training.train(project, small_params(1), "pgpe")
+    often = small_params(1).model_copy(
+        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
+    )
+    with monkeypatch.context() as patch, pytest.raises(KillError):
+        interrupt(patch, 0, 1)
+        training.train(project, often, "pgpe")
+    assert not list((project / "models").rglob("policy.zip"))
+
+
 class KillError(Exception):
     """Stands for a kill: nothing is tidied up after it."""
 
