@@ -33,7 +33,8 @@ NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
-RESERVED_NAMES = {"figures", "plots", "seeds", "timing"}  # folders of results/
+# Names of results/, and of media/ the last.
+RESERVED_NAMES = {"figures", "plots", "scaling", "seeds", "timing", "lineup"}
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 
 
@@ -349,7 +350,9 @@ class Params(Block):
     def _names_are_free(cls, agents: dict[str, Any]) -> dict[str, Any]:
         taken = sorted(RESERVED_NAMES & agents.keys())
         if taken:
-            raise ValueError(f"{taken[0]!r} names a folder of results/; allowed: any other")
+            raise ValueError(
+                f"{taken[0]!r} names a folder of results/ or a file of media/; allowed: any other"
+            )
         return agents
 
     @model_validator(mode="after")

@@ -1,12 +1,14 @@
 """Film and record an agent's median episode.
 
 Usage: python -m stages.record AGENT
-Reads: params `record`; assets/jumping_ant.xml, results/AGENT/trajectories.npz.
+Reads: params `record`, `seeds`, `agents.AGENT.algorithm`; assets/jumping_ant.xml,
+    results/AGENT/trajectories.npz, results/AGENT/episodes.csv, models/AGENT/seed-N/curve.csv.
 Writes: media/AGENT.mp4, media/AGENT.rrd.
 """
 
-from jumping_ant import recording, rendering, robot, trajectory
+from jumping_ant import rendering, robot, trajectory
 from jumping_ant.files import PROJECT_ROOT, write_bytes
+from jumping_ant.recording import episode, story
 from stages import parse_agent, run
 
 
@@ -14,10 +16,12 @@ def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
     xml = robot.read(PROJECT_ROOT)
-    episode = trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")
+    states = trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")
+    told = story.read(PROJECT_ROOT, settings, agent, states)
+    film = rendering.film(xml, states, settings.record)
     media = PROJECT_ROOT / "media"
-    write_bytes(media / f"{agent}.mp4", rendering.film(xml, episode, settings.record))
-    write_bytes(media / f"{agent}.rrd", recording.record(xml, episode, agent))
+    write_bytes(media / f"{agent}.mp4", film)
+    write_bytes(media / f"{agent}.rrd", episode.record(xml, states, told, film))
 
 
 if __name__ == "__main__":

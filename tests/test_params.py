@@ -148,9 +148,10 @@ def test_faults_of_structure(key: str, value: Any, line: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(params.RESERVED_NAMES))
-def test_names_of_other_folders_are_no_agents(name: str) -> None:
+def test_names_of_other_results_are_no_agents(name: str) -> None:
     line = refusal(changed(f"agents.{name}", RANDOM))
-    assert line == f"params.yaml: agents: {name!r} names a folder of results/; allowed: any other"
+    place = "a folder of results/ or a file of media/"
+    assert line == f"params.yaml: agents: {name!r} names {place}; allowed: any other"
 
 
 def test_agents_may_be_called_as_pydantic_calls_its_types() -> None:

@@ -1,10 +1,6 @@
 """Rerun recordings: every shape and series is there, with the right values, at the right times."""
 
 import dataclasses
-import os
-import subprocess
-import sys
-from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +9,27 @@ import numpy as np
 import pytest
 import rerun as rr
 from numpy.typing import NDArray
-from rerun.chunk import Chunk, RrdReader
+from recorded import CURVES, FPS, Content, everything, film, rerun_cli, story
+from rerun.chunk import RrdReader
 from small_episode import simulate
 
-from jumping_ant import params, recording, robot
+from jumping_ant import params, robot
 from jumping_ant.errors import InputError
+from jumping_ant.recording import episode as recording
+from jumping_ant.recording.curves import ticks
+from jumping_ant.recording.parts import body_names, geom_paths
+from jumping_ant.recording.scene import METRES_PER_NEWTON
+from jumping_ant.recording.states import derive
 from jumping_ant.trajectory import Trajectory
 
 STEPS = 40
 ROWS = STEPS * 5 + 1
 LEGS = ["front_left_leg", "front_right_leg", "back_leg", "right_back_leg"]
+FILM = film(FPS + 1)  # of the first second
+
+
+def record(xml: str, trajectory: Trajectory) -> bytes:
+    return recording.record(xml, trajectory, story(), FILM)
 
 
 @pytest.fixture(scope="module")
@@ -40,47 +47,8 @@ def episode(model: mujoco.MjModel) -> Trajectory:
 @pytest.fixture(scope="module")
 def file(robot_xml: str, episode: Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "episode.rrd"
-    path.write_bytes(recording.record(robot_xml, episode, "sac"))
+    path.write_bytes(record(robot_xml, episode))
     return path
-
-
-class Content:
-    """The chunks of a recording, by entity."""
-
-    def __init__(self, path: Path) -> None:
-        self.moving: dict[str, list[Chunk]] = defaultdict(list)
-        self.still: dict[str, list[Chunk]] = defaultdict(list)
-        for chunk in RrdReader(path).stream():
-            (self.still if chunk.is_static else self.moving)[chunk.entity_path].append(chunk)
-
-    def column(self, entity: str, component: str) -> NDArray[Any]:
-        """The values of a component over time, one a row."""
-        (chunk,) = self.moving[entity]
-        values = chunk.to_record_batch().column(component).to_pylist()
-        assert all(len(value) == 1 for value in values)
-        return np.array([value[0] for value in values])
-
-    def scalars(self, entity: str) -> NDArray[Any]:
-        return self.column(entity, "Scalars:scalars")
-
-    def times(self, entity: str) -> NDArray[np.int64]:
-        """Times in nanoseconds."""
-        (chunk,) = self.moving[entity]
-        column = chunk.to_record_batch().column("sim_time")
-        return np.array(column.cast("int64").to_pylist())
-
-    def steps(self, entity: str) -> list[int]:
-        (chunk,) = self.moving[entity]
-        return chunk.to_record_batch().column("control_step").to_pylist()
-
-    def shape(self, entity: str) -> dict[str, NDArray[np.float64]]:
-        """The components of a static entity."""
-        values: dict[str, NDArray[np.float64]] = {}
-        for chunk in self.still[entity]:
-            batch = chunk.to_record_batch()
-            for name in batch.schema.names[1:]:
-                values[name.split(":")[1]] = np.array(batch.column(name).to_pylist()[0][0])
-        return values
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +79,7 @@ def test_every_body_and_every_geom_is_there(content: Content) -> None:
     shins = ["left_ankle_geom", "right_ankle_geom", "third_ankle_geom", "fourth_ankle_geom"]
     segments += [f"aux_{number}/{name}" for number, name in enumerate(thighs, start=1)]
     segments += [f"aux_{number}_foot/{name}" for number, name in enumerate(shins, start=1)]
+    shapes -= {"/world/torso/camera"}
     assert shapes == {"/world/floor", "/world/torso/torso_geom"} | {
         f"/world/{segment}" for segment in segments
     }
@@ -118,7 +87,7 @@ def test_every_body_and_every_geom_is_there(content: Content) -> None:
 
 
 def test_shapes_are_those_of_the_robot(model: mujoco.MjModel, content: Content) -> None:
-    paths = recording.geom_paths(model)
+    paths = geom_paths(model)
     for index in range(model.ngeom):
         shape = content.shape(f"/{paths[index]}")
         geom = model.geom(index)
@@ -141,7 +110,7 @@ def test_bodies_move_as_in_the_simulation(
     model: mujoco.MjModel, episode: Trajectory, content: Content
 ) -> None:
     data = mujoco.MjData(model)
-    names = recording.body_names(model)
+    names = body_names(model)
     for row in (0, 77, ROWS - 1):
         data.qpos[:] = episode.qpos[row]
         mujoco.mj_kinematics(model, data)
@@ -186,7 +155,8 @@ def test_torques_and_rewards_are_recorded_in_every_control_step(
 
 
 def test_every_series_has_a_name_and_a_colour(content: Content) -> None:
-    series = {path for path in content.moving if path.split("/")[1] not in ("world", "trail")}
+    scene = ("world", "trail", "contact_arrow", "film")
+    series = {path for path in content.moving if path.split("/")[1] not in scene}
     assert len(series) == 1 + 1 + 8 + 5 + 1 + 1
     for path in series - {"/phase"}:
         assert {"names", "colors"} <= set(content.shape(path))
@@ -209,7 +179,7 @@ def test_contact_forces_carry_the_robot_at_rest(
 ) -> None:
     resting = simulate(model, np.zeros((120, model.nu)), height=0.75)
     path = tmp_path / "rest.rrd"
-    path.write_bytes(recording.record(robot_xml, resting, "random"))
+    path.write_bytes(record(robot_xml, resting))
     content = Content(path)
     forces = [content.scalars(f"/contact_force/{name}") for name in ["torso", *LEGS]]
     assert {path for path in content.moving if path.startswith("/contact_force/")} == {
@@ -222,37 +192,126 @@ def test_contact_forces_carry_the_robot_at_rest(
         assert force[-50:].mean() == pytest.approx(weight / 4, rel=0.2)
 
 
+def arrows(content: Content, limb: str) -> tuple[list[Any], list[Any]]:
+    """Forces [N] and where they act [m], in each state: one or none."""
+    path = f"/contact_arrow/{limb}"
+    vectors = content.lists(path, "Arrows3D:vectors")
+    forces = [[np.array(vector) / METRES_PER_NEWTON for vector in row] for row in vectors]
+    return forces, content.lists(path, "Arrows3D:origins")
+
+
+def test_arrows_are_the_contact_forces(content: Content) -> None:
+    contacts, num_arrows = content.scalars("/contacts"), np.zeros(ROWS, dtype=int)
+    for limb in ["torso", *LEGS]:
+        forces, origins = arrows(content, limb)
+        normal_forces = content.scalars(f"/contact_force/{limb}")
+        assert len(forces) == len(origins) == ROWS
+        for force, origin, normal_force in zip(forces, origins, normal_forces, strict=True):
+            assert len(force) == len(origin) <= 1
+            assert force or normal_force == 0
+            if force and abs(origin[0][2]) < 0.02:  # on the floor, whose normal points up
+                assert force[0][2] == pytest.approx(normal_force, rel=1e-4, abs=1e-4)
+        num_arrows += [len(force) for force in forces]
+    assert (num_arrows[contacts == 0] == 0).all(), "no arrow while it flies"
+    assert (num_arrows[contacts > 0] > 0).all()
+    assert 0 < num_arrows.astype(bool).mean() < 1
+
+
+def test_forces_within_the_robot_cancel(model: mujoco.MjModel) -> None:
+    """At rest all arrows together carry the weight, whatever the limbs do to each other."""
+    resting = simulate(model, np.zeros((120, model.nu)), height=0.75)
+    states = derive(model, resting, resting.rows())
+    weight = 9.81 * model.body_subtreemass[0]
+    total = states.contact_forces[-50:].sum(axis=1).mean(axis=0)
+    np.testing.assert_allclose(total, [0.0, 0.0, weight], atol=0.05 * weight)
+    assert np.abs(states.contact_points[-50:, 1:, 2]).max() < 0.02
+
+
+def test_frames_of_the_film_stand_at_their_times(content: Content) -> None:
+    chunks = {
+        name: chunk
+        for chunk in content.moving["/film"]
+        for name in chunk.to_record_batch().schema.names
+    }
+    frames = chunks["VideoFrameReference:timestamp"].to_record_batch()
+    times = frames.column("sim_time").cast("int64").to_pylist()
+    assert times == [number * 1_000_000_000 // FPS for number in range(FPS + 1)]
+    references = frames.column("VideoFrameReference:timestamp").to_pylist()
+    assert [reference[0] for reference in references] == times
+    cleared = chunks["Clear:is_recursive"].to_record_batch().column("sim_time")
+    assert cleared.cast("int64").to_pylist() == [times[-1] + 1_000_000_000 // FPS]
+    (video,) = content.still["/film"]
+    assert bytes(video.to_record_batch().column("AssetVideo:blob").to_pylist()[0][0]) == FILM
+
+
+def test_what_is_no_film_is_refused(robot_xml: str, episode: Trajectory) -> None:
+    with pytest.raises(InputError, match="film: given 9 bytes that are no MP4"):
+        recording.record(robot_xml, episode, story(), b"not a film"[:9])
+
+
+def test_learning_curves_hold_the_evaluations(content: Content) -> None:
+    for seed, (steps, returns) in CURVES.items():
+        curve = content.shape(f"/learning/curves/seed-{seed}")
+        np.testing.assert_allclose(curve["strips"], np.column_stack([steps, returns]))
+        np.testing.assert_allclose(
+            np.array(curve["positions"]), [steps[0], returns[0]]
+        )  # the first of the marks
+    scale = content.shape("/learning/curves")["scale"]
+    assert scale[0] * 400 == pytest.approx(16) and scale[1] * 1234.5 == pytest.approx(-5)
+
+
+@pytest.mark.parametrize(
+    ("high", "expected"),
+    [
+        (12000, [0, 5000, 10000]),
+        (7.0, [0, 2, 4, 6]),
+        (1.0, [0, 0.5, 1.0]),
+        (400, [0, 100, 200, 300, 400]),
+    ],
+)
+def test_ticks_are_round(high: float, expected: list[float]) -> None:
+    np.testing.assert_allclose(ticks(high), expected)
+
+
+def test_the_page_tells_the_episode(content: Content) -> None:
+    (chunk,) = content.still["/about"]
+    batch = chunk.to_record_batch()
+    assert batch.column("TextDocument:media_type").to_pylist() == [["text/markdown"]]
+    text = batch.column("TextDocument:text").to_pylist()[0][0]
+    assert "SAC, seed 4, episode 11" in text
+    assert "| 1,234 | 2.50 m | 12 | 1.2 of 2.0 s |" in text
+    assert "1 m for 100 N" in text
+    assert "front left leg coral" in text
+
+
+def test_it_plays_the_highest_jump_of_the_film(file: Path, episode: Trajectory) -> None:
+    (blueprint,) = RrdReader(file).blueprints()
+    panels = [
+        chunk.to_record_batch()
+        for chunk in RrdReader(file).stream(store=blueprint)
+        if chunk.entity_path == "/time_panel"
+    ]
+    columns = {
+        name: panel.column(name).to_pylist() for panel in panels for name in panel.schema.names
+    }
+    (selection,) = columns["TimePanelBlueprint:time_selection"][0]
+    assert columns["TimePanelBlueprint:loop_mode"][0] == [2]  # the selection
+    peak = int(np.argmax(episode.qpos[: 100 + 1, 2])) * 10_000_000
+    assert selection["min"] <= peak <= selection["max"]
+    assert selection["max"] <= 1_000_000_000
+
+
 def test_an_episode_that_broke_off_is_recorded_up_to_there(
     robot_xml: str, episode: Trajectory, tmp_path: Path
 ) -> None:
     qpos = episode.qpos.copy()
     qpos[13:] = np.nan
     path = tmp_path / "broken.rrd"
-    path.write_bytes(recording.record(robot_xml, dataclasses.replace(episode, qpos=qpos), "sac"))
+    path.write_bytes(record(robot_xml, dataclasses.replace(episode, qpos=qpos)))
     content = Content(path)
     assert len(content.scalars("/height/torso")) == 13
     assert len(content.scalars("/torque/hip_1")) == 3  # the third began
     assert len(content.scalars("/reward/height")) == 2  # but did not end
-
-
-def rerun_cli(*arguments: str | Path, home: Path) -> subprocess.CompletedProcess[str]:
-    # Not `python -m rerun_cli`, which exits with 0 whatever it finds.
-    return subprocess.run(
-        [Path(sys.executable).with_name("rerun"), "rrd", *arguments],
-        env=os.environ | {"CI": "true", "HOME": str(home)},  # no usage statistics
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-
-
-def everything(path: Path) -> list[tuple[str, dict[str, list[Any]]]]:
-    """All that a recording holds, to the bit, but for the row numbers that Rerun draws."""
-    chunks = [
-        (chunk.entity_path, chunk.to_record_batch().drop_columns(["rerun.controls.RowId"]))
-        for chunk in RrdReader(path).stream()
-    ]
-    return [(entity, batch.to_pydict()) for entity, batch in chunks]
 
 
 def test_rerun_verifies_the_file(file: Path, tmp_path: Path) -> None:
@@ -265,20 +324,20 @@ def test_two_recordings_hold_the_same_data(
     robot_xml: str, episode: Trajectory, file: Path, tmp_path: Path
 ) -> None:
     again, other = tmp_path / "again.rrd", tmp_path / "other.rrd"
-    again.write_bytes(recording.record(robot_xml, episode, "sac"))
+    again.write_bytes(record(robot_xml, episode))
     assert rerun_cli("compare", file, again, home=tmp_path).returncode == 0
     assert everything(file) == everything(again)
     rewards = episode.reward_height.copy()
     rewards[5] += 0.01
     changed = dataclasses.replace(episode, reward_height=rewards)
-    other.write_bytes(recording.record(robot_xml, changed, "sac"))
+    other.write_bytes(record(robot_xml, changed))
     assert rerun_cli("compare", file, other, home=tmp_path).returncode == 1
     assert everything(file) != everything(other)
 
 
 def test_recording_leaves_rerun_as_it_was(robot_xml: str, episode: Trajectory) -> None:
     assert rr.strict_mode() is False
-    recording.record(robot_xml, episode, "sac")
+    record(robot_xml, episode)
     assert rr.strict_mode() is False
     assert rr.get_recording_id() is None
 
@@ -289,4 +348,4 @@ def test_shapes_that_are_not_drawn_are_refused(robot_xml: str, episode: Trajecto
         '<geom name="torso_geom" type="box" size="0.25 0.25 0.25"/>',
     )
     with pytest.raises(InputError, match="'torso_geom' is a mjGEOM_BOX; allowed: planes"):
-        recording.record(boxed, episode, "sac")
+        record(boxed, episode)

@@ -1,0 +1,86 @@
+"""Episodes as they happen, as a recording that grows.
+
+Scene and series are those of `jumping_ant.recording.episode`, one episode after the other on one
+time line.
+"""
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from jumping_ant.recording import layout, series, states
+from jumping_ant.recording.scene import Scene
+from jumping_ant.trajectory import Trajectory
+
+
+class LiveRecording:
+    """A recording that grows by a control step at a time.
+
+    Args:
+        stream: Where it goes.
+        model: The robot.
+        frame_skip: Simulation steps of a control step.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, model: mujoco.MjModel, frame_skip: int) -> None:
+        self._stream, self._model, self._frame_skip = stream, model, frame_skip
+        self._scene = Scene(stream, model)
+        self._data = mujoco.MjData(model)
+        self._num_steps = 0
+        self._scene.log_shapes()
+        series.log_styles(stream, model)
+
+    def show(
+        self,
+        qpos: NDArray[np.float64],
+        qvel: NDArray[np.float64],
+        torques: NDArray[np.float64],
+        reward: float,
+    ) -> None:
+        """Record a control step; one that breaks off is left out.
+
+        Args:
+            qpos: Positions at its start, shape (15,).
+            qvel: Velocities at its start, shape (14,).
+            torques: Torques over peak torques, shape (8,).
+            reward: What it earned.
+        """
+        step = self._simulate(qpos, qvel, torques, reward)
+        rows, first = step.rows(), self._num_steps
+        self._num_steps += 1
+        if len(rows) == len(step.qpos):
+            found = states.derive(self._model, step, rows, first)
+            self._scene.log_states(found)
+            series.log_states(self._stream, self._model, found)
+            series.log_control(self._stream, self._model, step, len(rows), first)
+        if first == 0:
+            # Not earlier: a camera can turn only to what is there.
+            self._stream.flush()
+            self._stream.send_blueprint(layout.live_layout(self._model))
+
+    def _simulate(
+        self,
+        qpos: NDArray[np.float64],
+        qvel: NDArray[np.float64],
+        torques: NDArray[np.float64],
+        reward: float,
+    ) -> Trajectory:
+        """Return the control step with all its simulation steps."""
+        data, positions, velocities = self._data, [qpos], [qvel]
+        data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, torques
+        for _ in range(self._frame_skip):
+            mujoco.mj_step(self._model, data)
+            positions.append(data.qpos.copy())
+            velocities.append(data.qvel.copy())
+        return Trajectory(
+            qpos=np.array(positions),
+            qvel=np.array(velocities),
+            ctrl=torques[None],
+            reward_height=np.array([reward]),
+            seed=0,
+            episode=0,
+            episode_return=reward,
+            timestep=float(self._model.opt.timestep),
+            frame_skip=self._frame_skip,
+        )

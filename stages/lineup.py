@@ -1,0 +1,31 @@
+"""Record all agents' median episodes side by side.
+
+Usage: python -m stages.lineup
+Reads: params `seeds`, `agents`; assets/jumping_ant.xml, and of each agent
+    results/AGENT/trajectories.npz, results/AGENT/episodes.csv, models/AGENT/seed-N/curve.csv.
+Writes: media/lineup.rrd.
+"""
+
+from jumping_ant import params, robot, trajectory
+from jumping_ant.files import PROJECT_ROOT, write_bytes
+from jumping_ant.recording import lineup, story
+from stages import run
+
+
+def main() -> None:
+    """Run the stage."""
+    settings = params.load()
+    xml = robot.read(PROJECT_ROOT)
+    episodes = {
+        agent: trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")
+        for agent in settings.agents
+    }
+    stories = {
+        agent: story.read(PROJECT_ROOT, settings, agent, episode)
+        for agent, episode in episodes.items()
+    }
+    write_bytes(PROJECT_ROOT / "media" / "lineup.rrd", lineup.record(xml, episodes, stories))
+
+
+if __name__ == "__main__":
+    run(main)

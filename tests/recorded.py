@@ -1,0 +1,97 @@
+"""Recordings read back, and what they are made of."""
+
+import os
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rerun.chunk import Chunk, RrdReader
+
+from jumping_ant import rendering
+from jumping_ant.recording.story import Story
+
+FPS = 50
+CURVES = {
+    4: (np.array([100.0, 200.0, 400.0]), np.array([3.0, 800.0, 1234.5])),
+    7: (np.array([100.0, 400.0]), np.array([20.0, 90.0])),
+}
+
+
+def story(agent: str = "sac", algorithm: str = "sac", value: float = 1234.5) -> Story:
+    """What is told of an episode with such a return."""
+    measures = {"return": value, "peak_height": 2.5, "jumps": 12.0, "airborne_seconds": 1.25}
+    return Story(agent, algorithm, measures, mean_return=value / 2, curves=CURVES)
+
+
+def film(num_frames: int) -> bytes:
+    """A film that brightens frame by frame."""
+    shades = np.linspace(0, 255, num_frames).astype(np.uint8)
+    return rendering.encode((np.full((64, 64, 3), shade) for shade in shades), FPS)
+
+
+class Content:
+    """The chunks of a recording, by entity."""
+
+    def __init__(self, path: Path) -> None:
+        self.moving: dict[str, list[Chunk]] = defaultdict(list)
+        self.still: dict[str, list[Chunk]] = defaultdict(list)
+        for chunk in RrdReader(path).stream():
+            (self.still if chunk.is_static else self.moving)[chunk.entity_path].append(chunk)
+
+    def column(self, entity: str, component: str) -> NDArray[Any]:
+        """The values of a component over time, one a row."""
+        (chunk,) = self.moving[entity]
+        values = chunk.to_record_batch().column(component).to_pylist()
+        assert all(len(value) == 1 for value in values)
+        return np.array([value[0] for value in values])
+
+    def lists(self, entity: str, component: str) -> list[list[Any]]:
+        """The values of a component over time, any number a row."""
+        (chunk,) = (c for c in self.moving[entity] if component in c.to_record_batch().schema.names)
+        return chunk.to_record_batch().column(component).to_pylist()
+
+    def scalars(self, entity: str) -> NDArray[Any]:
+        return self.column(entity, "Scalars:scalars")
+
+    def times(self, entity: str) -> NDArray[np.int64]:
+        """Times in nanoseconds."""
+        (chunk,) = self.moving[entity]
+        column = chunk.to_record_batch().column("sim_time")
+        return np.array(column.cast("int64").to_pylist())
+
+    def steps(self, entity: str) -> list[int]:
+        (chunk,) = self.moving[entity]
+        return chunk.to_record_batch().column("control_step").to_pylist()
+
+    def shape(self, entity: str) -> dict[str, NDArray[np.float64]]:
+        """The components of a static entity."""
+        values: dict[str, NDArray[np.float64]] = {}
+        for chunk in self.still[entity]:
+            batch = chunk.to_record_batch()
+            for name in batch.schema.names[1:]:
+                values[name.split(":")[1]] = np.array(batch.column(name).to_pylist()[0][0])
+        return values
+
+
+def rerun_cli(*arguments: str | Path, home: Path) -> subprocess.CompletedProcess[str]:
+    # Not `python -m rerun_cli`, which exits with 0 whatever it finds.
+    return subprocess.run(
+        [Path(sys.executable).with_name("rerun"), "rrd", *arguments],
+        env=os.environ | {"CI": "true", "HOME": str(home)},  # no usage statistics
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+def everything(path: Path) -> list[tuple[str, dict[str, list[Any]]]]:
+    """All that a recording holds, to the bit, but for the row numbers that Rerun draws."""
+    chunks = [
+        (chunk.entity_path, chunk.to_record_batch().drop_columns(["rerun.controls.RowId"]))
+        for chunk in RrdReader(path).stream()
+    ]
+    return [(entity, batch.to_pydict()) for entity, batch in chunks]
