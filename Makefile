@@ -5,7 +5,8 @@ PYTHON ?=
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PORT ?= 5000
 MINUTES ?= 30
-PIPELINE_TESTS = $(addprefix tests/test_,smoke.py soak.py benchmarks_pipeline.py)
+PIPELINE_TESTS = $(addprefix tests/test_,smoke.py soak.py benchmarks_pipeline.py) \
+	tests/tracking/test_pages.py
 AGENT ?= *
 MLFLOW_TRACKING_URI ?= sqlite:///$(CURDIR)/mlflow.db
 
@@ -19,7 +20,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro test test-parts test-pipeline bench soak ui view schema lock clean
+.PHONY: help install repro test test-parts test-pipeline bench soak ui view watch schema lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -32,13 +33,16 @@ install: .venv/.packages .venv/.rendering ## install what is missing, into .venv
 .venv/.rendering: .venv/.packages
 	@scripts/environment.sh rendering
 
+.venv/.browser: .venv/.packages
+	@scripts/environment.sh browser
+
 .venv/.peers: benchmarks/requirements.lock .venv/.packages
 	@scripts/environment.sh peers
 
 repro: install ## rerun what a change to params.yaml or to the code touches
 	dvc repro
 
-test: install ## check style, types and behaviour
+test: install .venv/.browser ## check style, types and behaviour
 	ruff check
 	ruff format --check
 	mypy
@@ -58,19 +62,24 @@ soak: install ## kill, starve and mislead the pipeline for a while, into results
 	python -m soak --minutes $(MINUTES)
 
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
-	python -m stages.track
+	python -m stages.track --pages-at http://127.0.0.1:$(PORT)
 ifeq ($(filter http%,$(MLFLOW_TRACKING_URI)),)
-	@echo "MLflow: http://127.0.0.1:$(PORT)/#/experiments?workflowType=machine_learning (Ctrl-C ends it)"
+	@echo "as soon as MLflow's server is up; Ctrl-C ends it"
 	MLFLOW_SERVER_ENABLE_JOB_EXECUTION=false mlflow server --host 127.0.0.1 --port $(PORT) \
 		--workers 1 --backend-store-uri "$(MLFLOW_TRACKING_URI)" \
 		--artifacts-destination "$(CURDIR)/mlartifacts"
-else
-	@echo "MLflow: $(MLFLOW_TRACKING_URI)"
 endif
 
-# Rerun has no switch of its own against reporting home, but keeps quiet where CI is set.
-view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
+# Rerun has no switch of its own against reporting home, but keeps quiet where CI is set. It plays
+# films with the `ffmpeg` that it finds.
+view: install .venv/bin/ffmpeg ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
+
+.venv/bin/ffmpeg: .venv/.packages
+	@ln -sf "$$(python -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" $@
+
+watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=0)
+	@python -m jumping_ant.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
 
 schema: install ## renew params.schema.json, which editors complete params.yaml from
 	python -m jumping_ant.schema

@@ -3,6 +3,7 @@
 #
 #   scripts/environment.sh packages   install the Python packages of requirements.lock into .venv
 #   scripts/environment.sh rendering  install a library to draw with, where none is found
+#   scripts/environment.sh browser    install a browser for the tests of pages, where none is found
 #   scripts/environment.sh peers      install those of benchmarks/requirements.lock as well
 #   scripts/environment.sh lock       renew both locks from pyproject.toml
 #
@@ -94,6 +95,15 @@ install_rendering() {
     fi
 }
 
+install_browser() {
+    if command -v chromium >/dev/null || apt_install chromium; then
+        touch .venv/.browser
+    else
+        echo "install: no chromium, so the tests of pages will fail;" \
+            "on Debian run: sudo apt-get install chromium" >&2
+    fi
+}
+
 install_peers() {
     echo "install: the packages of benchmarks/requirements.lock, into .venv"
     # Without their wishes for other versions of what the project has: those stay as locked.
@@ -138,7 +148,8 @@ renew_locks() {
 case "${1:-}" in
 packages) install_packages ;;
 rendering) install_rendering ;;
+browser) install_browser ;;
 peers) install_peers ;;
 lock) renew_locks ;;
-*) stop "given '${1:-}', allowed: packages, rendering, peers, lock" ;;
+*) stop "given '${1:-}', allowed: packages, rendering, browser, peers, lock" ;;
 esac

@@ -1,6 +1,6 @@
 """Bring MLflow up to date with the files; whatever it shows already is left alone.
 
-Usage: python -m stages.track
+Usage: python -m stages.track [--pages-at ADDRESS]
 Reads: params.yaml; assets/jumping_ant.json, models/, media/, results/.
 Writes: no file; runs, models and artifacts go to `MLFLOW_TRACKING_URI`, by default to mlflow.db and
 mlartifacts/ in the project folder.
@@ -14,8 +14,9 @@ from stages import run
 
 def main() -> None:
     """Run the stage."""
-    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
-    track()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pages-at", metavar="ADDRESS", help="tell where MLflow's pages show it")
+    track(pages_at=parser.parse_args().pages_at)
 
 
 if __name__ == "__main__":

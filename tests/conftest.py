@@ -4,6 +4,9 @@
 numbers take them from here.
 """
 
+from collections.abc import Callable, Iterator
+
+import browser
 import pytest
 
 from jumping_ant import params, robot
@@ -38,3 +41,10 @@ def robot_xml() -> str:
 def source_xml() -> str:
     """Gymnasium's own Ant, unedited."""
     return robot.SOURCE_PATH.read_text()
+
+
+@pytest.fixture(scope="module")
+def open_page() -> Iterator[Callable[[str], browser.Visit]]:
+    """Opens an address in a headless browser and tells what the page asks for and complains of."""
+    with browser.launched() as launched:
+        yield lambda address: browser.open_page(launched, address)

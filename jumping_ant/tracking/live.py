@@ -1,8 +1,9 @@
-"""Learning curves in MLflow while training runs.
+"""Learning curves, and the machine's load, in MLflow while training runs.
 
 A process beside the training follows the curve files that it writes. So training neither waits for
 MLflow nor fails with it, and a tracking server that is slow, or gone, costs the live picture only:
-`track` completes it from the files.
+`track` completes it from the files. Nothing but this follower knows the load: a run that `track`
+makes from files alone has none.
 """
 
 import sys
@@ -17,6 +18,7 @@ from jumping_ant.errors import InputError
 from jumping_ant.files import digest
 from jumping_ant.tracking import records
 from jumping_ant.tracking import store as stores
+from jumping_ant.tracking.machine_load import MachineLoad, Sample
 from jumping_ant.tracking.records import Point
 from jumping_ant.tracking.store import Store
 
@@ -63,11 +65,13 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
 
 @dataclass
 class _Followed:
-    """A run and what is logged to it: curve points, and the time each step was first seen."""
+    """A run and what is logged to it: curve points, the time each step was first seen, samples."""
 
     run_id: str
+    start: int
     points: dict[Point, float] = field(default_factory=dict)
     times: dict[int, int] = field(default_factory=dict)
+    num_samples: int = 0
 
 
 class _Follower:
@@ -84,13 +88,15 @@ class _Follower:
         self._store: Store | None = None
         self._parent: Run | None = None
         self._followed: dict[int, _Followed] = {}
+        self._load = MachineLoad()
 
     def update(self) -> None:
-        """Log what is new in the curve files.
+        """Log what is new in the curve files, and of the machine's load.
 
         Raises:
             InputError: MLflow failed.
         """
+        self._load.update()
         store = self._connect()
         with stores.failures_as_input_errors(store.uri):
             for seed in self._seeds:
@@ -132,8 +138,16 @@ class _Follower:
         new = {point: value for point, value in curve.items() if point not in followed.points}
         for _, step in new:  # sent again after a failure, a point with the same time is no double
             followed.times.setdefault(step, stores.now_ms())
-        store.log_points(followed.run_id, new, followed.times)
+        samples = self._new_samples(followed, folder / "policy.zip")
+        load = [metric for sample in samples for metric in sample.metrics(followed.start)]
+        store.log_metrics(followed.run_id, stores.as_metrics(new, followed.times) + load)
         followed.points |= new
+        followed.num_samples += len(samples)
+
+    def _new_samples(self, followed: _Followed, policy: Path) -> list[Sample]:
+        """Return what a run lacks of the machine's load; a seed that is through needs no more."""
+        is_trained = policy.exists() and policy.stat().st_mtime_ns >= self._start * 1_000_000
+        return [] if is_trained else self._load.samples[followed.num_samples :]
 
     def _open(self, store: Store, seed: int, curve: stores.Points) -> _Followed:
         """Return a run to log to: that of an interrupted training that goes on, or a new one."""
@@ -148,10 +162,10 @@ class _Follower:
             if not _contradicts(points, curve):
                 store.take_over(run)
                 store.set_changed_tags(run, tags)
-                return _Followed(run.info.run_id, points)
+                return _Followed(run.info.run_id, run.info.start_time, points)
         run = store.create_seed_run(self._agent, seed, self._algorithm, tags, self._start)
         store.log_missing_params(run, self._params)
-        return _Followed(run.info.run_id)
+        return _Followed(run.info.run_id, run.info.start_time)
 
     def _end(self, store: Store, seed: int) -> str | None:
         """End a seed's run and return its status; None if it has none, or one more than it needs.

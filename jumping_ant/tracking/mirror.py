@@ -10,12 +10,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from mlflow.entities import Run
+from mlflow.entities import LoggedModel, Run
 from mlflow.exceptions import MlflowException
 
 from jumping_ant import params as params_module
 from jumping_ant.files import PROJECT_ROOT
-from jumping_ant.tracking import records
+from jumping_ant.tracking import pages, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.models import AgentModels
 from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, Point, SeedRecord
@@ -23,15 +23,20 @@ from jumping_ant.tracking.store import ConflictError, Store
 
 TIMEOUT_SECONDS = 20
 MAX_RETRIES = 1
+COMPARE_STAGE = "compare"
 ATTEMPTS = 4  # where another process mirrors the same policies at the same time
 
 
-def track(root: Path = PROJECT_ROOT, say: Callable[[str], None] = print) -> None:
+def track(
+    root: Path = PROJECT_ROOT, say: Callable[[str], None] = print, pages_at: str | None = None
+) -> None:
     """Bring MLflow up to date with a project's files.
 
     Args:
         root: The project folder.
         say: Takes one line for each change, and one in the end.
+        pages_at: Where MLflow's pages will be served, if not by a server that is there already;
+            a last line tells where to look.
 
     Raises:
         InputError: A file is damaged, or MLflow cannot be reached.
@@ -45,6 +50,7 @@ def track(root: Path = PROJECT_ROOT, say: Callable[[str], None] = print) -> None
             with stores.failures_as_input_errors(store.uri):
                 done = _Mirror(store, comparison, say).run() if comparison.seeds else Counter[str]()
                 store.clear_abandoned()
+                _describe_experiment(store)
             break
         except ConflictError:
             if not remaining:
@@ -52,6 +58,9 @@ def track(root: Path = PROJECT_ROOT, say: Callable[[str], None] = print) -> None
             say("another process is writing the same; once more, from what is there now")
     counts = ", ".join(f"{count} {verb}" for verb, count in sorted(done.items()))
     say(f"MLflow at {store.name}: {counts or 'nothing to show'}")
+    if pages_at:
+        base = store.name if store.is_server else pages_at
+        say(f"Look at {base.rstrip('/')}/{pages.address(store.experiment_id)}")
 
 
 class _Mirror:
@@ -86,16 +95,16 @@ class _Mirror:
         if found:
             return found[0]
         self._say(f"comparison {key[:8]}: created")
-        tags = {stores.COMPARISON: key, "dvc_stage": "compare"}
+        tags = {stores.COMPARISON: key, stores.DVC_STAGE: COMPARE_STAGE}
         return self._store.create_run(f"comparison-{key[:8]}", tags)
 
     def _close_comparison(self, run: Run) -> None:
         store = self._store
         if not self._comparison.missing:
-            note = {stores.NOTE: self._comparison.note} if self._comparison.note else {}
+            note = {pages.NOTE: self._comparison.note} if self._comparison.note else {}
             changes = {
                 "metrics": store.log_changed_summary(run, self._comparison.summary),
-                "tags": store.set_changed_tags(run, note),
+                "tags": store.set_changed_tags(run, note | _source_tags(run, COMPARE_STAGE)),
                 "artifacts": store.upload_changed(run, self._comparison.artifacts),
             }
             if any(changes.values()):
@@ -115,7 +124,8 @@ class _Mirror:
         is_new = run is None
         if run is None:
             run = self._create(record, parent)
-        changes = self._repair(record, run, stored, parent) | agent_models.mirror(record, run)
+        model, model_changes = agent_models.mirror(record, run)
+        changes = self._repair(record, run, stored, parent, model) | model_changes
         if run.info.status != "FINISHED":
             end = None if stores.LIVE in run.data.tags else _end_ms(record)
             self._store.client.set_terminated(run.info.run_id, "FINISHED", end)
@@ -152,7 +162,12 @@ class _Mirror:
         return self._store.create_seed_run(record.agent, record.seed, record.algorithm, tags, start)
 
     def _repair(
-        self, record: SeedRecord, run: Run, stored: Mapping[Point, object], parent: Run
+        self,
+        record: SeedRecord,
+        run: Run,
+        stored: Mapping[Point, object],
+        parent: Run,
+        model: LoggedModel,
     ) -> dict[str, int]:
         """Bring a run up to date; return how many things of each kind it took."""
         store = self._store
@@ -160,13 +175,13 @@ class _Mirror:
         start = run.info.start_time
         times = {step: start + round(1000 * after) for step, after in record.seconds.items()}
         store.log_points(run.info.run_id, missing, times)
-        tags = {stores.POLICY_DIGEST: record.digest}
+        tags = _seed_tags(record, run)
         if self._belongs_under(run, parent):
             tags |= {stores.PARENT: parent.info.run_id}
         return {
             "curve points": len(missing),
             "params": store.log_missing_params(run, record.params),
-            "metrics": store.log_changed_summary(run, record.summary),
+            "metrics": store.log_changed_summary(run, record.summary, model),
             "artifacts": store.upload_changed(run, record.artifacts),
             "tags": store.set_changed_tags(run, tags),
         }
@@ -180,6 +195,33 @@ class _Mirror:
         if current.info.lifecycle_stage == "deleted" or stores.is_pending(current):
             return True
         return not stores.is_pending(parent) and current.info.start_time <= parent.info.start_time
+
+
+def _describe_experiment(store: Store) -> None:
+    """Give the experiment its saved view and description; words that are not ours stay."""
+    experiment = store.client.get_experiment(store.experiment_id)
+    tags = pages.experiment_tags(store.experiment_id)
+    if not experiment.tags.get(pages.NOTE, pages.ABOUT).startswith(pages.ABOUT):
+        del tags[pages.NOTE]
+    for name, value in tags.items():
+        if experiment.tags.get(name) != value:
+            store.client.set_experiment_tag(store.experiment_id, name, value)
+
+
+def _seed_tags(record: SeedRecord, run: Run) -> dict[str, str]:
+    """Return what a run's tags say of its policy, and to MLflow's pages."""
+    return {
+        stores.POLICY_DIGEST: record.digest,
+        stores.DVC_MD5: record.md5,
+        pages.NOTE: record.describe(run.data.tags.get(stores.GIT_COMMIT)),
+        pages.COLOUR: record.colour,
+        **pages.UNFOLDED,
+        **_source_tags(run, record.stage),
+    }
+
+
+def _source_tags(run: Run, stage: str) -> dict[str, str]:
+    return stores.source_tags(stage, run.data.tags.get(stores.GIT_COMMIT))
 
 
 def _is_followed(run: Run) -> bool:

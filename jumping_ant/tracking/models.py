@@ -16,8 +16,19 @@ from mlflow.types import Schema, TensorSpec
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
 from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.tracking import pages
 from jumping_ant.tracking.records import EVALUATION, SeedRecord
-from jumping_ant.tracking.store import AGENT, POLICY_DIGEST, SEED, Store
+from jumping_ant.tracking.store import (
+    AGENT,
+    ALGORITHM,
+    DVC_MD5,
+    DVC_STAGE,
+    GIT_COMMIT,
+    POLICY_DIGEST,
+    SEED,
+    Store,
+    source_tags,
+)
 
 CHAMPION = "champion"
 PACKAGE_DIR = PROJECT_ROOT / "jumping_ant"
@@ -46,13 +57,18 @@ class AgentModels:
         self._store = store
         self._name = registered_name(agent)
         self._champion = self._find_champion()
+        self._models = store.logged_models(agent)
         self._known = store.client.search_model_versions(f"name = '{self._name}'")
         self._mirrored: list[tuple[SeedRecord, ModelVersion]] = []
 
-    def mirror(self, record: SeedRecord, run: Run) -> dict[str, int]:
-        """Log and register a policy, if need be; return how many models and versions it took."""
+    def mirror(self, record: SeedRecord, run: Run) -> tuple[LoggedModel, dict[str, int]]:
+        """Log, register and describe a policy, if need be.
+
+        Returns:
+            The model, and how many things of each kind it took.
+        """
         client = self._store.client
-        model = _find_model(self._store, record)
+        model = self._find_model(record)
         is_whole = model is not None and _is_whole(self._store, model, record)
         if model is None or not is_whole:
             model = _log(self._store, record, run, model)
@@ -61,10 +77,12 @@ class AgentModels:
             client.log_outputs(run.info.run_id, [LoggedModelOutput(model.model_id, step=0)])
         found = self._find_version(model, record)
         version = found or self._register(model, record, run)
-        if version.description != _description(record):
-            client.update_model_version(self._name, version.version, _description(record))
         self._mirrored.append((record, version))
-        return {"models": int(not is_whole), "model versions": int(found is None)}
+        return model, {
+            "models": int(not is_whole),
+            "model versions": int(found is None),
+            "model notes": self._describe(model, version, record, run),
+        }
 
     def crown(self) -> str | None:
         """Point `champion` at the mirrored version with the best mean evaluation return.
@@ -84,6 +102,33 @@ class AgentModels:
             return None
         self._store.client.set_registered_model_alias(self._name, CHAMPION, best)
         return f"{self._name}: {CHAMPION} is version {best}, mean return {scores[best]:.1f}"
+
+    def _describe(
+        self, model: LoggedModel, version: ModelVersion, record: SeedRecord, run: Run
+    ) -> int:
+        """Bring tags and descriptions of a model and its version up to date; count them."""
+        client = self._store.client
+        stale = {
+            name: value
+            for name, value in _model_tags(record, run).items()
+            if model.tags.get(name) != value
+        }
+        if stale:
+            client.set_logged_model_tags(model.model_id, stale)
+        count = len(stale)
+        for name, value in _origin_tags(record, run).items():
+            if version.tags.get(name) != value:
+                client.set_model_version_tag(self._name, version.version, name, value)
+                count += 1
+        description = _description(record, run)
+        if version.description != description:
+            client.update_model_version(self._name, version.version, description)
+            count += 1
+        return count
+
+    def _find_model(self, record: SeedRecord) -> LoggedModel | None:
+        tags = _policy_tags(record).items()
+        return next((model for model in self._models if tags <= model.tags.items()), None)
 
     def _find_champion(self) -> str | None:
         """Return the champion's version; the registered model is made if need be."""
@@ -116,21 +161,13 @@ class AgentModels:
             self._name,
             f"models:/{model.model_id}",
             run.info.run_id,
-            tags=_policy_tags(record),
-            description=_description(record),
+            tags=_origin_tags(record, run),
+            description=_description(record, run),
             model_id=model.model_id,
         )
         registered = json.dumps([{"name": self._name, "version": version.version}])
         client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: registered})
         return version
-
-
-def _find_model(store: Store, record: SeedRecord) -> LoggedModel | None:
-    condition = " and ".join(
-        f"tags.{name} = '{value}'" for name, value in _policy_tags(record).items()
-    )
-    found = store.client.search_logged_models([store.experiment_id], condition)
-    return found[0] if found else None
 
 
 def _is_whole(store: Store, model: LoggedModel, record: SeedRecord) -> bool:
@@ -146,7 +183,11 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
     """Upload a model; one that is there, but not whole, is completed."""
     if model is None:
         model = store.client.create_logged_model(
-            store.experiment_id, "policy", run.info.run_id, _policy_tags(record), record.params
+            store.experiment_id,
+            record.name,
+            run.info.run_id,
+            _model_tags(record, run),
+            record.params,
         )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model"
@@ -178,14 +219,25 @@ def _requirements() -> list[str]:
 
 
 def _policy_tags(record: SeedRecord) -> dict[str, str]:
+    """Return the tags that a policy's model and version are found by."""
     return {AGENT: record.agent, SEED: str(record.seed), POLICY_DIGEST: record.digest}
+
+
+def _origin_tags(record: SeedRecord, run: Run) -> dict[str, str]:
+    """Return the tags that lead back to the code, the pipeline and the file."""
+    tags = {ALGORITHM: record.algorithm, DVC_STAGE: record.stage, DVC_MD5: record.md5}
+    commit = run.data.tags.get(GIT_COMMIT)
+    return _policy_tags(record) | tags | ({GIT_COMMIT: commit} if commit else {})
+
+
+def _model_tags(record: SeedRecord, run: Run) -> dict[str, str]:
+    source = source_tags(record.stage, run.data.tags.get(GIT_COMMIT))
+    return _origin_tags(record, run) | source | {pages.NOTE: _description(record, run)}
 
 
 def _score(record: SeedRecord) -> float | None:
     return record.summary.get((EVALUATION + "return", 0))
 
 
-def _description(record: SeedRecord) -> str:
-    score = _score(record)
-    result = "not evaluated" if score is None else f"mean evaluation return {score:.1f}"
-    return f"{record.algorithm}, training seed {record.seed}: {result}."
+def _description(record: SeedRecord, run: Run) -> str:
+    return record.describe(run.data.tags.get(GIT_COMMIT))

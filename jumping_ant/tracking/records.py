@@ -18,14 +18,17 @@ import numpy as np
 
 from jumping_ant.errors import InputError
 from jumping_ant.files import digest
+from jumping_ant.looks import looks
 from jumping_ant.params import Params
+from jumping_ant.tracking import descriptions
 
 Point = tuple[str, int]
 """A metric's name and its step: control steps trained so far, 0 for what has no step."""
 
 TRAIN_SECONDS = "train_seconds"
 EVALUATION = "evaluation/"
-SHOWN_CLAIMS = 20
+LINEUP = "lineup"  # a recording of all agents side by side
+SYSTEM = "system/"  # of the machine while it trained; MLflow gives these a page of their own
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ class SeedRecord:
         algorithm: What trained it.
         params: Parameters worth filtering on, by name.
         digest: SHA-256 of the policy file.
+        colour: What the agent is drawn in.
     """
 
     root: Path
@@ -47,6 +51,17 @@ class SeedRecord:
     algorithm: str
     params: dict[str, str]
     digest: str
+    colour: str
+
+    @property
+    def name(self) -> str:
+        """What its run and its model are called."""
+        return run_name(self.agent, self.seed)
+
+    @property
+    def stage(self) -> str:
+        """The stage of the pipeline that trained it."""
+        return stage(self.agent)
 
     @property
     def label(self) -> str:
@@ -57,6 +72,11 @@ class SeedRecord:
     def policy_path(self) -> Path:
         """The policy file."""
         return seed_dir(self.root, self.agent, self.seed) / "policy.zip"
+
+    @cached_property
+    def md5(self) -> str:
+        """MD5 of the policy file, by which DVC's cache has it."""
+        return hashlib.md5(self.policy_path.read_bytes(), usedforsecurity=False).hexdigest()
 
     @cached_property
     def curve(self) -> dict[Point, float]:
@@ -80,6 +100,26 @@ class SeedRecord:
         if self.seconds:
             means[TRAIN_SECONDS, 0] = max(self.seconds.values())
         return {point: mean for point, mean in means.items() if math.isfinite(mean)}
+
+    def describe(self, commit: str | None) -> str:
+        """Return what the policy is, how good and from where, as Markdown.
+
+        Args:
+            commit: The git commit that it was trained at, if that is known.
+        """
+        means = {
+            name.removeprefix(EVALUATION): mean
+            for (name, _), mean in self.summary.items()
+            if name.startswith(EVALUATION)
+        }
+        origins = {
+            "DVC stage": self.stage,
+            "git commit": commit,
+            "policy file, SHA-256": self.digest,
+            "policy file in DVC's cache, MD5": self.md5,
+        }
+        known = {what: value for what, value in origins.items() if value}
+        return descriptions.policy(self.algorithm, self.seed, means, known)
 
     @cached_property
     def artifacts(self) -> dict[str, Path]:
@@ -137,11 +177,8 @@ class ComparisonRecord:
 
     @property
     def note(self) -> str:
-        """The comparison's claims as Markdown."""
-        claims = self.results.get("claims", [])[:SHOWN_CLAIMS]
-        return "\n".join(
-            f"- **{claim['verdict']}**: {claim['text']} ({claim['evidence']})" for claim in claims
-        )
+        """The comparison's results and claims as Markdown."""
+        return descriptions.comparison(self.results)
 
     @cached_property
     def artifacts(self) -> dict[str, Path]:
@@ -151,9 +188,10 @@ class ComparisonRecord:
             "params.yaml": self.root / "params.yaml",
             "jumping_ant.json": self.root / "assets" / "jumping_ant.json",
             "comparison.json": self.root / "results" / "comparison.json",
+            "report.html": self.root / "results" / "report.html",
         }
         found |= {f"figures/{path.name}": path for path in figures}
-        for agent in self.agents:
+        for agent in [*self.agents, LINEUP]:
             found |= _media(self.root, agent)
         return _existing(found)
 
@@ -165,6 +203,7 @@ def read(root: Path, params: Params) -> ComparisonRecord:
         InputError: A file is there but damaged.
     """
     found, missing = [], []
+    looked = looks({name: block.algorithm for name, block in params.agents.items()})
     for agent in params.agents:
         settings = run_params(root, params, agent)
         for seed in params.seeds:
@@ -175,8 +214,24 @@ def read(root: Path, params: Params) -> ComparisonRecord:
                 missing.append((agent, seed))
                 continue
             algorithm = params.agent(agent).algorithm
-            found.append(SeedRecord(root, agent, seed, algorithm, settings, content_digest))
+            colour = looked[agent].colour
+            found.append(SeedRecord(root, agent, seed, algorithm, settings, content_digest, colour))
     return ComparisonRecord(root, found, missing)
+
+
+def run_name(agent: str, seed: int) -> str:
+    """Return what the run of an agent and a seed is called."""
+    return f"{agent}-seed-{seed}"
+
+
+def stage(agent: str) -> str:
+    """Return the stage of the pipeline that trains an agent."""
+    return f"train@{agent}"
+
+
+def is_of_curve(metric: str) -> bool:
+    """Tell whether a run's metric is a column of its learning curve."""
+    return metric != TRAIN_SECONDS and not metric.startswith((EVALUATION, SYSTEM))
 
 
 def seed_dir(root: Path, agent: str, seed: int) -> Path:

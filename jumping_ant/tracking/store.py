@@ -8,7 +8,7 @@ import socket
 import sqlite3
 import subprocess
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +17,14 @@ import mlflow
 import psutil  # type: ignore[import-untyped]
 import requests
 from mlflow import MlflowClient
-from mlflow.entities import Metric, Param, Run, RunTag
+from mlflow.entities import LoggedModel, Metric, Param, Run, RunTag
 from mlflow.exceptions import MlflowException
 from sqlalchemy.exc import SQLAlchemyError
 
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT, digest
-from jumping_ant.tracking.records import EVALUATION, TRAIN_SECONDS, Point
+from jumping_ant.tracking import pages
+from jumping_ant.tracking.records import Point, is_of_curve, run_name, stage
 
 # MLflow neither phones home nor chats; whoever wants it to sets these.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
@@ -34,19 +35,16 @@ if "MLFLOW_LOGGING_LEVEL" not in os.environ:
     logging.getLogger("urllib3").setLevel(logging.ERROR)  # tells of every retry
 
 EXPERIMENT = "jumping-ant"
-EXPERIMENT_TAGS = {
-    "mlflow.experimentKind": "custom_model_development",  # which pages the UI offers
-    "mlflow.note.content": "Agents that teach MuJoCo's Ant to jump: one run per agent and seed.",
-}
 PENDING = "pending"
 
 # Tags. A run of a seed has the first three, a comparison the fourth.
 AGENT, SEED, POLICY_DIGEST, COMPARISON = "agent", "seed", "policy_digest", "comparison"
+ALGORITHM = "algorithm"
 LIVE = "live"  # written while training ran
 WRITER = "writer"  # the process that writes the run: host, process id, when the process started
 ARTIFACTS = "artifact_digests"
 PARENT = "mlflow.parentRunId"
-NOTE = "mlflow.note.content"
+GIT_COMMIT, DVC_STAGE, DVC_MD5 = "git_commit", "dvc_stage", "dvc_md5"
 
 MAX_METRICS_PER_CALL = 1000
 SILENT_DAYS = 1  # a run of another host is given up if it began longer ago than this
@@ -144,6 +142,11 @@ class Store:
         """The tracking URI, without a password."""
         return _without_password(self.uri)
 
+    @property
+    def is_server(self) -> bool:
+        """Whether it is a server, which shows pages and decides where artifacts go."""
+        return _is_server(self.uri)
+
     def search(self, condition: str) -> list[Run]:
         """Return the runs of the experiment that meet a condition, newest first."""
         runs: list[Run] = []
@@ -171,15 +174,17 @@ class Store:
             tags: The run's tags.
             start: When it began [ms since 1970]; by default now.
         """
-        own = {WRITER: _this_process()} | ({"git_commit": self.commit} if self.commit else {})
+        own = {WRITER: _this_process()} | ({GIT_COMMIT: self.commit} if self.commit else {})
+        if DVC_STAGE in tags:
+            own |= source_tags(tags[DVC_STAGE], self.commit)
         return self.client.create_run(self.experiment_id, start, {**tags, **own}, name)
 
     def create_seed_run(
         self, agent: str, seed: int, algorithm: str, tags: Mapping[str, str], start: int
     ) -> Run:
         """Create the run of an agent and a seed; arguments as in `create_run`."""
-        own = {AGENT: agent, SEED: str(seed), "algorithm": algorithm, "dvc_stage": f"train@{agent}"}
-        return self.create_run(f"{agent}-seed-{seed}", {**own, **tags}, start)
+        own = {AGENT: agent, SEED: str(seed), ALGORITHM: algorithm, DVC_STAGE: stage(agent)}
+        return self.create_run(run_name(agent, seed), {**own, **pages.UNFOLDED, **tags}, start)
 
     def pending_comparison(self) -> Run:
         """Return the run that seeds are nested under until every policy is trained."""
@@ -187,31 +192,35 @@ class Store:
         return found[0] if found else self.create_run("comparison (pending)", {COMPARISON: PENDING})
 
     def curve_points(self, run: Run) -> dict[Point, list[float]]:
-        """Return every value of a run's learning curve, summary metrics left out."""
+        """Return every value of a run's learning curve, its other metrics left out."""
         points: dict[Point, list[float]] = {}
-        for name in run.data.metrics:
-            if name == TRAIN_SECONDS or name.startswith(EVALUATION):
-                continue
+        for name in filter(is_of_curve, run.data.metrics):
             for metric in self.client.get_metric_history(run.info.run_id, name):
                 points.setdefault((name, metric.step), []).append(metric.value)
         return points
 
     def log_points(self, run_id: str, points: Points, times: Mapping[int, int]) -> None:
-        """Log points of a learning curve.
+        """Log points of a learning curve; arguments as in `as_metrics`."""
+        self.log_metrics(run_id, as_metrics(points, times))
 
-        Args:
-            run_id: The run.
-            points: Values by name and step.
-            times: Time of the steps [ms since 1970]; now for those that are not there.
-        """
-        now = now_ms()
-        metrics = [
-            Metric(name, value, times.get(step, now), step)
-            for (name, step), value in points.items()
-        ]
+    def log_metrics(self, run_id: str, metrics: Sequence[Metric]) -> None:
+        """Log metrics in as few calls as it takes."""
         for first in range(0, len(metrics), MAX_METRICS_PER_CALL):
             batch = metrics[first : first + MAX_METRICS_PER_CALL]
             self.client.log_batch(run_id, metrics=batch, synchronous=True)
+
+    def logged_models(self, agent: str) -> list[LoggedModel]:
+        """Return the models of an agent, newest first."""
+        models: list[LoggedModel] = []
+        token: str | None = None
+        while True:
+            page = self.client.search_logged_models(
+                [self.experiment_id], f"tags.{AGENT} = '{agent}'", page_token=token
+            )
+            models += page
+            token = page.token
+            if not token:
+                return models
 
     def log_missing_params(self, run: Run, params: Mapping[str, str]) -> int:
         """Log the parameters that a run lacks (MLflow never changes one), and count them."""
@@ -222,15 +231,38 @@ class Store:
             self.client.log_batch(run.info.run_id, params=missing, synchronous=True)
         return len(missing)
 
-    def log_changed_summary(self, run: Run, summary: Points) -> int:
-        """Log the metrics whose latest value is another, and count them."""
-        changed = {
-            point: value
-            for point, value in summary.items()
-            if not same(run.data.metrics.get(point[0]), value)
-        }
-        self.log_points(run.info.run_id, changed, {})
-        return len(changed)
+    def log_changed_summary(
+        self, run: Run, summary: Points, model: LoggedModel | None = None
+    ) -> int:
+        """Log the metrics whose latest value is another, and count them.
+
+        A first value has the time of the run's start: two processes that log it at once log the
+        same. MLflow takes values of a model with a run's; sent again with its time, that stays one.
+
+        Args:
+            run: The run.
+            summary: The values.
+            model: A model that they are the metrics of, too.
+        """
+        shown = _latest(model.metrics or []) if model else {}
+        metrics = []
+        for (name, step), value in summary.items():
+            model_id = model.model_id if model and not same(shown.get(name), value) else None
+            if model_id or not same(run.data.metrics.get(name), value):
+                time_ms = self._time_of(run, name, value)
+                metrics.append(Metric(name, value, time_ms, step, model_id))
+        self.log_metrics(run.info.run_id, metrics)
+        return len(metrics)
+
+    def _time_of(self, run: Run, name: str, value: float) -> int:
+        """Return the time to log a value of a run's metric with."""
+        latest = run.data.metrics.get(name)
+        if latest is None:
+            return int(run.info.start_time)
+        if not same(latest, value):
+            return now_ms()
+        history = self.client.get_metric_history(run.info.run_id, name)
+        return max(metric.timestamp for metric in history)
 
     def set_changed_tags(self, run: Run, tags: Mapping[str, str]) -> int:
         """Set the tags whose value is another, and count them."""
@@ -273,6 +305,25 @@ class Store:
         """Make a run one that this process writes."""
         self.client.set_tag(run.info.run_id, WRITER, _this_process())
         self.client.update_run(run.info.run_id, "RUNNING")
+
+
+def as_metrics(points: Points, times: Mapping[int, int]) -> list[Metric]:
+    """Return points of a learning curve as MLflow's metrics.
+
+    Args:
+        points: Values by name and step.
+        times: Time of the steps [ms since 1970]; now for those that are not there.
+    """
+    now = now_ms()
+    return [
+        Metric(name, value, times.get(step, now), step) for (name, step), value in points.items()
+    ]
+
+
+def source_tags(stage: str, commit: str | None) -> dict[str, str]:
+    """Return the tags behind MLflow's columns Source and Version."""
+    tags = {"mlflow.source.name": stage, "mlflow.source.type": "LOCAL"}
+    return tags | ({"mlflow.source.git.commit": commit} if commit else {})
 
 
 def same(stored: float | None, value: float) -> bool:
@@ -342,6 +393,11 @@ def _exists(process: str) -> bool:
         return False
 
 
+def _latest(metrics: Iterable[Metric]) -> dict[str, float]:
+    ordered = sorted(metrics, key=lambda metric: metric.timestamp)
+    return {metric.key: metric.value for metric in ordered}
+
+
 def _check_sqlite(path: Path) -> None:
     """Open a database once; MLflow itself would retry for minutes."""
     try:
@@ -356,14 +412,17 @@ def _check_sqlite(path: Path) -> None:
         ) from error
 
 
+def _is_server(uri: str) -> bool:
+    return uri.startswith(("http://", "https://", "databricks"))
+
+
 def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
     # A server decides itself where artifacts go; a database would take the current folder.
-    is_database = not uri.startswith(("http://", "https://", "databricks"))
-    location = (project / "mlartifacts").as_uri() if is_database else None
+    location = None if _is_server(uri) else (project / "mlartifacts").as_uri()
     experiment = client.get_experiment_by_name(EXPERIMENT)
     if experiment is None:
         try:
-            return client.create_experiment(EXPERIMENT, location, EXPERIMENT_TAGS)
+            return client.create_experiment(EXPERIMENT, location, pages.KIND_TAGS)
         except MlflowException:  # another process made it just now
             experiment = client.get_experiment_by_name(EXPERIMENT)
             if experiment is None:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from tracked_project import (
     AGENTS,
     HEADER,
@@ -23,7 +24,7 @@ from tracked_project import (
 )
 
 from jumping_ant.files import PROJECT_ROOT, write_text
-from jumping_ant.tracking import live, records
+from jumping_ant.tracking import live, machine_load, records
 
 
 def script(*steps: Callable[[], object]) -> Callable[[float], bool]:
@@ -93,6 +94,34 @@ def test_a_killed_training_is_marked_and_continued(bare_project: Path) -> None:
     assert runs(bare_project, "sac%") == {"sac-seed-0": "FINISHED"}
     assert query(bare_project, "SELECT run_uuid FROM runs WHERE name = 'sac-seed-0'") == began
     assert len(content(bare_project, "metrics", "sac-seed-0")) == 16
+
+
+def test_the_machines_load_is_logged_once_and_left_alone(
+    bare_project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine_load, "SAMPLE_SECONDS", 0.0)
+
+    def load() -> list[tuple]:
+        return query(bare_project, "SELECT key, value FROM metrics WHERE key LIKE 'system/%'")
+
+    live.follow(
+        "sac",
+        bare_project,
+        script(lambda: grow(bare_project, 1), lambda: None, lambda: train(bare_project, "sac", 0)),
+    )
+    logged = load()
+    assert {key for key, _ in logged} == {
+        "system/cpu_utilization_percentage",
+        "system/system_memory_usage_megabytes",
+        "system/system_memory_usage_percentage",
+    }
+    assert all(0 <= value <= 100 for key, value in logged if key.endswith("percentage"))
+    # One at the start, one with each of the first two rows; the seed that is through needs none.
+    assert len(logged) == 3 * 3
+    run_id = query(bare_project, "SELECT run_uuid FROM runs WHERE name = 'sac-seed-0'")
+    tracked(bare_project)
+    assert load() == logged
+    assert query(bare_project, "SELECT run_uuid FROM runs WHERE name = 'sac-seed-0'") == run_id
 
 
 def test_another_training_gets_another_run(bare_project: Path) -> None:

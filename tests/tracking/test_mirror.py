@@ -1,11 +1,13 @@
 """MLflow mirrors the files: real stores, damaged and repaired."""
 
+import hashlib
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 from tracked_project import (
     AGENTS,
     artifact_dir,
@@ -23,8 +25,11 @@ from tracked_project import (
 from jumping_ant import params as params_module
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT, digest, write_bytes
-from jumping_ant.tracking import records, store
+from jumping_ant.tracking import pages, records, store
 from jumping_ant.tracking.mirror import track
+
+POLICY_TAGS = ("agent", "seed", "policy_digest")
+MODEL_TAGS = (*POLICY_TAGS, MLFLOW_MODEL_VERSIONS)
 
 
 def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
@@ -71,10 +76,11 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
         "params.yaml",
         "jumping_ant.json",
         "comparison.json",
+        "report.html",
         "figures/curves.png",
         *(f"media/{agent}.{kind}" for agent in AGENTS for kind in ("mp4", "rrd")),
     }
-    assert "**inconclusive**: SAC leads" in dict(content(project, "tags", comparison))[store.NOTE]
+    assert "**inconclusive**: SAC leads" in dict(content(project, "tags", comparison))[pages.NOTE]
 
 
 def test_a_second_call_adds_nothing(project: Path) -> None:
@@ -118,6 +124,65 @@ def test_damage_is_repaired(untracked_project: Path) -> None:
     assert tracked(project)[-1].endswith("4 repaired")
     assert meaning(project) == said
     assert state(project)[0] == before | {"latest_metrics": state(project)[0]["latest_metrics"]}
+
+
+def test_a_store_of_an_older_version_is_brought_up_to_date(untracked_project: Path) -> None:
+    """Such a one has neither what MLflow's pages read nor metrics of models."""
+    project = untracked_project
+    tracked(project)
+    before, said = state(project), meaning(project)
+    descriptions = query(project, "SELECT name, version, description FROM model_versions")
+    pages_read = "key LIKE 'mlflow.%' AND key NOT IN ('mlflow.parentRunId', 'mlflow.runName')"
+    query(project, f"DELETE FROM tags WHERE {pages_read} OR key = 'dvc_md5'")
+    query(project, "DELETE FROM experiment_tags")
+    query(project, "DELETE FROM logged_model_metrics")
+    query(project, "DELETE FROM logged_model_tags WHERE tag_key NOT IN (?, ?, ?, ?)", *MODEL_TAGS)
+    query(project, "DELETE FROM model_version_tags WHERE key NOT IN (?, ?, ?)", *POLICY_TAGS)
+    query(project, "UPDATE model_versions SET description = 'old'")
+    assert tracked(project)[-1].endswith("4 repaired")
+    assert state(project) == before
+    assert meaning(project) == said
+    assert query(project, "SELECT name, version, description FROM model_versions") == descriptions
+    assert tracked(project)[-1].endswith("4 unchanged")
+
+
+def test_a_description_of_the_experiment_that_someone_wrote_stays(project: Path) -> None:
+    read = "SELECT value FROM experiment_tags WHERE key = 'mlflow.note.content'"
+    assert pages.address("1") in query(project, read)[0][0]
+    query(project, "UPDATE experiment_tags SET value = 'Mine' WHERE key = 'mlflow.note.content'")
+    tracked(project)
+    assert query(project, read) == [("Mine",)]
+
+
+def test_the_last_line_tells_where_to_look(project: Path) -> None:
+    lines: list[str] = []
+    track(project, lines.append, "http://127.0.0.1:5000/")
+    assert lines[-1] == f"Look at http://127.0.0.1:5000/{pages.address('1')}"
+
+
+def test_runs_and_models_lead_back_to_the_policy_file(project: Path) -> None:
+    policy = project / "models" / "sac" / "seed-1" / "policy.zip"
+    md5 = hashlib.md5(policy.read_bytes()).hexdigest()
+    assert dict(content(project, "tags", "sac-seed-1"))["dvc_md5"] == md5
+    version = query(
+        project,
+        "SELECT description FROM model_versions WHERE name = 'jumping-ant-sac' AND version = 2",
+    )[0][0]
+    assert version.startswith(
+        "sac, training seed 1: mean evaluation return 115, mean peak height 2.5 m."
+    )
+    assert md5 in version and digest(policy) in version and "train@sac" in version
+    metrics = query(
+        project,
+        "SELECT metric_name, metric_value FROM logged_model_metrics m JOIN logged_models l "
+        "ON l.model_id = m.model_id WHERE l.name = 'sac-seed-1'",
+    )
+    assert dict(metrics) == {
+        "evaluation/return": 115.0,
+        "evaluation/peak_height": 2.5,
+        "evaluation/smoothness": 0.5,
+        "train_seconds": 40.0,
+    }
 
 
 def test_an_interrupted_call_is_completed_by_the_next(untracked_project: Path) -> None:

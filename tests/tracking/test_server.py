@@ -2,12 +2,8 @@
 
 import ast
 import json
-import os
-import shutil
-import subprocess
 import sys
 import time
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,9 +13,9 @@ from mlflow.pyfunc import PythonModelContext
 from tracked_project import (
     free_port,
     run_python,
+    served,
     state,
     tracked,
-    wait_for,
 )
 
 from jumping_ant import serving
@@ -49,32 +45,8 @@ def test_an_unreachable_server_is_told_in_one_line(
 
 @pytest.fixture
 def server(tmp_path: Path, empty_database: Path) -> Iterator[str]:
-    folder = tmp_path / "server"
-    folder.mkdir()
-    shutil.copy(empty_database, folder / "mlflow.db")
-    uri = f"http://127.0.0.1:{free_port()}"
-    command = [sys.executable, "-m", "mlflow", "server", "--workers", "1", "--host", "127.0.0.1"]
-    command += ["--port", uri.rpartition(":")[2], "--artifacts-destination", str(folder / "files")]
-    command += ["--backend-store-uri", f"sqlite:///{folder / 'mlflow.db'}"]
-    process = subprocess.Popen(
-        command,
-        cwd=folder,
-        env=os.environ | {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"},  # seven processes less
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    wait_for(lambda: answers(uri))
-    yield uri
-    process.terminate()
-    process.wait(30)
-
-
-def answers(uri: str) -> bool:
-    try:
-        with urllib.request.urlopen(f"{uri}/health", timeout=5) as response:
-            return bool(response.status == 200)
-    except OSError:
-        return False
+    with served(tmp_path / "server", empty_database) as uri:
+        yield uri
 
 
 def test_a_server_gets_all_and_serves_the_champion(

@@ -8,7 +8,9 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +79,7 @@ def compare(root: Path) -> None:
         },
     )
     write_bytes(root / "results" / "figures" / "curves.png", b"picture")
+    write_text(root / "results" / "report.html", "<h1>Report</h1>")
 
 
 def make_bare(root: Path, database: Path) -> None:
@@ -125,13 +128,13 @@ def runs(root: Path, name: str = "%") -> dict[str, str]:
 
 
 def content(root: Path, table: str, name: str) -> list[tuple]:
-    """Rows of a run's metrics, params or tags."""
+    """Rows of a run's metrics (the machine's load left out), params or tags."""
     columns = "m.key, m.step, m.value" if table == "metrics" else "m.key, m.value"
     return sorted(
         query(
             root,
             f"SELECT {columns} FROM {table} m JOIN runs r ON r.run_uuid = m.run_uuid "
-            "WHERE r.name = ? AND r.lifecycle_stage = 'active'",
+            "WHERE r.name = ? AND r.lifecycle_stage = 'active' AND m.key NOT LIKE 'system/%'",
             name,
         )
     )
@@ -189,6 +192,38 @@ def run_python(code: str, *arguments: str, cwd: Path, **environment: str) -> str
     )
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
+
+
+@contextmanager
+def served(folder: Path, database: Path) -> Iterator[str]:
+    """Run an MLflow server in a folder, from a copy of a database, and yield its address."""
+    folder.mkdir()
+    shutil.copy(database, folder / "mlflow.db")
+    uri = f"http://127.0.0.1:{free_port()}"
+    command = [sys.executable, "-m", "mlflow", "server", "--workers", "1", "--host", "127.0.0.1"]
+    command += ["--port", uri.rpartition(":")[2], "--artifacts-destination", str(folder / "files")]
+    command += ["--backend-store-uri", f"sqlite:///{folder / 'mlflow.db'}"]
+    process = subprocess.Popen(
+        command,
+        cwd=folder,
+        env=os.environ | {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"},  # seven processes less
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        wait_for(lambda: answers(uri))
+        yield uri
+    finally:
+        process.terminate()
+        process.wait(30)
+
+
+def answers(uri: str) -> bool:
+    try:
+        with urllib.request.urlopen(f"{uri}/health", timeout=5) as response:
+            return bool(response.status == 200)
+    except OSError:
+        return False
 
 
 def free_port() -> int:

@@ -1,0 +1,61 @@
+"""A headless browser that notes what the pages it opens ask for and complain about."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+
+@dataclass
+class Visit:
+    """An open page.
+
+    Attributes:
+        page: The page, in Playwright's hands.
+        requests: The address of everything it asked for, `data:` and `blob:` left out.
+        console_errors: Errors in its console.
+        page_errors: Exceptions that nothing in the page caught.
+    """
+
+    page: Page
+    requests: list[str] = field(default_factory=list)
+    console_errors: list[str] = field(default_factory=list)
+    page_errors: list[str] = field(default_factory=list)
+
+    def note_all(self) -> None:
+        """Take note from now on."""
+        self.page.on("request", lambda request: self._note_request(request.url))
+        self.page.on("pageerror", lambda error: self.page_errors.append(str(error)))
+        self.page.on(
+            "console",
+            lambda message: (
+                self.console_errors.append(message.text) if message.type == "error" else None
+            ),
+        )
+
+    def _note_request(self, address: str) -> None:
+        if not address.startswith(("data:", "blob:")):
+            self.requests.append(address)
+
+
+@contextmanager
+def launched() -> Iterator[Browser]:
+    """Run Debian's Chromium, which no test may go without."""
+    path = shutil.which("chromium")
+    assert path, "no chromium here; run `scripts/environment.sh browser`"
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def open_page(browser: Browser, address: str, width: int = 1600, height: int = 1000) -> Visit:
+    """Open an address in a window that remembers nothing of others."""
+    visit = Visit(browser.new_page(viewport={"width": width, "height": height}))
+    visit.note_all()
+    visit.page.goto(address)
+    return visit

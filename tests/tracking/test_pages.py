@@ -1,0 +1,152 @@
+"""MLflow's pages, as a person sees them in a browser."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+from browser import Visit
+from mlflow import MlflowClient
+from playwright.sync_api import expect
+from tracked_project import curve_lines, make_bare, make_whole, served, tracked, unset_variables
+
+from jumping_ant.files import write_text
+from jumping_ant.tracking import live, machine_load, pages, records
+
+OpenPage = Callable[[str], Visit]
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory, empty_database: Path) -> Iterator[str]:
+    """A server with a project that was followed while it trained, and tracked."""
+    root = tmp_path_factory.mktemp("pages") / "a project"
+    make_bare(root, empty_database)
+    with pytest.MonkeyPatch.context() as patch, served(root / "server", empty_database) as server:
+        unset_variables(patch)
+        patch.setenv("MLFLOW_TRACKING_URI", server)
+        patch.setattr(machine_load, "SAMPLE_SECONDS", 0.0)
+        write_text(records.seed_dir(root, "sac", 1) / "curve.csv", curve_lines(1))
+        live.follow("sac", root, has_ended_after(2, rounds_of=1.1))
+        make_whole(root)
+        frames = np.random.default_rng(0).integers(0, 255, (75, 64, 64, 3), np.uint8)
+        imageio.imwrite(root / "media" / "sac.mp4", frames, fps=25, codec="libx264")
+        tracked(root)
+        yield server
+
+
+@pytest.fixture(scope="module")
+def runs(address: str) -> dict[str, str]:
+    """Ids of the runs by their names, that of the comparison as `comparison`."""
+    client = MlflowClient(address)
+    experiment = client.get_experiment_by_name("jumping-ant")
+    assert experiment is not None
+    found = client.search_runs([experiment.experiment_id])
+    return {str(run.info.run_name).partition("-")[0]: run.info.run_id for run in found} | {
+        str(run.info.run_name): run.info.run_id for run in found
+    }
+
+
+def has_ended_after(num_rounds: int, rounds_of: float) -> Callable[[float], bool]:
+    """Return a `has_ended`; from a sample after a whole second on, MLflow draws lines, not bars."""
+    rounds = iter(range(num_rounds))
+
+    def has_ended(seconds: float) -> bool:
+        time.sleep(rounds_of)
+        return next(rounds, None) is None
+
+    return has_ended
+
+
+def run_page(address: str, run_id: str, part: str = "") -> str:
+    return f"{address}/#/experiments/1/runs/{run_id}{part}?workflowType=machine_learning"
+
+
+def check(visit: Visit, address: str) -> None:
+    """Nothing broke, and nothing was asked of anyone else."""
+    assert visit.page_errors == []
+    assert [request for request in visit.requests if not request.startswith(address)] == []
+
+
+def test_the_table_opens_with_the_columns_that_matter(address: str, open_page: OpenPage) -> None:
+    visit = open_page(f"{address}/{pages.address('1')}")
+    expect(visit.page.get_by_role("link", name="pgpe-seed-0")).to_be_visible(timeout=30_000)
+    expect(visit.page.get_by_role("link", name="comparison-")).to_be_visible()
+    headers = visit.page.locator("[role=columnheader][col-id]").evaluate_all(
+        "cells => cells.map(cell => [cell.getBoundingClientRect().left, cell])"
+        ".sort(([a], [b]) => a - b).map(([_, cell]) => cell.getAttribute('col-id'))"
+    )
+    shown = [name for name in headers if name in pages.COLUMNS]
+    assert shown[:2] == ["attributes.`Run Name`", "runDateAndNestInfo"]  # MLflow pins these
+    assert shown[2:6] == list(pages.COLUMNS)[1:5]
+    row = visit.page.get_by_role("row").filter(has_text="sac-seed-1")
+    index = row.first.get_attribute("row-index")  # a row comes in parts, pinned and scrolling
+    cells = visit.page.locator(f"[role=row][row-index='{index}'] [role=gridcell]")
+    texts = dict(
+        cells.evaluate_all(
+            "cells => cells.map(cell => [cell.getAttribute('col-id'), cell.innerText])"
+        )
+    )
+    assert [texts[name] for name in list(pages.COLUMNS)[1:6]] == ["sac", "1", "115", "2.5", "40"]
+    check(visit, address)
+
+
+def test_the_usual_address_leads_to_the_table(address: str, open_page: OpenPage) -> None:
+    visit = open_page(f"{address}/#/experiments/1/runs")
+    with visit.page.expect_popup() as popup:
+        visit.page.get_by_role("link", name="Table of results").click()
+    table = popup.value
+    expect(table.get_by_text("evaluation/return")).to_be_visible(timeout=30_000)
+    expect(table.get_by_role("button", name=pages.VIEW_NAME)).to_be_visible()
+
+
+def test_a_comparison_shows_its_results(
+    address: str, runs: dict[str, str], open_page: OpenPage
+) -> None:
+    visit = open_page(run_page(address, runs["comparison"]))
+    expect(visit.page.get_by_role("cell", name="65 [15, 115]").first).to_be_visible(timeout=30_000)
+    expect(visit.page.get_by_text("SAC leads")).to_be_attached()
+    visit.page.get_by_role("tab", name="Artifacts").click()
+    for name in ("comparison.json", "params.yaml", "figures"):
+        expect(visit.page.get_by_text(name, exact=True).first).to_be_visible()
+    check(visit, address)
+
+
+@pytest.mark.parametrize(
+    ("part", "chart", "axis"),
+    [
+        ("/model-metrics", "return_mean", "Step"),
+        ("/system-metrics", "system/cpu_utilization_percentage", "Time"),
+    ],
+)
+def test_a_run_draws_its_metrics(
+    part: str, chart: str, axis: str, address: str, runs: dict[str, str], open_page: OpenPage
+) -> None:
+    visit = open_page(run_page(address, runs["sac-seed-1"], part))
+    visit.page.get_by_placeholder("Search metric charts").fill(f"^{chart}$", timeout=30_000)
+    titles = visit.page.locator(".js-plotly-plot .xtitle").filter(has_text=axis)
+    expect(titles.first).to_be_visible(timeout=30_000)
+    check(visit, address)
+
+
+def test_a_run_plays_its_video(address: str, runs: dict[str, str], open_page: OpenPage) -> None:
+    visit = open_page(run_page(address, runs["sac-seed-1"], "/artifacts/media/sac.mp4"))
+    video = visit.page.locator("video")
+    expect(video).to_be_visible(timeout=30_000)
+    video.evaluate("video => { video.muted = true; return video.play(); }")
+    visit.page.wait_for_function("document.querySelector('video').currentTime > 0.2")
+    check(visit, address)
+
+
+def test_the_registry_shows_the_champion_and_where_it_is_from(
+    address: str, open_page: OpenPage
+) -> None:
+    visit = open_page(f"{address}/#/models/jumping-ant-sac/versions/2")
+    expect(visit.page.get_by_text("champion")).to_be_visible(timeout=30_000)
+    expect(
+        visit.page.get_by_text("sac, training seed 1: mean evaluation return 115")
+    ).to_be_visible()
+    visit.page.get_by_role("link", name="sac-seed-1").nth(1).click()
+    expect(visit.page.get_by_text("evaluation/return").first).to_be_attached(timeout=30_000)
+    check(visit, address)
