@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.comparison import AgentResults
+from jumping_ant.comparison import AgentResults, steps_to
 from jumping_ant.params import CompareParams
 from jumping_ant.statistics import (
     Estimate,
@@ -27,6 +27,7 @@ from jumping_ant.statistics import (
     mean_pair_score,
     probability_of_improvement,
 )
+from jumping_ant.wording import number
 
 Array = NDArray[np.float64]
 Claim = dict[str, str]
@@ -144,7 +145,7 @@ def _robust(pgpe: AgentResults, rivals: Sequence[AgentResults], params: CompareP
 
     effect = estimate(excess, [_returns(agent) for agent in (pgpe, *rivals)], params)
     spreads = ", ".join(
-        f"{agent.label} {_number(coefficient_of_variation(_returns(agent)))}"
+        f"{agent.label} {number(coefficient_of_variation(_returns(agent)))}"
         for agent in (pgpe, *rivals)
     )
     return _claim(
@@ -166,11 +167,11 @@ def _heavy(
 ) -> Claim:
     """Judge by the control steps up to the first evaluation that shows learning."""
     threshold = HAS_LEARNED * float(interquartile_mean(_returns(random)))
-    own = _steps_to(pgpe, threshold)
-    others = [_steps_to(rival, threshold) for rival in rivals]
+    own = steps_to(pgpe, threshold)
+    others = [steps_to(rival, threshold) for rival in rivals]
     effect = mean_pair_score([bounded_pair_scores(*own, *other) for other in others], params)
     steps = ", ".join(
-        f"{agent.label} {_number(np.median(needed))} "
+        f"{agent.label} {number(np.median(needed))} "
         f"({reached.sum()} of {len(reached)} seeds got there)"
         for agent, (needed, reached) in zip((pgpe, *rivals), (own, *others), strict=True)
     )
@@ -179,7 +180,7 @@ def _heavy(
         f"to return {HAS_LEARNED:g} times what {random.label} returns.",
         effect,
         NO_PREFERENCE,
-        f"Median control steps up to a return of {_number(threshold)}, a seed that never got there "
+        f"Median control steps up to a return of {number(threshold)}, a seed that never got there "
         f"counting with its whole budget: {steps}; a seed of {pgpe.label} needs more than one of "
         f"another learner with probability {_show(effect)}",
         pgpe,
@@ -194,7 +195,7 @@ def _parallel(pgpe: AgentResults, params: CompareParams) -> Claim:
     share = one / all_cores / cores if cores > 1 else np.full(len(one), PARALLEL)
     effect = estimate(interquartile_mean, [share], params)
     times = ", ".join(
-        f"{_number(interquartile_mean(seconds))} on {threads}"
+        f"{number(interquartile_mean(seconds))} on {threads}"
         for threads, seconds in pgpe.generation_seconds.items()
     )
     return _claim(
@@ -207,17 +208,6 @@ def _parallel(pgpe: AgentResults, params: CompareParams) -> Claim:
         pgpe,
         params,
     )
-
-
-def _steps_to(agent: AgentResults, threshold: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Return each seed's steps to a return, or its budget, and whether it got there."""
-    steps, reached = [], []
-    for curve in agent.curves.values():
-        positions, returns = curve.evaluations
-        good = returns >= threshold
-        reached.append(bool(good.any()))
-        steps.append(positions[np.argmax(good)] if good.any() else positions[-1])
-    return np.array(steps), np.array(reached)
 
 
 def _claim(
@@ -249,9 +239,4 @@ def _iqm(values: Array, params: CompareParams) -> str:
 
 
 def _show(effect: Estimate) -> str:
-    return f"{_number(effect.value)} [{_number(effect.low)}, {_number(effect.high)}]"
-
-
-def _number(value: float | Array) -> str:
-    number = float(value)
-    return f"{number:,.0f}" if abs(number) >= 100 else f"{number:.3g}"
+    return f"{number(effect.value)} [{number(effect.low)}, {number(effect.high)}]"

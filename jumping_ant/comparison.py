@@ -7,7 +7,7 @@ statistics are those of `jumping_ant.statistics`: the sample is the seed.
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant import looks
+from jumping_ant import looks, tables
 from jumping_ant.errors import InputError
 from jumping_ant.params import CompareParams, Params
 from jumping_ant.statistics import (
@@ -34,6 +34,7 @@ KEYS = ("seed", "episode", "episode_seed")  # columns of episodes.csv that measu
 QUANTITIES = ("return", "peak_height", "smoothness")  # always there, and first
 CURVE_COLUMNS = ("env_steps", "evaluation_return_mean")
 TIMING_COLUMNS = ("seed", "env_steps", "seconds")
+SCALING_COLUMNS = ("seed", "threads", "seconds")
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,32 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
     }
 
 
+def read_episodes(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Array]:
+    """Read an agent's held-out episodes.
+
+    Args:
+        root: The project folder.
+        agent: The agent's name.
+        seeds: Those that must be there.
+
+    Returns:
+        The columns of its `episodes.csv`, (num_episodes,) each.
+
+    Raises:
+        InputError: The file is missing, malformed, or of other seeds.
+    """
+    path, stage = root / "results" / agent / "episodes.csv", f"evaluate@{agent}"
+    table = tables.read(path, ("seed", *QUANTITIES), stage)
+    _check_seeds(path, table["seed"], seeds, stage)
+    for name, column in table.items():
+        if not np.isfinite(column).all():
+            raise InputError(
+                f"{path}: column {name} holds a cell that is empty or not finite; "
+                f"run `dvc repro --force {stage}`"
+            )
+    return table
+
+
 def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dict[str, Any]:
     """Return the agents' figures and who beats whom, as in `results/comparison.json`.
 
@@ -171,6 +198,26 @@ def learning_curves(
             level = [np.repeat(part[-1], 2) for part in vars(curve.returns).values()]
             curves[name] = LearningCurve(steps, seconds, Estimate(*level))
     return curves
+
+
+def steps_to(agent: AgentResults, threshold: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the control steps each seed needed to reach a return, at an evaluation.
+
+    Args:
+        agent: The agent.
+        threshold: The return.
+
+    Returns:
+        Steps to it, or the budget of a seed that never got there, (num_seeds,), and whether it did,
+        (num_seeds,).
+    """
+    steps, reached = [], []
+    for curve in agent.curves.values():
+        positions, returns = curve.evaluations
+        good = returns >= threshold
+        reached.append(bool(good.any()))
+        steps.append(positions[np.argmax(good)] if good.any() else positions[-1])
+    return np.array(steps), np.array(reached)
 
 
 def curve_rows(curves: Mapping[str, LearningCurve]) -> list[dict[str, Any]]:
@@ -239,31 +286,24 @@ def _learning_curve(agent: AgentResults, params: CompareParams) -> LearningCurve
 
 def _read_quantities(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Array]:
     """Return each quantity's mean over the episodes of each seed."""
-    path, stage = root / "results" / agent / "episodes.csv", f"evaluate@{agent}"
-    table = _read_table(path, ("seed", *QUANTITIES), stage)
-    _check_seeds(path, table["seed"], seeds, stage)
+    table = read_episodes(root, agent, seeds)
     others = (name for name in table if name not in KEYS + QUANTITIES)
-    quantities = {}
-    for name in (*QUANTITIES, *others):
-        if not np.isfinite(table[name]).all():
-            raise InputError(
-                f"{path}: column {name} holds a cell that is empty or not finite; "
-                f"run `dvc repro --force {stage}`"
-            )
-        quantities[name] = np.array([table[name][table["seed"] == seed].mean() for seed in seeds])
-    return quantities
+    return {
+        name: np.array([table[name][table["seed"] == seed].mean() for seed in seeds])
+        for name in (*QUANTITIES, *others)
+    }
 
 
 def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, SeedCurve]:
     """Return each seed's curve, with the seconds of its rows."""
     stage = f"train@{agent}"
     timing_path = root / "results" / "timing" / f"{agent}.csv"
-    timing = _read_table(timing_path, TIMING_COLUMNS, stage)
+    timing = tables.read(timing_path, TIMING_COLUMNS, stage)
     _check_seeds(timing_path, timing["seed"], seeds, stage)
     curves = {}
     for seed in seeds:
         path = root / "models" / agent / f"seed-{seed}" / "curve.csv"
-        curve = _read_table(path, CURVE_COLUMNS, stage)
+        curve = tables.read(path, CURVE_COLUMNS, stage)
         own = timing["seed"] == seed
         if not np.array_equal(timing["env_steps"][own], curve["env_steps"]):
             raise InputError(
@@ -280,38 +320,14 @@ def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, Seed
 
 def _read_scaling(root: Path, agent: str) -> dict[int, Array]:
     """Return the seconds of each seed's generation by number of threads."""
-    path = root / "results" / "scaling.csv"
-    seconds: dict[int, list[float]] = {}
-    for row in _read_rows(path, "scaling"):
-        try:
-            if row["agent"] == agent:
-                seconds.setdefault(int(row["threads"]), []).append(float(row["seconds"]))
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path}: {error}; run `dvc repro --force scaling`") from error
-    return {threads: np.array(values) for threads, values in seconds.items()}
-
-
-def _read_rows(path: Path, stage: str) -> list[dict[str, str]]:
-    try:
-        return list(csv.DictReader(path.read_text().splitlines()))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; run `dvc repro {stage}`") from error
-
-
-def _read_table(path: Path, columns: Iterable[str], stage: str) -> dict[str, Array]:
-    """Read a CSV file of numbers by column; an empty cell is NaN."""
-    rows = _read_rows(path, stage)
-    found = list(rows[0]) if rows else []
-    missing = [column for column in columns if column not in found]
-    if missing:
-        raise InputError(
-            f"{path}: {'no column ' + ', '.join(missing) if rows else 'no rows in it'}; "
-            f"run `dvc repro --force {stage}`"
-        )
-    try:
-        return {name: np.array([float(row[name] or "nan") for row in rows]) for name in found}
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
+    path, stage = root / "results" / "scaling" / f"{agent}.csv", f"scaling@{agent}"
+    if not tables.read_rows(path, stage):
+        return {}
+    table = tables.read(path, SCALING_COLUMNS, stage)
+    return {
+        int(threads): table["seconds"][table["threads"] == threads]
+        for threads in np.unique(table["threads"])
+    }
 
 
 def _check_seeds(path: Path, found: Array, seeds: Sequence[int], stage: str) -> None:

@@ -19,6 +19,7 @@ from matplotlib.ticker import EngFormatter
 from jumping_ant.comparison import AgentResults, LearningCurve
 from jumping_ant.files import write_bytes
 from jumping_ant.looks import INK, Look, looks
+from jumping_ant.wording import number
 
 STYLE: Any = {  # matplotlib types it by each key's name
     "font.size": 10,
@@ -186,7 +187,7 @@ def _draw_seeds(
     mean = statistics["iqm"]
     axes.plot(mean, row, "|", color=look.colour, markersize=16, markeredgewidth=2.5)
     axes.annotate(
-        _number(mean),
+        number(mean),
         (mean, row),
         (0, 10),
         textcoords="offset points",
@@ -241,7 +242,3 @@ def _name_rows(axes: Axes, names: Sequence[str]) -> None:
     """Label the rows of a chart, the first one on top."""
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.6)
-
-
-def _number(value: float) -> str:
-    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"

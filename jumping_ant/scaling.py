@@ -6,38 +6,38 @@ them at once. What is timed is each seed's first generation, which is as long as
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-import torch
+from jumping_ant.params import AgentParams, EnvParams, PGPEParams
 
-from jumping_ant.agents.evolution.problem import JumpProblem
-from jumping_ant.machine import BLAS_THREADS
-from jumping_ant.params import EnvParams, Params, PGPEParams
-
-COLUMNS = ("agent", "seed", "threads", "seconds")
+COLUMNS = ("seed", "threads", "seconds")
 REPEATS = 2  # of which the faster counts: what disturbs a measurement only adds to it
 
 
-def measure(xml: str, params: Params, cores: int | None = None) -> list[dict[str, Any]]:
-    """Time a generation of every agent that evolves a population, on one thread and on all cores.
+def measure(
+    xml: str, env: EnvParams, agent: AgentParams, seeds: Sequence[int], cores: int | None = None
+) -> list[dict[str, Any]]:
+    """Time a generation of an agent on one thread and more, up to all cores.
 
     Args:
         xml: The robot as MJCF text.
-        params: All parameters.
+        env: The task.
+        agent: The agent's block.
+        seeds: Its seeds.
         cores: Threads at most; by default the machine's cores.
 
     Returns:
-        Rows of `COLUMNS`: the seconds that a generation took with so many threads.
+        Rows of `COLUMNS`: the seconds that a generation took with so many threads. There are none
+        for an agent without a population.
     """
+    if not isinstance(agent, PGPEParams):
+        return []
     counts = list(_thread_counts(cores or os.cpu_count() or 1))
-    torch.set_num_threads(BLAS_THREADS)
     return [
-        {"agent": name, "seed": seed, "threads": threads, "seconds": round(seconds, 6)}
-        for name, agent in params.agents.items()
-        if isinstance(agent, PGPEParams)
-        for seed in params.seeds
-        for threads, seconds in _time_generation(xml, params.env, agent, seed, counts).items()
+        {"seed": seed, "threads": threads, "seconds": round(seconds, 6)}
+        for seed in seeds
+        for threads, seconds in _time_generation(xml, env, agent, seed, counts).items()
     ]
 
 
@@ -54,6 +54,12 @@ def _time_generation(
     xml: str, env: EnvParams, agent: PGPEParams, seed: int, counts: list[int]
 ) -> dict[int, float]:
     """Return the seconds of a seed's first generation by number of threads, measured in turn."""
+    import torch  # with EvoTorch, takes seconds that agents without a population need not wait
+
+    from jumping_ant.agents.evolution.problem import JumpProblem
+    from jumping_ant.machine import BLAS_THREADS
+
+    torch.set_num_threads(BLAS_THREADS)
     fastest = dict.fromkeys(counts, float("inf"))
     for _ in range(REPEATS):
         for threads in counts:

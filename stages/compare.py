@@ -2,7 +2,7 @@
 
 Usage:  python -m stages.compare
 Reads:  params.yaml, results/<agent>/episodes.csv, models/<agent>/seed-<n>/curve.csv,
-        results/timing/<agent>.csv, results/scaling.csv
+        results/timing/<agent>.csv, results/scaling/<agent>.csv
 Writes: results/comparison.json, results/figures/, results/plots/
 """
 

@@ -1,25 +1,24 @@
-"""Time how a population's evaluation speeds up with threads.
+"""Time how the evaluation of an agent's population speeds up with threads.
 
-Usage: python -m stages.scaling
-Reads: params `seeds`, `env`, `agents`; assets/jumping_ant.xml.
-Writes: results/scaling.csv.
+Usage: python -m stages.scaling AGENT
+Reads: params `seeds`, `env`, `agents.AGENT`; assets/jumping_ant.xml.
+Writes: results/scaling/AGENT.csv, without rows for an agent that has no population.
 """
 
-import argparse
-
-from jumping_ant import params, robot, scaling
+from jumping_ant import robot, scaling
 from jumping_ant.files import PROJECT_ROOT, write_text
-from stages import run
+from stages import parse_agent, run
 
 
 def main() -> None:
     """Run the stage."""
-    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
-    settings = params.load()
-    rows = scaling.measure(robot.read(PROJECT_ROOT), settings)
+    agent, settings = parse_agent(__doc__)
+    xml = robot.read(PROJECT_ROOT)
+    rows = scaling.measure(xml, settings.env, settings.agent(agent), settings.seeds)
     lines = [",".join(scaling.COLUMNS)]
     lines += [",".join(str(row[column]) for column in scaling.COLUMNS) for row in rows]
-    write_text(PROJECT_ROOT / "results" / "scaling.csv", "\n".join(lines) + "\n")
+    path = PROJECT_ROOT / "results" / "scaling" / f"{agent}.csv"
+    write_text(path, "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

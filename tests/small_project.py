@@ -50,17 +50,16 @@ def write_project(
 
 def write_scaling(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
     """Write what a generation took each seed of the agents with a population."""
-    lines = ["agent,seed,threads,seconds"]
-    lines += [
-        f"{name},{seed},{threads},{2.0 / threads + 0.01 * i}"
-        for name, algorithm in agents.items()
-        if algorithm == "pgpe"
-        for i, seed in enumerate(seeds)
-        for threads in (1, 2)
-    ]
-    path = root / "results" / "scaling.csv"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n")
+    folder = root / "results" / "scaling"
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, algorithm in agents.items():
+        lines = [
+            f"{seed},{threads},{2.0 / threads + 0.01 * i}"
+            for i, seed in enumerate(seeds)
+            for threads in (1, 2)
+            if algorithm == "pgpe"
+        ]
+        (folder / f"{name}.csv").write_text("\n".join(["seed,threads,seconds", *lines]) + "\n")
 
 
 def episode_row(seed: int, episode: int, value: float) -> dict[str, Any]:

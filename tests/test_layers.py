@@ -13,14 +13,14 @@ def top(path) -> str:
 
 LAYERS = [
     {"errors"},
-    {"archive", "events", "files", "gl", "looks", "machine"},
+    {"archive", "events", "files", "gl", "looks", "machine", "measures", "tables", "wording"},
     {"imports", "params"},
     {"drawing", "rewards", "robot", "schema", "statistics", "task", "trajectory"},
     {"env", "vector", "rendering", "recording"},
     {"policies"},
     {"agents", "rollout", "serving"},
     {"checkpoints", "comparison", "compute", "evaluation", "progress"},
-    {"claims", "figures", "scaling", "tracking", "training"},
+    {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},
 ]
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
 MODULES = sorted((ROOT / "jumping_ant").rglob("*.py"))

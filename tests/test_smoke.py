@@ -1,5 +1,6 @@
 """The pipeline as a person runs it: a clone, a preset, `dvc`, and the real thing throughout."""
 
+import html
 import json
 import shlex
 import shutil
@@ -75,6 +76,8 @@ def test_everything_is_there_and_up_to_date(project: Project) -> None:
         assert figures["seeds"] == 2
         low, iqm, high = (figures["return"][name] for name in ("low", "iqm", "high"))
         assert low <= iqm <= high
+    page = (project.folder / "results" / "report.html").read_text()
+    assert all(claim["text"] in html.unescape(page) for claim in comparison["claims"])
     assert project.stale() == set()
     assert "Data and pipelines are up to date." in project.run("dvc", "repro").stdout
 
@@ -82,7 +85,10 @@ def test_everything_is_there_and_up_to_date(project: Project) -> None:
 def digests(project: Project) -> dict[str, str]:
     """Return DVC's digest of every output without wall-clock times in it, but for recordings."""
     stages = YAML(typ="safe").load((project.folder / "dvc.lock").read_text())["stages"]
-    timed = ("results/timing/", "results/comparison.json", "results/figures", "results/plots")
+    timed = tuple(
+        f"results/{name}"
+        for name in ("timing/", "scaling/", "comparison.json", "figures", "plots", "report.html")
+    )
     return {
         out["path"]: out["md5"]
         for stage in stages.values()
@@ -94,15 +100,16 @@ def digests(project: Project) -> dict[str, str]:
 def test_a_forced_rerun_trains_anew_and_changes_no_byte(project: Project, tmp_path: Path) -> None:
     before = digests(project)
     assert len(before) > 5 * len(AGENTS)
-    for agent in AGENTS:
-        shutil.copy(project.folder / "media" / f"{agent}.rrd", tmp_path)
+    recordings = [f"{name}.rrd" for name in [*AGENTS, "lineup"]]
+    for name in recordings:
+        shutil.copy(project.folder / "media" / name, tmp_path)
     done = project.run("dvc", "repro", "--force")
     assert "sac seed 1: done, 600 steps" in done.stderr
     assert "trained before" not in done.stderr
     assert digests(project) == before
-    for agent in AGENTS:
-        new = project.folder / "media" / f"{agent}.rrd"
-        project.run("rerun", "rrd", "compare", str(tmp_path / new.name), str(new))
+    for name in recordings:
+        new = project.folder / "media" / name
+        project.run("rerun", "rrd", "compare", str(tmp_path / name), str(new))
 
 
 def test_git_knows_only_small_things(project: Project) -> None:
@@ -153,9 +160,28 @@ def test_a_new_seed_trains_alone(project: Project) -> None:
 
 
 def test_a_changed_number_reruns_what_it_touches(project: Project) -> None:
+    project.run("git", "add", "-A")
+    project.run("git", "commit", "-qm", "Before the change")
     done = project.run("dvc", "exp", "run", "-S", "agents.sac.learning_rate=0.002")
     ran = {line.split("'")[1] for line in done.stdout.splitlines() if "Running stage" in line}
-    assert ran == {"train@sac", "evaluate@sac", "record@sac", "compare", "track"}
+    retrained = {"train@sac", "evaluate@sac", "record@sac"}
+    assert ran == retrained | {"scaling@sac", "lineup", "compare", "report", "track"}
+
+
+def test_a_change_is_told_readably(project: Project) -> None:
+    """After the change above, before it is committed."""
+    told = project.run("dvc", "params", "diff", "--md").stdout
+    assert "| params.yaml | agents.sac.learning_rate | 0.0005 | 0.002 |" in " ".join(told.split())
+    metrics = json.loads(project.run("dvc", "metrics", "diff", "--json").stdout)
+    assert set(metrics["diff"]) == {"results/sac/metrics.json"}
+    shown = project.run("dvc", "exp", "show", "--only-changed", "--csv").stdout.splitlines()
+    columns = shown[0].split(",")
+    assert "agents.sac.learning_rate" in columns and "results/sac/metrics.json:return" in columns
+    assert not any(column.startswith(("agents.dqn", "results/dqn")) for column in columns)
+    project.run("dvc", "plots", "diff", "--out", "diff")
+    page = (project.folder / "diff" / "index.html").read_text()
+    assert "workspace" in page and "HEAD" in page
+    shutil.rmtree(project.folder / "diff")
 
 
 def test_changed_code_reruns_what_runs_it(project: Project) -> None:

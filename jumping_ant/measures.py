@@ -1,0 +1,42 @@
+"""What is measured of a held-out episode, in words (formulas: docs/metrics.md)."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A column of `episodes.csv`.
+
+    Attributes:
+        label: Its name.
+        unit: Its unit, empty for pure numbers.
+        about: What it is, in a sentence.
+        is_better: 1 where more is better, -1 where less is, 0 where neither.
+    """
+
+    label: str
+    unit: str
+    about: str
+    is_better: int
+
+    @property
+    def axis(self) -> str:
+        """Return the name with its unit."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+
+MEASURES = {
+    "return": Measure("Return", "", "Sum of the rewards of an episode.", 1),
+    "peak_height": Measure("Peak height", "m", "Highest the torso's centre gets.", 1),
+    "mean_height": Measure("Mean height", "m", "Mean height of the torso's centre.", 1),
+    "jumps": Measure("Jumps", "", "Times off the ground for long enough.", 0),
+    "airborne_seconds": Measure("Airborne", "s", "Time without any contact.", 1),
+    "smoothness": Measure(
+        "Torque change",
+        "",
+        "Mean squared change of torque over peak torque from step to step: low is smooth.",
+        -1,
+    ),
+    "work": Measure("Work", "J", "Mechanical work of the motors.", -1),
+    "drift": Measure("Drift", "m", "Distance of the torso's end from its start, on the floor.", 0),
+}

@@ -1,0 +1,296 @@
+"""The comparison as one page: `results/report.html`.
+
+It opens from disk without a network: charts, their library, styles and pictures stand in the file,
+and the films and recordings are those of `media/` beside it.
+"""
+
+import hashlib
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import jinja2
+import numpy as np
+from plotly.offline import get_plotlyjs
+from ruamel.yaml import YAML
+
+from jumping_ant import comparison, robot, trajectory
+from jumping_ant.comparison import AgentResults
+from jumping_ant.errors import InputError
+from jumping_ant.looks import looks
+from jumping_ant.measures import MEASURES
+from jumping_ant.params import Params
+from jumping_ant.report import charts, pictures
+from jumping_ant.report.charts import Film
+from jumping_ant.wording import number
+
+FOLDER = Path(__file__).parent
+MLFLOW = "http://127.0.0.1:5000"  # where `make ui` serves
+HEADLINES = ("return", "peak_height", "airborne_seconds", "smoothness")
+VERDICT_SIGNS = {"supported": "✓", "refuted": "✗", "inconclusive": "?"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number of the headline table, as text; `interval` is empty where there is none."""
+
+    value: str
+    interval: str
+    is_best: bool
+
+
+def build(root: Path, params: Params) -> str:
+    """Return the page's HTML.
+
+    Args:
+        root: The project's folder; assets, models, results and media are read.
+        params: All parameters.
+
+    Raises:
+        InputError: A file is missing or damaged, or nothing draws on this machine.
+    """
+    results = comparison.load(root, params)
+    summary = _read_json(root / "results" / "comparison.json", "compare")
+    films = {name: _film(root, params, name) for name in results}
+    context = {
+        "agents": _agents(root, results, films),
+        "lead": _lead(results, summary),
+        "rows": _rows(results, summary["agents"]),
+        "measures": {name: MEASURES[name] for name in HEADLINES},
+        "all_measures": MEASURES,
+        "claims": summary["claims"],
+        "signs": VERDICT_SIGNS,
+        "charts": _charts(root, params, results, summary, films),
+        "confidence": f"{100 * params.compare.confidence:g}",
+        "seeds": len(params.seeds),
+        "episodes": params.evaluate.episodes,
+        "robot": _robot(root),
+        "params": _params_text(params),
+        "policies": _policies(root, params, results),
+        "machines": _machines(root, params, results),
+        "mlflow": MLFLOW,
+        "plotly": get_plotlyjs(),
+        "style": (FOLDER / "style.css").read_text(),
+        "script": (FOLDER / "script.js").read_text(),
+    }
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("template.html").render(context)
+
+
+def _charts(
+    root: Path,
+    params: Params,
+    results: Mapping[str, AgentResults],
+    summary: Mapping[str, Any],
+    films: Mapping[str, Film],
+) -> dict[str, Any]:
+    """Return each chart's JSON by the name of its place in the template."""
+    curves = comparison.learning_curves(results, params.compare)
+    tables = {name: comparison.read_episodes(root, name, params.seeds) for name in results}
+    model = robot.load(robot.read(root))
+    motors = [model.actuator(index).name for index in range(model.nu)]
+    figures = {
+        "learning_steps": charts.learning(results, curves, "env_steps"),
+        "learning_seconds": charts.learning(results, curves, "seconds"),
+        "efficiency": charts.efficiency(results),
+        "episodes": charts.episodes(results, tables),
+        "heights": charts.heights(results, films),
+        "torques": charts.torques(results, films, motors),
+        "improvement": charts.improvement(results, summary),
+    }
+    return {name: json.loads(figure.to_json()) for name, figure in figures.items()}
+
+
+def _agents(
+    root: Path, results: Mapping[str, AgentResults], films: Mapping[str, Film]
+) -> list[dict[str, Any]]:
+    """Return what stands with each agent's film."""
+    drawn = looks({name: agent.algorithm for name, agent in results.items()})
+    shown = []
+    for name, agent in results.items():
+        film = films[name]
+        highest = film.heights.argmax()
+        shown.append(
+            {
+                "name": name,
+                "label": agent.label,
+                "colour": drawn[name].colour,
+                "seed": film.seed,
+                "episode": film.episode,
+                "episode_return": number(film.episode_return),
+                "poster": pictures.still(root / "media" / f"{name}.mp4", film.times[highest]),
+                "highest": f"{film.heights[highest]:.1f}",
+                "model_url": f"{MLFLOW}/#/models/jumping-ant-{name}",
+            }
+        )
+    return shown
+
+
+def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> str:
+    """Return the outcome in a sentence."""
+    returns = {name: summary["agents"][name]["return"] for name in results}
+    best, *others = sorted(returns, key=lambda name: -returns[name]["iqm"])
+    text = f"{results[best].label} returns most: {_interval(returns[best])}."
+    if others:
+        pair = summary["probability_of_improvement"][f"{best}>{others[0]}"]
+        text += (
+            f" A seed of it beats one of {results[others[0]].label}, which comes second, with "
+            f"probability {pair['p']:.2f} [{pair['low']:.2f}, {pair['high']:.2f}]."
+        )
+    return text
+
+
+def _rows(
+    results: Mapping[str, AgentResults], summary: Mapping[str, Any]
+) -> list[tuple[str, str, list[Cell]]]:
+    """Return the headline table: an agent's name, label and cells, the best learner's marked."""
+    learners = [name for name, agent in results.items() if agent.algorithm != "random"]
+
+    def best(values: Mapping[str, float], sign: int) -> float:
+        return max((sign * values[name] for name in learners), default=np.inf)
+
+    columns: list[dict[str, Cell]] = []
+    for measure in HEADLINES:
+        sign = MEASURES[measure].is_better
+        values = {name: summary[name][measure]["iqm"] for name in results}
+        columns.append(
+            {
+                name: Cell(
+                    number(values[name]),
+                    _ends(summary[name][measure]),
+                    name in learners and sign * values[name] == best(values, sign),
+                )
+                for name in results
+            }
+        )
+    for cost in ("env_steps", "train_seconds"):
+        values = {name: float(summary[name][cost]) for name in results}
+        columns.append(
+            {
+                name: Cell(number(value), "", name in learners and -value == best(values, -1))
+                for name, value in values.items()
+            }
+        )
+    return [
+        (name, agent.label, [column[name] for column in columns]) for name, agent in results.items()
+    ]
+
+
+def _robot(root: Path) -> dict[str, Any]:
+    """Return the robot before and after its edits: figures and pictures."""
+    facts = _read_json(root / "assets" / "jumping_ant.json", "build")
+    before, after = facts["before"], facts["after"]
+
+    def torque(physique: Mapping[str, Any]) -> str:
+        return " / ".join(sorted({number(value) for value in physique["peak_torque"].values()}))
+
+    return {
+        "rows": [
+            ("Mass [kg]", number(before["mass"]), number(after["mass"])),
+            ("Peak torque of a motor [N m]", torque(before), torque(after)),
+            (
+                "Summed peak torque over weight [m]",
+                number(before["peak_torque_over_weight"]),
+                number(after["peak_torque_over_weight"]),
+            ),
+        ],
+        "source": facts["source"],
+        "versions": facts["versions"],
+        "pictures": [
+            ("Gymnasium's Ant", pictures.portrait(robot.SOURCE_PATH.read_text())),
+            ("The jumping Ant", pictures.portrait(robot.read(root))),
+        ],
+    }
+
+
+def _policies(
+    root: Path, params: Params, results: Mapping[str, AgentResults]
+) -> list[dict[str, str]]:
+    """Return every policy with its digest, return and links."""
+    rows = []
+    for name, agent in results.items():
+        for seed, value in zip(params.seeds, agent.quantities["return"], strict=True):
+            path = Path("models") / name / f"seed-{seed}" / "policy.zip"
+            sha256 = hashlib.sha256(_read_bytes(root / path, f"train@{name}")).hexdigest()
+            query = quote(f"tags.policy_digest = '{sha256}'")
+            rows.append(
+                {
+                    "agent": agent.label,
+                    "seed": str(seed),
+                    "return": number(value),
+                    "path": str(path),
+                    "sha256": sha256,
+                    "run_url": f"{MLFLOW}/#/experiments/1/runs?searchFilter={query}",
+                }
+            )
+    return rows
+
+
+def _machines(
+    root: Path, params: Params, results: Mapping[str, AgentResults]
+) -> list[dict[str, str]]:
+    """Return the machines, with their versions, that policies were trained on."""
+    found = {}
+    for name in results:
+        for seed in params.seeds:
+            path = root / "models" / name / f"seed-{seed}" / "machine.json"
+            machine = _read_json(path, f"train@{name}")
+            flat = {key: str(value) for key, value in machine.items() if key != "versions"}
+            flat |= machine["versions"]
+            found[json.dumps(flat)] = flat
+    return list(found.values())
+
+
+def _params_text(params: Params) -> str:
+    """Return the parameters that results depend on, as YAML."""
+    text = io.StringIO()
+    YAML().dump(params.model_dump(exclude={"compute"}), text)
+    return text.getvalue()
+
+
+def _film(root: Path, params: Params, name: str) -> Film:
+    """Return what happens in an agent's film."""
+    episode = trajectory.load(root / "results" / name / "trajectories.npz")
+    rows = episode.rows(seconds=params.record.seconds)
+    return Film(
+        seed=episode.seed,
+        episode=episode.episode,
+        episode_return=episode.episode_return,
+        times=np.asarray(rows * episode.timestep, dtype=np.float64),
+        heights=episode.qpos[rows, 2],
+        torques=episode.ctrl[: (len(rows) - 1) // episode.frame_skip],
+        step_seconds=episode.timestep * episode.frame_skip,
+    )
+
+
+def _interval(estimate: Mapping[str, float]) -> str:
+    return f"{number(estimate['iqm'])} {_ends(estimate)}"
+
+
+def _ends(estimate: Mapping[str, float]) -> str:
+    return f"[{number(estimate['low'])}, {number(estimate['high'])}]"
+
+
+def _read_bytes(path: Path, stage: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; run `dvc repro {stage}`") from error
+
+
+def _read_json(path: Path, stage: str) -> dict[str, Any]:
+    try:
+        content: dict[str, Any] = json.loads(_read_bytes(path, stage))
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
+    return content

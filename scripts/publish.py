@@ -1,0 +1,107 @@
+"""Put the results that are in the working tree into the documents.
+
+Usage: python scripts/publish.py PRESET
+
+Writes the section of that preset in docs/results.md. With the preset `default` it writes the
+pictures of the README as well: docs/images/, and README.md's table of claims.
+"""
+
+import argparse
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import imageio.v2 as imageio
+from PIL import Image, ImageDraw, ImageFont
+
+from jumping_ant import looks, params
+from jumping_ant.files import PROJECT_ROOT, write_bytes, write_text
+from jumping_ant.tracking import descriptions
+
+DOCS = PROJECT_ROOT / "docs"
+RESULTS = PROJECT_ROOT / "results"
+FIGURES = ("learning_curves", "final_return")
+SIDE = 300  # [pixels] of an agent in the animation
+SECONDS = 6.0  # of the films that the animation shows
+FPS = 20
+START = 7.0  # [s] in the films
+FONT = ImageFont.load_default(20)
+
+
+def main() -> None:
+    """Parse the command line and write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("preset", choices=["default", "article"])
+    preset = parser.parse_args().preset
+    results = json.loads((RESULTS / "comparison.json").read_text())
+    replace_section(DOCS / "results.md", preset, descriptions.comparison(results))
+    if preset == "default":
+        replace_section(PROJECT_ROOT / "README.md", "claims", claim_table(results))
+        for name in FIGURES:
+            content = (RESULTS / "figures" / f"{name}.png").read_bytes()
+            write_bytes(DOCS / "images" / f"{name}.png", content)
+        write_bytes(DOCS / "images" / "jumping.webp", animation())
+
+
+def replace_section(path: Path, name: str, content: str) -> None:
+    """Write what stands between a document's marks `<!-- name -->` and `<!-- end of name -->`."""
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    head, _, rest = path.read_text().partition(begin)
+    _, _, tail = rest.partition(end)
+    write_text(path, f"{head}{begin}{content.rstrip()}\n{end}{tail}")
+
+
+def claim_table(results: dict[str, Any]) -> str:
+    """Return the claims and their verdicts as Markdown."""
+    rows = [f"| {claim['text']} | {claim['verdict']} |" for claim in results["claims"]]
+    return "\n".join(["| claim | verdict |", "|---|---|", *rows])
+
+
+def animation() -> bytes:
+    """Return the learners' films side by side, looping, as an animated picture."""
+    agents = params.load().agents
+    labels = {
+        name: looks.label(name, agent.algorithm)
+        for name, agent in agents.items()
+        if agent.algorithm != "random"
+    }
+    films = [clip(PROJECT_ROOT / "media" / f"{name}.mp4", label) for name, label in labels.items()]
+    pictures = [beside(row) for row in zip(*films, strict=True)]
+    content = io.BytesIO()
+    pictures[0].save(
+        content,
+        format="WEBP",
+        save_all=True,
+        append_images=pictures[1:],
+        duration=round(1000 / FPS),
+        loop=0,
+        quality=55,
+        method=6,
+    )
+    return content.getvalue()
+
+
+def clip(path: Path, label: str) -> list[Image.Image]:
+    """Return the pictures of a film that the animation shows, small and labelled."""
+    with imageio.get_reader(path, format="FFMPEG") as reader:
+        fps = reader.get_meta_data()["fps"]
+        numbers = [round((START + i / FPS) * fps) for i in range(round(SECONDS * FPS))]
+        pictures = [Image.fromarray(reader.get_data(number)) for number in numbers]
+    small = [picture.resize((SIDE, SIDE), Image.Resampling.LANCZOS) for picture in pictures]
+    for picture in small:
+        ImageDraw.Draw(picture).text((12, 8), label, "white", FONT)
+    return small
+
+
+def beside(pictures: Sequence[Image.Image]) -> Image.Image:
+    """Return pictures of one size side by side."""
+    row = Image.new("RGB", (SIDE * len(pictures), SIDE))
+    for number, picture in enumerate(pictures):
+        row.paste(picture, (SIDE * number, 0))
+    return row
+
+
+if __name__ == "__main__":
+    main()

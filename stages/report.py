@@ -1,0 +1,24 @@
+"""Write the comparison as one page.
+
+Usage: python -m stages.report
+Reads: params.yaml; assets/, models/, media/, results/.
+Writes: results/report.html.
+"""
+
+import argparse
+
+from jumping_ant import params
+from jumping_ant.files import PROJECT_ROOT, write_text
+from jumping_ant.report import page
+from stages import run
+
+
+def main() -> None:
+    """Run the stage."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    settings = params.load()
+    write_text(PROJECT_ROOT / "results" / "report.html", page.build(PROJECT_ROOT, settings))
+
+
+if __name__ == "__main__":
+    run(main)
