@@ -9,7 +9,7 @@ class InputError(ValueError):
 
 
 class WorkerError(Exception):
-    """What computes died again and again: the message says what did, and of what.
+    """A process that the work needs dies again and again, or does not start; the message says so.
 
     Stages print the message without a traceback and exit with status 1.
     """
