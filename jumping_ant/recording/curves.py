@@ -74,7 +74,7 @@ def _log_curve(stream: rr.RecordingStream, seed: int, points: Array, is_own: boo
     marks = rr.Points2D(
         points, colors=[color], radii=rr.Radius.ui_points(2 * radius), draw_order=order
     )
-    stream.log(path, marks, static=True)
+    stream.log(f"{path}/marks", marks, static=True)  # two chunks of one come in no certain order
 
 
 def _log_grid(stream: rr.RecordingStream, right: float, top: float) -> None:

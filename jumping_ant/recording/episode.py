@@ -13,7 +13,7 @@ Entities, over `sim_time` [s] and, but for the film, `control_step`:
 | /contact_force/<limb> | sum of the normal forces at the contacts of a leg, or of the torso | N |
 | /contacts | number of contacts | |
 | /phase | `grounded`, or `airborne` without any contact | |
-| /film | the frames of the film | |
+| /film/frames | the frames of the film | |
 | /learning/curves/seed-<n> | returns of a seed's policy while it learned; always there | |
 | /about | a page of text; always there | |
 """

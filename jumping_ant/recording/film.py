@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from jumping_ant.errors import InputError
 from jumping_ant.recording.states import TIMELINE
 
+FRAMES = "film/frames"
+
 
 class Film:
     """A film that begins with its episode.
@@ -30,11 +32,12 @@ class Film:
 
     def log(self, stream: rr.RecordingStream) -> None:
         """Log each frame at its time; after the last one the picture goes."""
-        stream.log("film", self._video, static=True)
+        stream.log(FRAMES, self._video, static=True)
         frames = rr.VideoFrameReference.columns_nanos(self.times)
-        stream.send_columns("film", [_column(self.times)], frames)
+        stream.send_columns(FRAMES, [_column(self.times)], frames)
         end = self.times[-1:] + np.diff(self.times[-2:], prepend=self.times[-1])[-1:]
-        stream.send_columns("film", [_column(end)], rr.Clear.columns(is_recursive=[False]))
+        # At an entity of its own: two chunks of one come in no certain order.
+        stream.send_columns("film", [_column(end)], rr.Clear.columns(is_recursive=[True]))
 
 
 def _column(times: NDArray[np.int64]) -> rr.TimeColumn:
