@@ -173,7 +173,7 @@ def test_a_change_is_told_readably(project: Project) -> None:
     told = project.run("dvc", "params", "diff", "--md").stdout
     assert "| params.yaml | agents.sac.learning_rate | 0.0005 | 0.002 |" in " ".join(told.split())
     metrics = json.loads(project.run("dvc", "metrics", "diff", "--json").stdout)
-    assert set(metrics["diff"]) == {"results/sac/metrics.json"}
+    assert set(metrics) == {"results/sac/metrics.json"}
     shown = project.run("dvc", "exp", "show", "--only-changed", "--csv").stdout.splitlines()
     columns = shown[0].split(",")
     assert "agents.sac.learning_rate" in columns and "results/sac/metrics.json:return" in columns
