@@ -1,5 +1,6 @@
 """The MLflow store: where it is, how runs are found and written, and what its failures become."""
 
+import fcntl
 import json
 import logging
 import os
@@ -109,9 +110,7 @@ def connect(root: Path, timeout_seconds: int, max_retries: int) -> "Store":
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
     # It would show a traceback of what it raises, which is told in one line.
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
-    with failures_as_input_errors(uri):
-        if uri.startswith("sqlite:///"):
-            _check_sqlite(Path(uri.removeprefix("sqlite:///")))
+    with failures_as_input_errors(uri), _opened_alone(uri):
         is_given = "MLFLOW_TRACKING_URI" in os.environ
         mlflow.set_tracking_uri(uri)  # the model registry asks for it
         if not is_given:
@@ -385,10 +384,15 @@ def _this_process() -> str:
 
 
 def _exists(process: str) -> bool:
-    """Tell whether a process, given by id and start time, still runs."""
+    """Tell whether a process, given by id and start time, still runs.
+
+    One that has ended keeps its id until its parent takes note, which in containers may be never.
+    """
     process_id, _, created = process.partition(" ")
     try:
-        return f"{psutil.Process(int(process_id)).create_time():.2f}" == created
+        found = psutil.Process(int(process_id))
+        is_same = f"{found.create_time():.2f}" == created
+        return is_same and found.status() != psutil.STATUS_ZOMBIE
     except (psutil.Error, ValueError):
         return False
 
@@ -396,6 +400,23 @@ def _exists(process: str) -> bool:
 def _latest(metrics: Iterable[Metric]) -> dict[str, float]:
     ordered = sorted(metrics, key=lambda metric: metric.timestamp)
     return {metric.key: metric.value for metric in ordered}
+
+
+@contextmanager
+def _opened_alone(uri: str) -> Iterator[None]:
+    """Keep others from opening a database that is a file meanwhile.
+
+    The first one that opens it makes the tables, and MLflow leaves a broken database behind where
+    two do so at once.
+    """
+    if not uri.startswith("sqlite:///"):
+        yield
+        return
+    path = Path(uri.removeprefix("sqlite:///"))
+    _check_sqlite(path)
+    with path.with_name(f"{path.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def _check_sqlite(path: Path) -> None:

@@ -1,11 +1,15 @@
 """MLflow mirrors the files: real stores, damaged and repaired."""
 
 import hashlib
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import psutil
 import pytest
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 from tracked_project import (
@@ -325,3 +329,28 @@ def test_two_at_once_lose_nothing_and_double_nothing(untracked_project: Path) ->
     names = query(untracked_project, "SELECT name FROM runs WHERE lifecycle_stage = 'active'")
     assert len(names) == 5
     assert len(content(untracked_project, "metrics", "sac-seed-1")) == 4 * 3 + 3 + 1 + 3 + 1
+
+
+def test_two_make_one_database(tmp_path: Path) -> None:
+    """MLflow alone leaves a broken one behind where two make its tables at once."""
+    program = (
+        "import pathlib, sys; from jumping_ant.tracking import store\n"
+        "print(store.connect(pathlib.Path(sys.argv[1]), 5, 0).experiment_id)"
+    )
+    command = [sys.executable, "-c", program, str(tmp_path)]
+    processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    answers = [process.communicate()[0] for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    assert len(set(answers)) == 1
+
+
+def test_a_process_that_ended_writes_no_more_though_none_took_note() -> None:
+    child = subprocess.Popen(["sleep", "60"])
+    name = f"{child.pid} {psutil.Process(child.pid).create_time():.2f}"
+    assert store._exists(name)
+    os.kill(child.pid, signal.SIGKILL)
+    while psutil.Process(child.pid).status() != psutil.STATUS_ZOMBIE:
+        time.sleep(0.01)
+    assert not store._exists(name)
+    child.wait()
+    assert not store._exists(name)
