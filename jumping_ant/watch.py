@@ -9,6 +9,7 @@ Usage: python -m jumping_ant.watch AGENT [--seed N] [--episodes N]
 import argparse
 import itertools
 import os
+import signal
 import sys
 import time
 import warnings
@@ -68,7 +69,8 @@ def main() -> None:
 
 
 def run() -> None:
-    """Run `main`; a mistake, a missing server and Ctrl-C each end in one line."""
+    """Run `main`; a mistake, a missing server, and Ctrl-C or SIGTERM each end in one line."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         main()
     except InputError as error:

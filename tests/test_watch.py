@@ -137,14 +137,19 @@ def watching(project: Path) -> Iterator[subprocess.Popen[str]]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     yield process
     if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-        process.wait()
+        process.terminate()
+        process.wait(30)
 
 
-def test_it_is_served_to_this_machine_alone(watching: subprocess.Popen[str]) -> None:
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_it_is_served_to_this_machine_alone(
+    watching: subprocess.Popen[str], end: signal.Signals
+) -> None:
     assert watching.stdout is not None
     line = watching.stdout.readline()
     address = re.match(
@@ -168,7 +173,7 @@ def test_it_is_served_to_this_machine_alone(watching: subprocess.Popen[str]) -> 
     )
     assert policy.startswith("default-src 'self'")
 
-    watching.send_signal(signal.SIGINT)
+    watching.send_signal(end)
     _, errors = watching.communicate(timeout=30)
     assert watching.returncode == 0
     assert errors.strip() == "ended"
