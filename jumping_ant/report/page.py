@@ -30,6 +30,8 @@ from jumping_ant.wording import number
 
 FOLDER = Path(__file__).parent
 MLFLOW = "http://127.0.0.1:5000"  # where `make ui` serves
+# The first experiment beside MLflow's own is the project's, in a database that it made itself.
+RUNS = f"{MLFLOW}/#/experiments/1/runs?workflowType=machine_learning"
 HEADLINES = ("return", "peak_height", "airborne_seconds", "smoothness")
 VERDICT_SIGNS = {"supported": "✓", "refuted": "✗", "inconclusive": "?"}
 
@@ -230,7 +232,7 @@ def _policies(
                     "return": number(value),
                     "path": str(path),
                     "sha256": sha256,
-                    "run_url": f"{MLFLOW}/#/experiments/1/runs?searchFilter={query}",
+                    "run_url": f"{RUNS}&searchFilter={query}",
                 }
             )
     return rows
