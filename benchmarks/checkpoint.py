@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.measure import Row
 from benchmarks.settings import CORES, robot_xml, task
-from jumping_ant import compute, params
+from jumping_ant import compute, params_file
 from jumping_ant.agents.off_policy import trainer
 from jumping_ant.checkpoints import Checkpoints, Saved
 from jumping_ant.events import Checkpoint
@@ -26,7 +26,7 @@ def checkpoint_overhead() -> Row:
     Training waits while its state is gathered and handed over; that the driver then writes the file
     is counted in full too, although other cores may do it meanwhile.
     """
-    settings = params.load()
+    settings = params_file.load()
     agent = settings.agents[AGENT]
     assert isinstance(agent, DQNParams)
     # The replay memory fills as in training, but without learning, which would take minutes.

@@ -8,7 +8,7 @@ from benchmarks.checkout import Checkout, checkout, with_tools
 from benchmarks.measure import Row, compare
 from benchmarks.settings import CORES
 from benchmarks.watch import watch
-from jumping_ant import params
+from jumping_ant import params_file
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.params import OffPolicyParams, Params
 
@@ -48,7 +48,7 @@ def rows() -> Iterator[Row]:
 
 def peak_memory(project: Checkout) -> Row:
     """Measure a run of everything beside the article's script; the ratio is ours itself."""
-    settings = params.load()
+    settings = params_file.load()
     brief = shortened(settings, MEMORY_SHARES)
     updates = {
         "evaluate": settings.evaluate.model_copy(update={"episodes": MEMORY_EPISODES}),
@@ -74,7 +74,7 @@ def noop_repro(project: Checkout) -> Row:
 
 def tracking_overhead(project: Checkout) -> Row:
     """Compare the `train` stage of an agent with itself, its live tracking left out."""
-    settings = params.load()
+    settings = params_file.load()
     compute = settings.compute.model_copy(update={"workers": len(TRACKED_SEEDS)})
     updates = {"seeds": TRACKED_SEEDS, "compute": compute}
     project.write_params(shortened(settings, TRACKED_SHARES).model_copy(update=updates))

@@ -10,7 +10,7 @@ from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import robot_xml, task
-from jumping_ant import evaluation, gl, params, rendering, robot, rollout
+from jumping_ant import evaluation, gl, params_file, rendering, robot, rollout
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.rollout import Episode
 
@@ -27,7 +27,7 @@ def render_vs_record_video() -> Row:
 
 def film() -> Callable[[], float]:
     """Set the project's film up: that of the `record` stage."""
-    record = params.load().record.model_copy(update={"width": SIZE, "height": SIZE})
+    record = params_file.load().record.model_copy(update={"width": SIZE, "height": SIZE})
     model = robot.load(robot_xml())
     trajectory = evaluation.replay(model, task().frame_skip, random_episode(FILM_STEPS), SEED, 0)
     stride = rendering.frame_stride(trajectory.timestep, record.fps)

@@ -1,26 +1,25 @@
 """What the rows work on: the project's robot and task, and its agents as the article sets them."""
 
-import os
 from functools import reduce
 from typing import Any
 
 from ruamel.yaml import YAML
 
-from jumping_ant import params, robot
+from jumping_ant import machine, params_file, robot
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.params import EnvParams
 
-CORES = os.cpu_count() or 1
+CORES = machine.num_cores()
 
 
 def robot_xml() -> str:
     """Return the robot of `params.yaml`, whether the pipeline has built it or not."""
-    return robot.build(params.load().robot)
+    return robot.build(params_file.load().robot)
 
 
 def task() -> EnvParams:
     """Return the task of `params.yaml`."""
-    return params.load().env
+    return params_file.load().env
 
 
 def article_agent(name: str) -> Any:
@@ -32,4 +31,4 @@ def article_agent(name: str) -> Any:
         *parents, last = key.split(".")
         block = reduce(lambda outer, name: outer[name], parents, content)
         block[last] = yaml.load(value)
-    return params.check(content, "presets/article").agent(name)
+    return params_file.check(content, "presets/article").agent(name)

@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant import wording
 from jumping_ant.comparison import AgentResults, steps_to
 from jumping_ant.params import CompareParams
 from jumping_ant.statistics import (
@@ -131,7 +132,7 @@ def _pairwise(
     evidence = (
         f"{quantity}: {first.label} {_iqm(measure(first), params)}, {second.label} "
         f"{_iqm(measure(second), params)}; a seed of {first.label} exceeds {times}one of "
-        f"{second.label} with probability {_show(effect)}"
+        f"{second.label} with probability {_show(effect, len(first.curves))}"
     )
     return _claim(text, effect, NO_PREFERENCE, evidence, first, params)
 
@@ -153,7 +154,7 @@ def _robust(pgpe: AgentResults, rivals: Sequence[AgentResults], params: CompareP
         effect,
         0.0,
         f"Standard deviation over seeds, relative to the mean return: {spreads}; the others' "
-        f"mean less that of {pgpe.label}: {_show(effect)}",
+        f"mean less that of {pgpe.label}: {_show(effect, len(pgpe.curves))}",
         pgpe,
         params,
     )
@@ -177,12 +178,12 @@ def _heavy(
     )
     return _claim(
         f"{pgpe.label} is computationally heavy: it needs more control steps than other learners "
-        f"to return {HAS_LEARNED:g} times what {random.label} returns.",
+        f"to return more than {HAS_LEARNED:g} times what {random.label} does.",
         effect,
         NO_PREFERENCE,
-        f"Median control steps up to a return of {number(threshold)}, a seed that never got there "
-        f"counting with its whole budget: {steps}; a seed of {pgpe.label} needs more than one of "
-        f"another learner with probability {_show(effect)}",
+        f"Median control steps until the return exceeds {number(threshold)}, a seed that never "
+        f"got there counting with its whole budget: {steps}; a seed of {pgpe.label} needs more "
+        f"than one of another learner with probability {_show(effect, len(pgpe.curves))}",
         pgpe,
         params,
     )
@@ -204,7 +205,7 @@ def _parallel(pgpe: AgentResults, params: CompareParams) -> Claim:
         effect,
         PARALLEL,
         f"Seconds a generation by number of threads: {times}; share of the ideal speed-up: "
-        f"{_show(effect)}" + ("" if cores > 1 else ", for this machine has one core"),
+        f"{_show(effect, len(share))}" + ("" if cores > 1 else ", for this machine has one core"),
         pgpe,
         params,
     )
@@ -235,8 +236,8 @@ def _returns(agent: AgentResults) -> Array:
 
 
 def _iqm(values: Array, params: CompareParams) -> str:
-    return _show(estimate(interquartile_mean, [values], params))
+    return _show(estimate(interquartile_mean, [values], params), len(values))
 
 
-def _show(effect: Estimate) -> str:
-    return f"{number(effect.value)} [{number(effect.low)}, {number(effect.high)}]"
+def _show(effect: Estimate, num_seeds: int) -> str:
+    return wording.estimate(effect.value, effect.low, effect.high, num_seeds)

@@ -124,7 +124,7 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
             algorithm=block.algorithm,
             quantities=_read_quantities(root, name, params.seeds),
             curves=_read_curves(root, name, params.seeds),
-            generation_seconds=_read_scaling(root, name),
+            generation_seconds=_read_scaling(root, name, params.seeds),
         )
         for name, block in params.agents.items()
     }
@@ -201,7 +201,7 @@ def learning_curves(
 
 
 def steps_to(agent: AgentResults, threshold: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the control steps each seed needed to reach a return, at an evaluation.
+    """Return the control steps each seed needed to return more than a threshold, at an evaluation.
 
     Args:
         agent: The agent.
@@ -214,7 +214,7 @@ def steps_to(agent: AgentResults, threshold: float) -> tuple[Array, NDArray[np.b
     steps, reached = [], []
     for curve in agent.curves.values():
         positions, returns = curve.evaluations
-        good = returns >= threshold
+        good = returns > threshold
         reached.append(bool(good.any()))
         steps.append(positions[np.argmax(good)] if good.any() else positions[-1])
     return np.array(steps), np.array(reached)
@@ -318,12 +318,13 @@ def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, Seed
     return curves
 
 
-def _read_scaling(root: Path, agent: str) -> dict[int, Array]:
+def _read_scaling(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, Array]:
     """Return the seconds of each seed's generation by number of threads."""
     path, stage = root / "results" / "scaling" / f"{agent}.csv", f"scaling@{agent}"
     if not tables.read_rows(path, stage):
         return {}
     table = tables.read(path, SCALING_COLUMNS, stage)
+    _check_seeds(path, table["seed"], seeds, stage)
     return {
         int(threads): table["seconds"][table["threads"] == threads]
         for threads in np.unique(table["threads"])

@@ -27,8 +27,8 @@ from ray.exceptions import (  # noqa: E402
 )
 
 import jumping_ant  # noqa: E402
+from jumping_ant import machine  # noqa: E402
 from jumping_ant.errors import InputError, WorkerError  # noqa: E402
-from jumping_ant.machine import BLAS_THREADS  # noqa: E402
 
 Key = TypeVar("Key", bound=Hashable)
 Job = Callable[[threading.Event], Iterator[Any]]
@@ -48,7 +48,7 @@ def num_workers(requested: int, num_jobs: int) -> int:
         requested: As in `params.yaml`; 0 stands for every core, and on a cluster for every job.
         num_jobs: More workers than jobs are of no use.
     """
-    available = num_jobs if _on_cluster() else os.cpu_count() or 1
+    available = num_jobs if _on_cluster() else machine.num_cores()
     return max(1, min(requested or available, num_jobs))
 
 
@@ -64,7 +64,7 @@ def num_threads(requested: int, num_jobs: int) -> list[int]:
     """
     if _on_cluster() or num_jobs == 0:
         return [1] * num_jobs
-    cores = requested or os.cpu_count() or 1
+    cores = requested or machine.num_cores()
     last_round = num_jobs % cores or min(cores, num_jobs)
     return [1] * (num_jobs - last_round) + [cores // last_round] * last_round
 
@@ -101,7 +101,7 @@ def stream(
 
 
 def _inline(start: Callable[[Key], Job], keys: Sequence[Key]) -> Iterator[tuple[Key, Any]]:
-    torch.set_num_threads(BLAS_THREADS)
+    torch.set_num_threads(machine.BLAS_THREADS)
     with _stopped_by_signals() as stop:
         for key in keys:
             if stop.is_set():
@@ -183,7 +183,7 @@ class _Worker:
 
     @ray.method(num_returns="streaming")
     def run(self, job: Job) -> Iterator[Any]:
-        torch.set_num_threads(BLAS_THREADS)
+        torch.set_num_threads(machine.BLAS_THREADS)
         yield from job(self._stop)
 
     def stop(self) -> None:

@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant import gl
+from jumping_ant import gl, machine
 from jumping_ant.errors import InputError
 
 Process = subprocess.Popen[bytes]
@@ -98,7 +98,7 @@ def serve() -> None:
 
 
 def _num_worthwhile(num_pictures: int) -> int:
-    useful = min(os.cpu_count() or 1, MAX_PROCESSES)
+    useful = min(machine.num_cores(), MAX_PROCESSES)
     return max(1, min(useful, num_pictures // PICTURES_PER_PROCESS))
 
 

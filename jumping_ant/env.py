@@ -14,8 +14,7 @@ import numpy as np
 from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 from numpy.typing import NDArray
 
-from jumping_ant import params as params_module
-from jumping_ant import robot
+from jumping_ant import params_file, robot
 from jumping_ant.gl import select_backend
 from jumping_ant.params import EnvParams
 from jumping_ant.rewards import is_down, torso_height_reward
@@ -55,8 +54,8 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
                 f"render_mode: given {render_mode!r}, allowed: None, "
                 f"{', '.join(map(repr, self.metadata['render_modes']))}"
             )
-        self.params = params or params_module.load().env
-        self.model = robot.load(xml or robot.build(params_module.load().robot))
+        self.params = params or params_file.load().env
+        self.model = robot.load(xml or robot.build(params_file.load().robot))
         self.model.vis.global_.offwidth = max(self.model.vis.global_.offwidth, width)
         self.model.vis.global_.offheight = max(self.model.vis.global_.offheight, height)
         self.data = mujoco.MjData(self.model)

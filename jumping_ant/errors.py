@@ -1,22 +1,42 @@
-"""The exceptions that end a stage in one clear line."""
+"""The exceptions that end a command in one clear line."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class InputError(ValueError):
     """Bad input: the message says what was given, what is allowed and where.
 
-    Stages print the message without a traceback and exit with status 2.
+    Commands print the message without a traceback and exit with status 2.
     """
 
 
 class WorkerError(Exception):
     """A process that the work needs dies again and again, or does not start; the message says so.
 
-    Stages print the message without a traceback and exit with status 1.
+    Commands print the message without a traceback and exit with status 1.
     """
 
 
 class StoppedError(Exception):
     """Someone asked for an end: the message says what is kept and how it goes on.
 
-    Stages print the message without a traceback and exit with status 130, as shells have it.
+    Commands print the message without a traceback and exit with status 130, as shells have it.
     """
+
+
+@contextmanager
+def reported() -> Iterator[None]:
+    """Print an exception of this module as one line, and exit with its status."""
+    try:
+        yield
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except WorkerError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(1)
+    except StoppedError as error:
+        print(f"stopped: {error}", file=sys.stderr)
+        sys.exit(130)

@@ -1,4 +1,4 @@
-"""The machine that results come from, as far as their bytes depend on it.
+"""The machine: its cores, and what the bytes of results depend on.
 
 On one machine equal parameters give equal bytes. On another the last digits may differ: products of
 matrices are summed in another order by another processor, another BLAS, or another number of BLAS
@@ -6,6 +6,7 @@ threads, and learning amplifies what differs. MuJoCo, NumPy and torch in other v
 """
 
 import importlib.metadata
+import os
 import platform
 from contextlib import suppress
 from pathlib import Path
@@ -24,6 +25,13 @@ def describe() -> dict[str, Any]:
         "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
         "blas_threads": BLAS_THREADS,
     }
+
+
+def num_cores() -> int:
+    """Return how many cores this process may use; a container or a scheduler may allow it few."""
+    if hasattr(os, "sched_getaffinity"):  # not on macOS
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def processor() -> str:

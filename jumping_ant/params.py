@@ -1,32 +1,21 @@
-"""`params.yaml`, read and checked.
+"""The parameters: what `params.yaml` holds, block by block.
 
-Every number of the pipeline lives in that file. It is checked whole, before any work, against the
-models below: unknown keys, wrong types and values out of range are refused with one line each that
-names the key, what was given and what is allowed.
-
-YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
+Every number of the pipeline lives in that file. Models are closed to unknown keys, strict about
+types, and state the range of each number; `jumping_ant.params_file` reads and checks the file.
 """
 
-import difflib
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
-    ValidationError,
     field_validator,
     model_validator,
 )
-from pydantic_core import ErrorDetails
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from jumping_ant.errors import InputError
-from jumping_ant.files import PROJECT_ROOT
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -236,18 +225,6 @@ ALGORITHMS: dict[str, type[Block]] = {
     "pgpe": PGPEParams,
 }
 
-# What is allowed, where pydantic's own words say it to programmers.
-ALLOWED = {
-    "bool_type": "true or false",
-    "dict_type": "a block of keys",
-    "invalid_key": "names as keys",
-    "model_attributes_type": "a block of keys",
-    "model_type": "a block of keys",
-    "string_pattern_mismatch": "lower-case letters, digits, _ and -, the first a letter or digit",
-    "string_type": "a name",
-    "too_short": "at least one",
-}
-
 AgentParams = Annotated[
     RandomAgentParams | DQNParams | SACParams | PGPEParams, Field(discriminator="algorithm")
 ]
@@ -371,92 +348,3 @@ class Params(Block):
         if name not in self.agents:
             raise InputError(f"agent: given {name!r}, allowed: {', '.join(self.agents)}")
         return self.agents[name]
-
-
-def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
-    """Read and check a params file.
-
-    Raises:
-        InputError: The file is missing, is not YAML, or does not fit the models; one line a fault.
-    """
-    try:
-        content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path.name}: {error.strerror}: {path}") from error
-    except (YAMLError, ValueError, RecursionError) as error:  # the latter from odd scalars, depth
-        raise InputError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
-    return check(content, path.name)
-
-
-def check(content: Any, where: str = "params.yaml") -> Params:
-    """Check params given as plain dictionaries and lists.
-
-    Args:
-        content: What the YAML file holds.
-        where: The file's name, for the messages.
-
-    Raises:
-        InputError: The content does not fit the models; one line a fault.
-    """
-    try:
-        return Params.model_validate(content)
-    except ValidationError as error:
-        faults: dict[str, list[str]] = {}  # a union's members complain one by one of one fault
-        for detail in error.errors():
-            fault, allowed = _explain(detail)
-            faults.setdefault(fault, []).append(allowed)
-        texts = [f"{where}: {fault}{' or '.join(allowed)}" for fault, allowed in faults.items()]
-        lines = [" ".join(text.splitlines()) for text in texts]  # a key may hold a line break
-        raise InputError("\n".join(lines)) from error
-
-
-def _explain(error: ErrorDetails) -> tuple[str, str]:
-    """Say one validation error as: key and what was given; what is allowed."""
-    # The discriminator's tag and a union's member names stand in the location too.
-    parts = list(_keys(error["loc"]))
-    key = ".".join(map(str, parts)) or "the file"
-    if error["type"] == "extra_forbidden":
-        names = list(_block_at(error["loc"][:-1]).model_fields)
-        close = difflib.get_close_matches(str(parts[-1]), names, n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ""
-        return f"{key}: unknown key{hint}; allowed: ", ", ".join(names)
-    if error["type"] == "missing":
-        return f"{key}: missing; it must be given", ""
-    if error["type"] == "union_tag_invalid":
-        given = _show(error["input"].get("algorithm"))
-        return f"{key}.algorithm: given {given}, allowed: ", ", ".join(ALGORITHMS)
-    if error["type"] == "union_tag_not_found":
-        return f"{key}.algorithm: missing; allowed: ", ", ".join(ALGORITHMS)
-    if error["type"] == "value_error":
-        return f"{key}: {error['msg'].removeprefix('Value error, ')}", ""
-    plain = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-    return f"{key}: given {_show(error['input'])}, allowed: ", ALLOWED.get(error["type"], plain)
-
-
-def _show(given: Any) -> str:
-    """Show a value, long ones by their beginning."""
-    try:
-        shown = repr(given)
-    except ValueError:  # Python does not print whole numbers of thousands of digits
-        shown = "a number too long to show"
-    return shown if len(shown) <= 60 else shown[:57] + "..."
-
-
-def _keys(location: tuple[int | str, ...]) -> Iterator[int | str]:
-    """Yield the keys of a location in the file, without the names pydantic puts between them."""
-    for depth, part in enumerate(location):
-        is_tag = depth == 2 and location[0] == "agents"
-        is_union_member = depth == 4 and isinstance(part, str)
-        if not is_tag and not is_union_member and part != "[key]":
-            yield part
-
-
-def _block_at(location: tuple[int | str, ...]) -> type[Block]:
-    """Return the model of the block at a location of a validation error."""
-    if location[:1] == ("agents",):
-        return ALGORITHMS[str(location[2])]
-    model: type[Block] = Params
-    for part in location:
-        annotation = model.model_fields[str(part)].annotation
-        model = cast(type[Block], annotation)
-    return model

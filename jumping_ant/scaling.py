@@ -4,11 +4,11 @@ PGPE plays all policies of a generation independently of one another, so more th
 them at once. What is timed is each seed's first generation, which is as long as any later one.
 """
 
-import os
 import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from jumping_ant import machine
 from jumping_ant.params import AgentParams, EnvParams, PGPEParams
 
 COLUMNS = ("seed", "threads", "seconds")
@@ -25,7 +25,7 @@ def measure(
         env: The task.
         agent: The agent's block.
         seeds: Its seeds.
-        cores: Threads at most; by default the machine's cores.
+        cores: Threads at most; by default all that this process may use.
 
     Returns:
         Rows of `COLUMNS`: the seconds that a generation took with so many threads. There are none
@@ -33,7 +33,7 @@ def measure(
     """
     if not isinstance(agent, PGPEParams):
         return []
-    counts = list(_thread_counts(cores or os.cpu_count() or 1))
+    counts = list(_thread_counts(cores or machine.num_cores()))
     return [
         {"seed": seed, "threads": threads, "seconds": round(seconds, 6)}
         for seed in seeds
@@ -57,9 +57,8 @@ def _time_generation(
     import torch  # with EvoTorch, takes seconds that agents without a population need not wait
 
     from jumping_ant.agents.evolution.problem import JumpProblem
-    from jumping_ant.machine import BLAS_THREADS
 
-    torch.set_num_threads(BLAS_THREADS)
+    torch.set_num_threads(machine.BLAS_THREADS)
     fastest = dict.fromkeys(counts, float("inf"))
     for _ in range(REPEATS):
         for threads in counts:

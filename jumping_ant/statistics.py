@@ -14,6 +14,7 @@ How far to trust the intervals: percentile bootstraps of few seeds are too narro
 """
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -95,12 +96,12 @@ def bounded_pair_scores(
 
 
 def coefficient_of_variation(sample: Array, axis: int = -1) -> Array:
-    """Return the standard deviation over the mean, 0 where both are 0.
+    """Return the standard deviation over the mean, not a number where the mean is 0.
 
     The deviation is the population's, so that a single observation has none.
     """
     deviation, mean = sample.std(axis=axis), np.abs(sample.mean(axis=axis))
-    return np.divide(deviation, mean, out=np.zeros_like(deviation), where=mean > 0)
+    return np.divide(deviation, mean, out=np.full_like(deviation, np.nan), where=mean > 0)
 
 
 def estimate(
@@ -126,17 +127,20 @@ def estimate(
     value = np.asarray(statistic(*ordered, axis=-1))
     # SciPy refuses a sample of one; given twice it still resamples to itself alone.
     ordered = [np.repeat(s, 2, axis=-1) if s.shape[-1] == 1 else s for s in ordered]
-    interval = stats.bootstrap(
-        ordered,
-        statistic,
-        n_resamples=params.bootstrap_samples,
-        batch=BATCH,
-        vectorized=True,
-        axis=-1,
-        confidence_level=params.confidence,
-        method="percentile",
-        rng=np.random.default_rng(params.seed),
-    ).confidence_interval
+    with warnings.catch_warnings():
+        # Where the statistic of a resample is not a number, the interval is none either.
+        warnings.simplefilter("ignore", stats.DegenerateDataWarning)
+        interval = stats.bootstrap(
+            ordered,
+            statistic,
+            n_resamples=params.bootstrap_samples,
+            batch=BATCH,
+            vectorized=True,
+            axis=-1,
+            confidence_level=params.confidence,
+            method="percentile",
+            rng=np.random.default_rng(params.seed),
+        ).confidence_interval
     return Estimate(value, np.asarray(interval.low), np.asarray(interval.high))
 
 

@@ -7,47 +7,26 @@ Usage: python -m jumping_ant.watch AGENT [--seed N] [--episodes N]
 """
 
 import argparse
-import itertools
 import os
 import signal
 import sys
-import time
 import warnings
-from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 import glfw
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from jumping_ant import params, policies, robot, tables
+from jumping_ant import params_file, policies, robot, tables
 from jumping_ant.env import JumpingAnt
-from jumping_ant.errors import InputError, WorkerError
+from jumping_ant.errors import InputError, reported
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.params import Params
+from jumping_ant.playing import play
 from jumping_ant.policies import Policy
 from jumping_ant.recording import server
 from jumping_ant.recording.live import LiveRecording
-
-
-@dataclass(frozen=True)
-class Step:
-    """A control step that was played.
-
-    Attributes:
-        qpos: Positions at its start, shape (15,).
-        qvel: Velocities at its start, shape (14,).
-        torques: Torques over peak torques, shape (8,).
-        reward: What it earned.
-    """
-
-    qpos: NDArray[np.float64]
-    qvel: NDArray[np.float64]
-    torques: NDArray[np.float64]
-    reward: float
 
 
 def main() -> None:
@@ -57,7 +36,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, help="which of its policies; default: the best")
     parser.add_argument("--episodes", type=int, help="how many; default: until Ctrl-C")
     options = parser.parse_args()
-    settings = params.load()
+    settings = params_file.load()
     settings.agent(options.agent)
     if options.episodes is not None and options.episodes < 1:
         raise InputError(f"--episodes: given {options.episodes}, allowed: 1 or more")
@@ -72,13 +51,8 @@ def run() -> None:
     """Run `main`; a mistake, a missing server, and Ctrl-C or SIGTERM each end in one line."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        main()
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except WorkerError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)
+        with reported():
+            main()
     except KeyboardInterrupt:
         print("\nended", file=sys.stderr)  # on a line of its own, after the terminal's ^C
 
@@ -116,43 +90,6 @@ def has_screen() -> bool:
     return sys.platform != "linux" or any(os.environ.get(name) for name in names)
 
 
-def play(
-    env: JumpingAnt, policy: Policy, first_seed: int, num_episodes: int | None
-) -> Iterator[Step]:
-    """Play episodes in real time.
-
-    Args:
-        env: Where the policy plays.
-        policy: What acts.
-        first_seed: Seed of the first episode; the others count up from it.
-        num_episodes: How many; None goes on and on.
-
-    Yields:
-        Each control step, not before its time has passed.
-    """
-    numbers = itertools.count() if num_episodes is None else range(num_episodes)
-    for number in numbers:
-        earned, due = 0.0, time.monotonic()
-        for step in _play_episode(env, policy, first_seed + number):
-            yield step
-            earned += step.reward
-            due = max(due + env.dt, time.monotonic() - env.dt)  # what is late is not made up for
-            time.sleep(max(0.0, due - time.monotonic()))
-        print(f"episode {number}: return {earned:,.0f}", flush=True)
-
-
-def _play_episode(env: JumpingAnt, policy: Policy, seed: int) -> Iterator[Step]:
-    observation, _ = env.reset(seed=seed)
-    policy.start([seed])
-    has_ended = False
-    while not has_ended:
-        torques = policy.act(observation[None])[0]
-        qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()
-        observation, reward, terminated, truncated, _ = env.step(torques.astype(np.float32))
-        has_ended = terminated or truncated
-        yield Step(qpos, qvel, torques, reward)
-
-
 def _in_window(
     xml: str, settings: Params, policy: Policy, name: str, num_episodes: int | None
 ) -> None:
@@ -186,7 +123,7 @@ def _in_browser(
         print(f"{name}: open {address} (Ctrl-C ends it)", flush=True)
         recording = LiveRecording(stream, env.model, settings.env.frame_skip)
         for step in play(env, policy, settings.evaluate.seed, num_episodes):
-            recording.show(step.qpos, step.qvel, step.torques, step.reward)
+            recording.show(step)
 
 
 if __name__ == "__main__":

@@ -7,3 +7,13 @@ def number(value: SupportsFloat) -> str:
     """Return a number as people read it: 12,345, 123, 1.23, 0.00123."""
     exact = float(value)
     return f"{exact:,.0f}" if abs(exact) >= 100 else f"{exact:.3g}"
+
+
+def interval(low: SupportsFloat, high: SupportsFloat, num_seeds: int) -> str:
+    """Return an interval over seeds as people read it, [0.5, 1,230]; one seed has none."""
+    return f"[{number(low)}, {number(high)}]" if num_seeds > 1 else ""
+
+
+def estimate(value: SupportsFloat, low: SupportsFloat, high: SupportsFloat, num_seeds: int) -> str:
+    """Return a number with its interval over seeds: 12.3 [4.56, 78.9]."""
+    return f"{number(value)} {interval(low, high, num_seeds)}".rstrip()

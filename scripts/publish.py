@@ -16,7 +16,8 @@ from typing import Any
 import imageio.v2 as imageio
 from PIL import Image, ImageDraw, ImageFont
 
-from jumping_ant import looks, params
+from jumping_ant import looks, params_file
+from jumping_ant.errors import InputError, reported
 from jumping_ant.files import PROJECT_ROOT, write_bytes, write_text
 from jumping_ant.tracking import descriptions
 
@@ -46,10 +47,16 @@ def main() -> None:
 
 
 def replace_section(path: Path, name: str, content: str) -> None:
-    """Write what stands between a document's marks `<!-- name -->` and `<!-- end of name -->`."""
+    """Write what stands between a document's marks `<!-- name -->` and `<!-- end of name -->`.
+
+    Raises:
+        InputError: The document lacks a mark.
+    """
     begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-    head, _, rest = path.read_text().partition(begin)
-    _, _, tail = rest.partition(end)
+    head, found_begin, rest = path.read_text().partition(begin)
+    _, found_end, tail = rest.partition(end)
+    if not (found_begin and found_end):
+        raise InputError(f"{path}: given no {begin.strip()} ... {end}, between which to write")
     write_text(path, f"{head}{begin}{content.rstrip()}\n{end}{tail}")
 
 
@@ -61,7 +68,7 @@ def claim_table(results: dict[str, Any]) -> str:
 
 def animation() -> bytes:
     """Return the learners' films side by side, looping, as an animated picture."""
-    agents = params.load().agents
+    agents = params_file.load().agents
     labels = {
         name: looks.label(name, agent.algorithm)
         for name, agent in agents.items()
@@ -104,4 +111,5 @@ def beside(pictures: Sequence[Image.Image]) -> Image.Image:
 
 
 if __name__ == "__main__":
-    main()
+    with reported():
+        main()

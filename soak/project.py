@@ -11,7 +11,7 @@ import psutil  # type: ignore[import-untyped]
 from ruamel.yaml import YAML
 
 from benchmarks.checkout import Checkout
-from jumping_ant import params
+from jumping_ant import params_file
 from jumping_ant.params import Params
 
 SEEDS = [0, 1]
@@ -26,7 +26,7 @@ CHECKPOINT_SECONDS = 0.3
 
 def settings() -> Params:
     """Return the project's parameters, cut down."""
-    content = params.load().model_dump()
+    content = params_file.load().model_dump()
     content["seeds"] = SEEDS
     content["env"]["max_episode_steps"] = 200
     content["training"]["evaluations"] = 3
@@ -34,7 +34,7 @@ def settings() -> Params:
     content["evaluate"]["episodes"] = 2
     for agent, budget in BUDGETS.items():
         content["agents"][agent] |= budget
-    return params.check(content)
+    return params_file.check(content)
 
 
 def prepare(project: Checkout) -> None:

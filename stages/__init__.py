@@ -10,8 +10,8 @@ os.environ.setdefault("DVC_NO_ANALYTICS", "true")
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
-from jumping_ant import params  # noqa: E402  (telemetry is off before any import)
-from jumping_ant.errors import InputError, StoppedError, WorkerError  # noqa: E402
+from jumping_ant import params_file  # noqa: E402  (telemetry is off before any import)
+from jumping_ant.errors import reported  # noqa: E402
 from jumping_ant.params import Params  # noqa: E402
 
 
@@ -27,7 +27,7 @@ def parse_agent(description: str) -> tuple[str, Params]:
     parser = argparse.ArgumentParser(description=description.splitlines()[0])
     parser.add_argument("agent")
     agent = parser.parse_args().agent
-    settings = params.load()
+    settings = params_file.load()
     settings.agent(agent)
     return agent, settings
 
@@ -40,16 +40,8 @@ def run(main: Callable[[], None]) -> None:
     status 130.
     """
     try:
-        main()
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
+        with reported():
+            main()
     except OSError as error:
         print(f"error: {error}; what was there before is as it was", file=sys.stderr)
         sys.exit(1)
-    except WorkerError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)
-    except StoppedError as error:
-        print(f"stopped: {error}", file=sys.stderr)
-        sys.exit(130)

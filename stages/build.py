@@ -5,14 +5,14 @@ Reads: params `robot`; `ant.xml` of the installed Gymnasium.
 Writes: assets/jumping_ant.xml, assets/jumping_ant.json (masses and torques before and after).
 """
 
-from jumping_ant import params, robot
+from jumping_ant import params_file, robot
 from jumping_ant.files import PROJECT_ROOT, write_json, write_text
 from stages import run
 
 
 def main() -> None:
     """Run the stage."""
-    xml = robot.build(params.load().robot)
+    xml = robot.build(params_file.load().robot)
     write_text(PROJECT_ROOT / "assets" / "jumping_ant.xml", xml)
     write_json(PROJECT_ROOT / "assets" / "jumping_ant.json", robot.summarize(xml))
 

@@ -6,14 +6,14 @@ Reads:  params.yaml, results/<agent>/episodes.csv, models/<agent>/seed-<n>/curve
 Writes: results/comparison.json, results/figures/, results/plots/
 """
 
-from jumping_ant import claims, comparison, figures, params
+from jumping_ant import claims, comparison, figures, params_file
 from jumping_ant.files import PROJECT_ROOT, write_json, write_text
 from stages import run
 
 
 def main() -> None:
     """Run the stage."""
-    settings = params.load()
+    settings = params_file.load()
     results = comparison.load(PROJECT_ROOT, settings)
     summary = comparison.summarize(results, settings.compare)
     curves = comparison.learning_curves(results, settings.compare)

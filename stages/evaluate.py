@@ -5,9 +5,7 @@ Reads: params `seeds`, `env`, `evaluate`; assets/jumping_ant.xml, models/AGENT/s
 Writes: results/AGENT/ (episodes.csv, metrics.json, trajectories.npz), results/seeds/AGENT.csv.
 """
 
-import os
-
-from jumping_ant import evaluation, policies, robot
+from jumping_ant import evaluation, machine, policies, robot
 from jumping_ant.files import PROJECT_ROOT, write_json, write_text
 from stages import parse_agent, run
 
@@ -20,7 +18,7 @@ def main() -> None:
     trained = {
         seed: policies.load_file(models / f"seed-{seed}" / "policy.zip") for seed in settings.seeds
     }
-    episodes, median = evaluation.evaluate(xml, settings, trained, os.cpu_count() or 1)
+    episodes, median = evaluation.evaluate(xml, settings, trained, machine.num_cores())
     folder = PROJECT_ROOT / "results" / agent
     write_text(folder / "episodes.csv", episodes.to_csv(index=False, lineterminator="\n"))
     means = evaluation.seed_means(episodes)

@@ -6,7 +6,7 @@ Reads: params `seeds`, `agents`; assets/jumping_ant.xml, and of each agent
 Writes: media/lineup.rrd.
 """
 
-from jumping_ant import params, robot, trajectory
+from jumping_ant import params_file, robot, trajectory
 from jumping_ant.files import PROJECT_ROOT, write_bytes
 from jumping_ant.recording import lineup, story
 from stages import run
@@ -14,7 +14,7 @@ from stages import run
 
 def main() -> None:
     """Run the stage."""
-    settings = params.load()
+    settings = params_file.load()
     xml = robot.read(PROJECT_ROOT)
     episodes = {
         agent: trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")

@@ -7,7 +7,7 @@ Writes: results/report.html.
 
 import argparse
 
-from jumping_ant import params
+from jumping_ant import params_file
 from jumping_ant.files import PROJECT_ROOT, write_text
 from jumping_ant.report import page
 from stages import run
@@ -16,7 +16,7 @@ from stages import run
 def main() -> None:
     """Run the stage."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
-    settings = params.load()
+    settings = params_file.load()
     write_text(PROJECT_ROOT / "results" / "report.html", page.build(PROJECT_ROOT, settings))
 
 

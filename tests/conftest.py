@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import browser
 import pytest
 
-from jumping_ant import params, robot
+from jumping_ant import params_file, robot
 from jumping_ant.params import EnvParams, EvaluateParams, Params, RewardParams, RobotParams
 
 ROBOT = RobotParams(
@@ -28,7 +28,7 @@ EVALUATE = EvaluateParams(episodes=10, seed=1000000, min_airborne_seconds=0.1)
 @pytest.fixture(scope="session")
 def known_params() -> Params:
     """`params.yaml` with the robot, the task and the evaluation above."""
-    return params.load().model_copy(update={"robot": ROBOT, "env": ENV, "evaluate": EVALUATE})
+    return params_file.load().model_copy(update={"robot": ROBOT, "env": ENV, "evaluate": EVALUATE})
 
 
 @pytest.fixture(scope="session")

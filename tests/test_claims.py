@@ -112,6 +112,14 @@ def test_a_rival_that_never_learned_in_its_shorter_budget_settles_nothing():
     assert one_verdict(HEAVY, pgpe, longer, random) == "refuted"
 
 
+def test_where_nothing_returns_anything_nothing_is_said_of_learning():
+    nothing = [0.0, 0.0, 0.0, 0.0]
+    pgpe, random = agent("pgpe", "pgpe", nothing), agent("random", "random", nothing)
+    rival = agent("dqn", "dqn", nothing, budget=500)
+    assert one_verdict(HEAVY, pgpe, rival, random) == "inconclusive"
+    assert one_verdict(ROBUST, pgpe, agent("sac", "sac", TORN), random) == "inconclusive"
+
+
 def test_claims_on_missing_algorithms_are_left_out():
     dqn, random = agent("dqn", "dqn", MIDDLE), agent("random", "random", LOW)
     sac, pgpe = agent("sac", "sac", HIGH), agent("pgpe", "pgpe", HIGH)

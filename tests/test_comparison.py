@@ -16,6 +16,7 @@ from small_project import (
     read_csv,
     write_csv,
     write_project,
+    write_scaling,
 )
 
 from jumping_ant import comparison
@@ -216,6 +217,14 @@ def test_results_of_other_seeds_are_refused(project, path):
         InputError, match="holds the seeds 1, 3, 5, but params.yaml names 1, 3, 5, 7"
     ):
         comparison.load(project, PARAMS)
+
+
+def test_scaling_of_other_seeds_is_refused(tmp_path):
+    agents = {"pgpe": "pgpe"}
+    write_project(tmp_path, agents, [1, 3])
+    write_scaling(tmp_path, agents, [1])
+    with pytest.raises(InputError, match="pgpe.csv: holds the seeds 1, but params.yaml names 1, 3"):
+        comparison.load(tmp_path, make_params(agents, [1, 3]))
 
 
 def test_timing_of_another_training_is_refused(project):

@@ -128,7 +128,7 @@ def test_nobody_else_can_talk_to_ray() -> None:
 
 def test_num_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    monkeypatch.setattr("os.cpu_count", lambda: 8)
+    monkeypatch.setattr("jumping_ant.machine.num_cores", lambda: 8)
     assert compute.num_workers(0, num_jobs=4) == 4
     assert compute.num_workers(0, num_jobs=0) == 1
     assert compute.num_workers(0, num_jobs=20) == 8
@@ -139,7 +139,7 @@ def test_num_workers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_no_core_stands_idle_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
-    monkeypatch.setattr("os.cpu_count", lambda: 4)
+    monkeypatch.setattr("jumping_ant.machine.num_cores", lambda: 4)
     assert compute.num_threads(0, num_jobs=1) == [4]
     assert compute.num_threads(0, num_jobs=3) == [1, 1, 1]
     assert compute.num_threads(0, num_jobs=6) == [1, 1, 1, 1, 2, 2]

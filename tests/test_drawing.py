@@ -1,6 +1,5 @@
 """Drawing: the same pictures from one process and from several, and errors that come through."""
 
-import os
 import pickle
 import subprocess
 import sys
@@ -99,7 +98,7 @@ def test_only_the_ball_casts_a_shadow(shots: Shots) -> None:
 def test_few_pictures_start_no_process(
     shots: Shots, started: list[subprocess.Popen[bytes]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(os, "cpu_count", lambda: 8)
+    monkeypatch.setattr("jumping_ant.machine.num_cores", lambda: 8)
     pictures(shots, 0)
     assert len(started) == 0
     monkeypatch.setattr(drawing, "PICTURES_PER_PROCESS", 3)

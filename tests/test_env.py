@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from jumping_ant import params, robot
+from jumping_ant import params_file, robot
 from jumping_ant.env import DiscreteCommands, JumpingAnt
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
@@ -165,7 +165,7 @@ def test_discrete_commands_are_the_torques_of_the_table(env: JumpingAnt) -> None
 
 
 def test_make_gives_the_robot_and_the_task_of_params_yaml() -> None:
-    told = params.load()
+    told = params_file.load()
     made = gym.make("JumpingAnt-v0")
     env: Any = made.unwrapped
     assert env.params == told.env

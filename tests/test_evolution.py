@@ -5,13 +5,13 @@ from evotorch import SolutionBatch
 from evotorch.neuroevolution import GymNE
 from evotorch.neuroevolution.net import RunningStat
 
-from jumping_ant import params, policies
+from jumping_ant import params_file, policies
 from jumping_ant.agents.evolution.problem import SOLUTION_LENGTH, JumpProblem
 from jumping_ant.agents.evolution.trainer import train
 from jumping_ant.env import JumpingAnt
 from jumping_ant.events import Finished, Progress, Snapshot
 
-PARAMS = params.load()
+PARAMS = params_file.load()
 AGENT = PARAMS.agents["pgpe"].model_copy(
     update={"population_size": 6, "generations": 3, "episode_steps": 40}
 )

@@ -15,10 +15,10 @@ LAYERS = [
     {"errors"},
     {"archive", "events", "files", "gl", "looks", "machine", "measures", "tables", "wording"},
     {"imports", "params"},
-    {"drawing", "rewards", "robot", "schema", "statistics", "task", "trajectory"},
+    {"drawing", "params_file", "rewards", "robot", "schema", "statistics", "task", "trajectory"},
     {"env", "vector", "rendering", "recording"},
     {"policies"},
-    {"agents", "rollout", "serving"},
+    {"agents", "playing", "rollout", "serving"},
     {"checkpoints", "comparison", "compute", "evaluation", "progress"},
     {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},
 ]

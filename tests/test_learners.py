@@ -11,13 +11,13 @@ from stable_baselines3.common.buffers import NStepReplayBuffer, ReplayBuffer
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from jumping_ant import params
+from jumping_ant import params_file
 from jumping_ant.agents.off_policy import trainer
 from jumping_ant.agents.off_policy.adam import FlatAdam, denormals_flushed
 from jumping_ant.agents.off_policy.mlp import MLP
 from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer
 
-PARAMS = params.load()
+PARAMS = params_file.load()
 ENV = PARAMS.env.model_copy(update={"max_episode_steps": 30})  # the buffer holds ends of episodes
 STOCK = {"LeanDQN": DQN, "LeanSAC": SAC}
 

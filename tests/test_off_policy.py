@@ -5,13 +5,13 @@ import torch
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from jumping_ant import params
+from jumping_ant import params_file
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, train
 from jumping_ant.archive import unpack
 from jumping_ant.env import DiscreteCommands, JumpingAnt
 from jumping_ant.events import Finished, Progress, Snapshot
 
-PARAMS = params.load()
+PARAMS = params_file.load()
 ENV = PARAMS.env.model_copy(update={"max_episode_steps": 40})  # several resets
 SMALL = {
     "total_steps": 240,

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from jumping_ant import params
+from jumping_ant import params, params_file
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
 
@@ -37,12 +37,12 @@ def changed(key: str, value: Any) -> dict[str, Any]:
 
 def refusal(content: Any) -> str:
     with pytest.raises(InputError) as caught:
-        params.check(content)
+        params_file.check(content)
     return str(caught.value)
 
 
 def test_the_real_file_is_accepted_with_its_numbers() -> None:
-    assert params.load().model_dump() == CONTENT
+    assert params_file.load().model_dump() == CONTENT
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,9 @@ def test_budgets_are_counted_in_control_steps(
     agent: str, numbers: dict[str, int], budget: int
 ) -> None:
     block = CONTENT["agents"][agent] | numbers
-    assert params.check(changed(f"agents.{agent}", block)).agents[agent].max_env_steps == budget
+    assert (
+        params_file.check(changed(f"agents.{agent}", block)).agents[agent].max_env_steps == budget
+    )
 
 
 @pytest.mark.parametrize(
@@ -168,7 +170,7 @@ def test_all_faults_are_told_at_once() -> None:
 
 
 def test_an_unknown_agent_is_answered_with_those_there_are() -> None:
-    checked = params.check(changed("agents", {"a": RANDOM, "b-2": RANDOM}))
+    checked = params_file.check(changed("agents", {"a": RANDOM, "b-2": RANDOM}))
     with pytest.raises(InputError, match=r"agent: given 'c', allowed: a, b-2$"):
         checked.agent("c")
     assert checked.agent("a") is checked.agents["a"]
@@ -193,7 +195,7 @@ def test_files_that_hold_no_parameters(tmp_path: Path, content: bytes | None, sa
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError) as caught:
-        params.load(path)
+        params_file.load(path)
     assert str(caught.value).startswith("mine.yaml: ")
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -206,9 +208,9 @@ def test_scalars_are_those_of_yaml_1_2(tmp_path: Path, text: str, value: float |
     path.write_text(re.sub(r"density: [0-9.]+", f"density: {text}", real))
     if value is None:
         with pytest.raises(InputError, match="robot.density: given"):
-            params.load(path)
+            params_file.load(path)
     else:
-        assert params.load(path).robot.density == value
+        assert params_file.load(path).robot.density == value
 
 
 def leaves(content: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -237,6 +239,6 @@ def test_whatever_stands_there_is_accepted_or_refused(place: tuple[Any, ...], va
         block = block[key]
     block[("file", *place)[-1]] = value
     try:
-        assert isinstance(params.check(content["file"]), params.Params)
+        assert isinstance(params_file.check(content["file"]), params.Params)
     except InputError as error:
         assert all(line.startswith("params.yaml: ") for line in str(error).splitlines())

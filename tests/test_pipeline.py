@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from jumping_ant import imports, params
+from jumping_ant import imports, params_file
 
 ROOT = Path(__file__).resolve().parents[1]
 STAGES = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text())["stages"]
@@ -35,9 +35,9 @@ def test_deps_are_the_import_closure(name: str) -> None:
     assert code_deps(STAGES[name]) == closure(ROOT / "stages" / f"{name}.py")
 
 
-@pytest.mark.parametrize("agent", sorted(params.load().agents))
+@pytest.mark.parametrize("agent", sorted(params_file.load().agents))
 def test_training_depends_on_its_own_trainer_alone(agent: str) -> None:
-    trainer = params.load().agents[agent].trainer
+    trainer = params_file.load().agents[agent].trainer
     paths = (Path("stages/train.py"), Path("jumping_ant/agents", trainer, "trainer.py"))
     assert code_deps(STAGES["train"], trainer) == closure(*(ROOT / path for path in paths))
 
@@ -58,7 +58,7 @@ def test_presets_change_what_there_is(preset: Path) -> None:
         block = reduce(lambda inner, name: inner[name], parents, settings)
         assert last in block, f"{key} is not in params.yaml"
         block[last] = yaml.load(value)
-    params.check(settings)
+    params_file.check(settings)
 
 
 def batched_pairs(words: list[str]) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ from recorded import CURVES, FPS, Content, everything, film, rerun_cli, story
 from rerun.chunk import RrdReader
 from small_episode import simulate
 
-from jumping_ant import params, robot
+from jumping_ant import params_file, robot
 from jumping_ant.errors import InputError
 from jumping_ant.recording import episode as recording
 from jumping_ant.recording.curves import ticks
@@ -140,7 +140,7 @@ def test_torques_and_rewards_are_recorded_in_every_control_step(
     model: mujoco.MjModel, episode: Trajectory, content: Content
 ) -> None:
     names = ["hip_4", "ankle_4", "hip_1", "ankle_1", "hip_2", "ankle_2", "hip_3", "ankle_3"]
-    gear = params.load().robot.gear
+    gear = params_file.load().robot.gear
     assert {path for path in content.moving if path.startswith("/torque/")} == {
         f"/torque/{name}" for name in names
     }

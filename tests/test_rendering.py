@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from small_episode import simulate
 
-from jumping_ant import params, rendering, robot
+from jumping_ant import params_file, rendering, robot
 from jumping_ant.errors import InputError
 from jumping_ant.params import RecordParams
 from jumping_ant.trajectory import Trajectory
@@ -28,7 +28,7 @@ def episode(robot_xml: str) -> Trajectory:
 
 def settings(**changes: Any) -> RecordParams:
     small = {"width": 128, "height": 96, "fps": 50, "seconds": 20.0, "shadow_size": 256}
-    return params.load().record.model_copy(update=small | changes)
+    return params_file.load().record.model_copy(update=small | changes)
 
 
 def draw(robot_xml: str, episode: Trajectory, **changes: Any) -> NDArray[np.uint8]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.checkout import Checkout, checkout
-from jumping_ant import params
+from jumping_ant import params_file
 from jumping_ant.errors import InputError
 from soak import inputs, payloads
 from soak import project as projects
@@ -66,7 +66,7 @@ def test_there_is_something_wrong_with_every_fault() -> None:
     accepted = []
     for fault in inputs.params_faults(settings):
         try:
-            params.check(fault.content)
+            params_file.check(fault.content)
         except InputError as error:
             assert f"params.yaml: {fault.key}" in str(error), (fault.key, str(error))
         else:

@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
-from jumping_ant import machine, params, training
+from jumping_ant import machine, params_file, training
 from jumping_ant.checkpoints import Saved
 from jumping_ant.errors import InputError, StoppedError
 from jumping_ant.events import Checkpoint
@@ -28,14 +28,14 @@ SMALL = {
 
 
 def small_params(workers: int) -> Params:
-    settings = params.load().model_dump()
+    settings = params_file.load().model_dump()
     settings["seeds"] = [0, 5]
     settings["env"]["max_episode_steps"] = 40
     settings["training"]["evaluations"] = 2
     settings["compute"]["workers"] = workers
     for name, changes in SMALL.items():
         settings["agents"][name] |= changes
-    return params.check(settings)
+    return params_file.check(settings)
 
 
 @pytest.fixture
@@ -216,7 +216,7 @@ def test_a_signal_ends_training_with_a_checkpoint(
     more = settings.model_dump()
     more["seeds"] = [5, 0]  # not the same request as before
     shutil.rmtree(project / ".checkpoints")
-    settings = params.check(more)
+    settings = params_file.check(more)
     curve = project / "models" / "sac" / "seed-5" / "curve.csv"
     curve.unlink()
 
@@ -259,7 +259,7 @@ def test_a_dead_worker_is_replaced_from_the_checkpoint(
 
     killer = threading.Thread(target=kill_one)
     killer.start()
-    training.train(project, params.check(slow), "pgpe")
+    training.train(project, params_file.check(slow), "pgpe")
     killer.join()
     told = capsys.readouterr().err
     assert re.search(r"pgpe: seed \d: its worker died, and another takes over", told)

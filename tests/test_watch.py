@@ -21,8 +21,9 @@ from jumping_ant import watch
 from jumping_ant.env import JumpingAnt
 from jumping_ant.errors import InputError
 from jumping_ant.params import Params
+from jumping_ant.playing import play
 from jumping_ant.policies import UniformPolicy
-from jumping_ant.recording.live import LiveRecording
+from jumping_ant.recording.live import LiveRecording, Step
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -91,7 +92,7 @@ def test_a_policy_plays_in_real_time(robot_xml: str, known_params: Params) -> No
     short = known_params.env.model_copy(update={"max_episode_steps": 4})
     env = JumpingAnt(robot_xml, short)
     begin = time.monotonic()
-    steps = list(watch.play(env, UniformPolicy(0), first_seed=9, num_episodes=2))
+    steps = list(play(env, UniformPolicy(0), first_seed=9, num_episodes=2))
     assert time.monotonic() - begin >= 8 * 0.05
     assert len(steps) == 8
     env.reset(seed=10)
@@ -113,7 +114,7 @@ def test_what_is_streamed_is_the_simulation(
             qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()
             torques = np.full(8, 0.5 - 0.1 * number)
             reward = env.step(torques.astype(np.float32))[1]
-            recording.show(qpos, qvel, torques, reward)
+            recording.show(Step(qpos, qvel, torques, reward))
             played.append((qpos[2], reward))
     chunks = Content(path).moving["/height/torso"]
     rows = [chunk.to_record_batch() for chunk in chunks]
@@ -133,7 +134,8 @@ def watching(project: Path) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
         command("random"),
         cwd=project,
-        env=environment | {"HOME": str(project)},
+        # A proxy, as companies have, stands between this machine and others, not within it.
+        env=environment | {"HOME": str(project), "http_proxy": "http://127.0.0.1:9"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -4,6 +4,8 @@ Scene and series are those of `jumping_ant.recording.episode`, one episode after
 time line.
 """
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 import rerun as rr
@@ -12,6 +14,23 @@ from numpy.typing import NDArray
 from jumping_ant.recording import layout, series, states
 from jumping_ant.recording.scene import Scene
 from jumping_ant.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A control step as it is played.
+
+    Attributes:
+        qpos: Positions at its start, shape (15,).
+        qvel: Velocities at its start, shape (14,).
+        torques: Torques over peak torques, shape (8,).
+        reward: What it earned.
+    """
+
+    qpos: NDArray[np.float64]
+    qvel: NDArray[np.float64]
+    torques: NDArray[np.float64]
+    reward: float
 
 
 class LiveRecording:
@@ -31,44 +50,25 @@ class LiveRecording:
         self._scene.log_shapes()
         series.log_styles(stream, model)
 
-    def show(
-        self,
-        qpos: NDArray[np.float64],
-        qvel: NDArray[np.float64],
-        torques: NDArray[np.float64],
-        reward: float,
-    ) -> None:
-        """Record a control step; one that breaks off is left out.
-
-        Args:
-            qpos: Positions at its start, shape (15,).
-            qvel: Velocities at its start, shape (14,).
-            torques: Torques over peak torques, shape (8,).
-            reward: What it earned.
-        """
-        step = self._simulate(qpos, qvel, torques, reward)
-        rows, first = step.rows(), self._num_steps
+    def show(self, step: Step) -> None:
+        """Record a control step; one that breaks off is left out."""
+        trajectory = self._simulate(step)
+        rows, first = trajectory.rows(), self._num_steps
         self._num_steps += 1
-        if len(rows) == len(step.qpos):
-            found = states.derive(self._model, step, rows, first)
+        if len(rows) == len(trajectory.qpos):
+            found = states.derive(self._model, trajectory, rows, first)
             self._scene.log_states(found)
             series.log_states(self._stream, self._model, found)
-            series.log_control(self._stream, self._model, step, len(rows), first)
+            series.log_control(self._stream, self._model, trajectory, len(rows), first)
         if first == 0:
             # Not earlier: a camera can turn only to what is there.
             self._stream.flush()
             self._stream.send_blueprint(layout.live_layout(self._model))
 
-    def _simulate(
-        self,
-        qpos: NDArray[np.float64],
-        qvel: NDArray[np.float64],
-        torques: NDArray[np.float64],
-        reward: float,
-    ) -> Trajectory:
+    def _simulate(self, step: Step) -> Trajectory:
         """Return the control step with all its simulation steps."""
-        data, positions, velocities = self._data, [qpos], [qvel]
-        data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, torques
+        data, positions, velocities = self._data, [step.qpos], [step.qvel]
+        data.qpos[:], data.qvel[:], data.ctrl[:] = step.qpos, step.qvel, step.torques
         for _ in range(self._frame_skip):
             mujoco.mj_step(self._model, data)
             positions.append(data.qpos.copy())
@@ -76,11 +76,11 @@ class LiveRecording:
         return Trajectory(
             qpos=np.array(positions),
             qvel=np.array(velocities),
-            ctrl=torques[None],
-            reward_height=np.array([reward]),
+            ctrl=step.torques[None],
+            reward_height=np.array([step.reward]),
             seed=0,
             episode=0,
-            episode_return=reward,
+            episode_return=step.reward,
             timestep=float(self._model.opt.timestep),
             frame_skip=self._frame_skip,
         )

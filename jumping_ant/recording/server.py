@@ -18,6 +18,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from http import HTTPStatus
 from pathlib import Path
 from urllib.parse import quote
 
@@ -92,13 +93,20 @@ def _guarded(viewer_port: int, data_port: int) -> Iterator[str]:
     """Hand the viewer's page on with a policy; yields the page's address."""
     places = f"'self' blob: data: http://{HOST}:{data_port}"
     policy = f"default-src {places} 'unsafe-inline' 'unsafe-eval'"
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # of this machine: direct
 
     class Handler(http.server.BaseHTTPRequestHandler):
         def do_GET(self) -> None:  # noqa: N802  (the base class calls it so)
+            if not self.path.startswith("/"):  # could name another host
+                self.send_error(HTTPStatus.BAD_REQUEST)
+                return
             try:
-                answer = urllib.request.urlopen(f"http://{HOST}:{viewer_port}{self.path}")
+                answer = opener.open(f"http://{HOST}:{viewer_port}{self.path}")
             except urllib.error.HTTPError as error:
                 self.send_error(error.code)
+                return
+            except urllib.error.URLError:
+                self.send_error(HTTPStatus.BAD_GATEWAY)
                 return
             with answer, suppress(ConnectionError):  # of browsers that went away
                 self.send_response(200)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jumping_ant.wording import number
+from jumping_ant.wording import estimate, number
 
 LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
 HARD_SPACE = "\u00a0"
@@ -61,9 +61,9 @@ def _table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     yield _row("agent", *QUANTITIES.values())
     yield "|---" * (len(QUANTITIES) + 1) + "|"
     for agent, entry in sorted(agents.items(), key=_return, reverse=True):
-        yield _row(agent, *(_cell(entry.get(key)) for key in QUANTITIES))
+        yield _row(agent, *(_cell(entry.get(key), entry["seeds"]) for key in QUANTITIES))
     yield ""
-    yield "Interquartile means over seeds, in brackets their confidence intervals."
+    yield "Interquartile means over seeds, in brackets their confidence intervals; times are means."
     yield ""
 
 
@@ -77,10 +77,9 @@ def _row(*cells: str) -> str:
     return "| " + " | ".join(f"{cell}  ".replace(" ", HARD_SPACE) for cell in cells) + " |"
 
 
-def _cell(value: Any) -> str:
+def _cell(value: Any, num_seeds: int) -> str:
     if isinstance(value, Mapping):
-        low, high = number(value["low"]), number(value["high"])
-        return f"{number(value['iqm'])} [{low}, {high}]"
+        return estimate(value["iqm"], value["low"], value["high"], num_seeds)
     return "–" if value is None else number(value)
 
 

@@ -13,11 +13,12 @@ from pathlib import Path
 
 from mlflow.entities import Run
 
-from jumping_ant import params as params_module
+from jumping_ant import params_file
 from jumping_ant.errors import InputError
 from jumping_ant.files import digest
 from jumping_ant.tracking import records
 from jumping_ant.tracking import store as stores
+from jumping_ant.tracking.connection import failures_as_input_errors
 from jumping_ant.tracking.machine_load import MachineLoad, Sample
 from jumping_ant.tracking.records import Point
 from jumping_ant.tracking.store import Store
@@ -78,7 +79,7 @@ class _Follower:
     """Follows the seeds of one agent."""
 
     def __init__(self, agent: str, root: Path) -> None:
-        params = params_module.load(root / "params.yaml")
+        params = params_file.load(root / "params.yaml")
         self._agent = agent
         self._root = root
         self._seeds = params.seeds
@@ -98,7 +99,7 @@ class _Follower:
         """
         self._load.update()
         store = self._connect()
-        with stores.failures_as_input_errors(store.uri):
+        with failures_as_input_errors(store.uri):
             for seed in self._seeds:
                 self._follow(store, seed)
 
@@ -109,7 +110,7 @@ class _Follower:
             InputError: MLflow failed.
         """
         store = self._connect()
-        with stores.failures_as_input_errors(store.uri):
+        with failures_as_input_errors(store.uri):
             statuses = {self._end(store, seed) for seed in self._seeds}
             if self._parent is not None:
                 status = "KILLED" if "KILLED" in statuses else "FINISHED"
@@ -119,7 +120,7 @@ class _Follower:
     def _connect(self) -> Store:
         if self._store is None:
             store = stores.connect(self._root, TIMEOUT_SECONDS, MAX_RETRIES)
-            with stores.failures_as_input_errors(store.uri):
+            with failures_as_input_errors(store.uri):
                 store.clear_abandoned()
             self._store = store
         return self._store

@@ -13,13 +13,15 @@ from pathlib import Path
 from mlflow.entities import LoggedModel, Run
 from mlflow.exceptions import MlflowException
 
-from jumping_ant import params as params_module
+from jumping_ant import params_file
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.tracking import pages, records
 from jumping_ant.tracking import store as stores
+from jumping_ant.tracking.connection import ConflictError, failures_as_input_errors
 from jumping_ant.tracking.models import AgentModels
 from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, Point, SeedRecord
-from jumping_ant.tracking.store import ConflictError, Store
+from jumping_ant.tracking.store import Store
+from jumping_ant.tracking.writers import is_own, is_written
 
 TIMEOUT_SECONDS = 20
 MAX_RETRIES = 1
@@ -41,13 +43,13 @@ def track(
     Raises:
         InputError: A file is damaged, or MLflow cannot be reached.
     """
-    comparison = records.read(root, params_module.load(root / "params.yaml"))
+    comparison = records.read(root, params_file.load(root / "params.yaml"))
     if comparison.missing:
         say(f"not trained yet: {comparison.missing_label}")
     store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES)
     for remaining in reversed(range(ATTEMPTS)):
         try:
-            with stores.failures_as_input_errors(store.uri):
+            with failures_as_input_errors(store.uri):
                 done = _Mirror(store, comparison, say).run() if comparison.seeds else Counter[str]()
                 store.clear_abandoned()
                 _describe_experiment(store)
@@ -111,13 +113,14 @@ class _Mirror:
                 self._say(f"comparison {self._comparison.key[:8]}: updated ({_listed(changes)})")
         # A pending one may be that of a training that goes on.
         is_done = not self._comparison.missing and run.info.status != "FINISHED"
-        if is_done or stores.is_own(run):
+        if is_done or is_own(run):
             store.client.set_terminated(run.info.run_id, "FINISHED")
 
     def _mirror_seed(self, record: SeedRecord, parent: Run, agent_models: AgentModels) -> str:
         """Create, repair or leave alone, and return which."""
         candidates = self._store.seed_runs(record.agent, record.seed)
-        if any(_is_followed(run) for run in candidates):
+        shown = [run for run in candidates if stores.shows(run, record.digest)]
+        if any(_is_followed(run) for run in shown or candidates):
             self._say(f"{record.label}: in training, left to the process that follows it")
             return "in training"
         run, stored = self._choose(record, candidates)
@@ -225,7 +228,7 @@ def _source_tags(run: Run, stage: str) -> dict[str, str]:
 
 
 def _is_followed(run: Run) -> bool:
-    return stores.LIVE in run.data.tags and stores.is_written(run)
+    return stores.LIVE in run.data.tags and is_written(run)
 
 
 def _agrees(stored: Mapping[Point, Sequence[float]], curve: stores.Points) -> bool:

@@ -188,7 +188,7 @@ class ComparisonRecord:
             "params.yaml": self.root / "params.yaml",
             "jumping_ant.json": self.root / "assets" / "jumping_ant.json",
             "comparison.json": self.root / "results" / "comparison.json",
-            "report.html": self.root / "results" / "report.html",
+            "results/report.html": self.root / "results" / "report.html",
         }
         found |= {f"figures/{path.name}": path for path in figures}
         for agent in [*self.agents, LINEUP]:

@@ -1,150 +1,44 @@
-"""The MLflow store: where it is, how runs are found and written, and what its failures become."""
+"""What the project looks up and writes in MLflow: runs, curves, artifacts, models."""
 
-import fcntl
 import json
-import logging
-import os
-import re
-import socket
-import sqlite3
 import subprocess
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import mlflow
-import psutil  # type: ignore[import-untyped]
-import requests
-from mlflow import MlflowClient
 from mlflow.entities import LoggedModel, Metric, Param, Run, RunTag
-from mlflow.exceptions import MlflowException
-from sqlalchemy.exc import SQLAlchemyError
 
-from jumping_ant.errors import InputError
-from jumping_ant.files import PROJECT_ROOT, digest
-from jumping_ant.tracking import pages
+from jumping_ant.files import digest
+from jumping_ant.tracking import connection, pages
+from jumping_ant.tracking.connection import Connection
 from jumping_ant.tracking.records import Point, is_of_curve, run_name, stage
+from jumping_ant.tracking.writers import WRITER, is_written, this_process
 
-# MLflow neither phones home nor chats; whoever wants it to sets these.
-os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
-os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
-if "MLFLOW_LOGGING_LEVEL" not in os.environ:
-    logging.getLogger("mlflow").setLevel(logging.ERROR)
-    logging.getLogger("urllib3").setLevel(logging.ERROR)  # tells of every retry
-
-EXPERIMENT = "jumping-ant"
 PENDING = "pending"
 
 # Tags. A run of a seed has the first three, a comparison the fourth.
 AGENT, SEED, POLICY_DIGEST, COMPARISON = "agent", "seed", "policy_digest", "comparison"
 ALGORITHM = "algorithm"
 LIVE = "live"  # written while training ran
-WRITER = "writer"  # the process that writes the run: host, process id, when the process started
 ARTIFACTS = "artifact_digests"
 PARENT = "mlflow.parentRunId"
 GIT_COMMIT, DVC_STAGE, DVC_MD5 = "git_commit", "dvc_stage", "dvc_md5"
 
 MAX_METRICS_PER_CALL = 1000
-SILENT_DAYS = 1  # a run of another host is given up if it began longer ago than this
-LONGEST_MESSAGE = 300
 
 Points = Mapping[Point, float]
 
 
-def tracking_uri(root: Path = PROJECT_ROOT) -> str:
-    """Return `MLFLOW_TRACKING_URI`, or the database in the project folder."""
-    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{home(root)}/mlflow.db"
-
-
-def home(root: Path) -> Path:
-    """Return the project folder, also from a folder where DVC runs an experiment.
-
-    `dvc exp run --temp` and `--queue` run in `.dvc/tmp/exps/` and delete that folder afterwards.
-    """
-    root = root.resolve()
-    for parent in root.parents:
-        if parent.parts[-3:] == (".dvc", "tmp", "exps"):
-            return parent.parents[2]
-    return root
-
-
-SIGNS_OF_CONFLICT = ("UNIQUE constraint failed", "duplicate key", "database is locked")
-
-
-class ConflictError(InputError):
-    """Two processes wrote the same thing at once, and the database took the other's."""
-
-
-@contextmanager
-def failures_as_input_errors(uri: str) -> Iterator[None]:
-    """Turn whatever MLflow and its database raise into one line.
-
-    Raises:
-        ConflictError: Another process wrote the same thing in the same moment.
-        InputError: MLflow failed.
-    """
-    try:
-        yield
-    except (MlflowException, SQLAlchemyError, OSError) as error:
-        is_conflict = any(sign in str(error) for sign in SIGNS_OF_CONFLICT)
-        kind = ConflictError if is_conflict else InputError
-        raise kind(f"MLflow at {_without_password(uri)}: {_explain(error)}") from error
-
-
-def connect(root: Path, timeout_seconds: int, max_retries: int) -> "Store":
-    """Open the store and the project's experiment, made if need be.
-
-    Args:
-        root: The project folder.
-        timeout_seconds: How long an HTTP request may wait for an answer.
-        max_retries: How often a failed HTTP request is sent again.
-
-    Raises:
-        InputError: It cannot be reached, or is not a store of this project.
-    """
-    uri = tracking_uri(root)
-    os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
-    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
-    # It would show a traceback of what it raises, which is told in one line.
-    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
-    with failures_as_input_errors(uri), _opened_alone(uri):
-        is_given = "MLFLOW_TRACKING_URI" in os.environ
-        mlflow.set_tracking_uri(uri)  # the model registry asks for it
-        if not is_given:
-            os.environ.pop("MLFLOW_TRACKING_URI", None)  # set, too, but another root has another
-        client = MlflowClient(uri)
-        experiment_id = _experiment_id(client, uri, home(root))
-    return Store(client, experiment_id, uri, git_commit(root))
-
-
 @dataclass(frozen=True)
-class Store:
-    """An open MLflow store.
+class Store(Connection):
+    """An open MLflow store, and what the project does with it.
 
     Attributes:
-        client: MLflow's client.
-        experiment_id: The project's experiment.
-        uri: The tracking URI.
         commit: The project's git commit; None outside of a repository.
     """
 
-    client: MlflowClient
-    experiment_id: str
-    uri: str
     commit: str | None
-
-    @property
-    def name(self) -> str:
-        """The tracking URI, without a password."""
-        return _without_password(self.uri)
-
-    @property
-    def is_server(self) -> bool:
-        """Whether it is a server, which shows pages and decides where artifacts go."""
-        return _is_server(self.uri)
 
     def search(self, condition: str) -> list[Run]:
         """Return the runs of the experiment that meet a condition, newest first."""
@@ -173,7 +67,7 @@ class Store:
             tags: The run's tags.
             start: When it began [ms since 1970]; by default now.
         """
-        own = {WRITER: _this_process()} | ({GIT_COMMIT: self.commit} if self.commit else {})
+        own = {WRITER: this_process()} | ({GIT_COMMIT: self.commit} if self.commit else {})
         if DVC_STAGE in tags:
             own |= source_tags(tags[DVC_STAGE], self.commit)
         return self.client.create_run(self.experiment_id, start, {**tags, **own}, name)
@@ -302,8 +196,14 @@ class Store:
 
     def take_over(self, run: Run) -> None:
         """Make a run one that this process writes."""
-        self.client.set_tag(run.info.run_id, WRITER, _this_process())
+        self.client.set_tag(run.info.run_id, WRITER, this_process())
         self.client.update_run(run.info.run_id, "RUNNING")
+
+
+def connect(root: Path, timeout_seconds: int, max_retries: int) -> Store:
+    """Open the store of a project; arguments and errors as in `connection.connect`."""
+    opened = connection.connect(root, timeout_seconds, max_retries)
+    return Store(**vars(opened), commit=git_commit(root))
 
 
 def as_metrics(points: Points, times: Mapping[int, int]) -> list[Metric]:
@@ -347,21 +247,6 @@ def is_unclaimed(run: Run, params: Mapping[str, str]) -> bool:
     return is_interrupted and run.data.params.items() <= params.items()
 
 
-def is_written(run: Run) -> bool:
-    """Tell whether some process is still writing a run."""
-    if run.info.status != "RUNNING":
-        return False
-    host, _, process = run.data.tags.get(WRITER, "").partition(" ")
-    if host == socket.gethostname():
-        return _exists(process)
-    return bool(host) and now_ms() - run.info.start_time < SILENT_DAYS * 86_400_000
-
-
-def is_own(run: Run) -> bool:
-    """Tell whether this process is writing a run."""
-    return run.info.status == "RUNNING" and run.data.tags.get(WRITER) == _this_process()
-
-
 def now_ms() -> int:
     """Return the time [ms since 1970]."""
     return time.time_ns() // 1_000_000
@@ -378,96 +263,6 @@ def git_commit(root: Path) -> str | None:
     return found.stdout.strip()
 
 
-def _this_process() -> str:
-    process = psutil.Process()
-    return f"{socket.gethostname()} {process.pid} {process.create_time():.2f}"
-
-
-def _exists(process: str) -> bool:
-    """Tell whether a process, given by id and start time, still runs.
-
-    One that has ended keeps its id until its parent takes note, which in containers may be never.
-    """
-    process_id, _, created = process.partition(" ")
-    try:
-        found = psutil.Process(int(process_id))
-        is_same = f"{found.create_time():.2f}" == created
-        return is_same and found.status() != psutil.STATUS_ZOMBIE
-    except (psutil.Error, ValueError):
-        return False
-
-
 def _latest(metrics: Iterable[Metric]) -> dict[str, float]:
     ordered = sorted(metrics, key=lambda metric: metric.timestamp)
     return {metric.key: metric.value for metric in ordered}
-
-
-@contextmanager
-def _opened_alone(uri: str) -> Iterator[None]:
-    """Keep others from opening a database that is a file meanwhile.
-
-    The first one that opens it makes the tables, and MLflow leaves a broken database behind where
-    two do so at once.
-    """
-    if not uri.startswith("sqlite:///"):
-        yield
-        return
-    path = Path(uri.removeprefix("sqlite:///"))
-    _check_sqlite(path)
-    with path.with_name(f"{path.name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-
-
-def _check_sqlite(path: Path) -> None:
-    """Open a database once; MLflow itself would retry for minutes."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with sqlite3.connect(path) as connection:
-            connection.execute("PRAGMA schema_version")
-        connection.close()
-    except (sqlite3.Error, OSError) as error:
-        raise InputError(
-            f"{path}: cannot be opened as a database ({error}); "
-            "if it is damaged, delete it: `python -m stages.track` makes it anew"
-        ) from error
-
-
-def _is_server(uri: str) -> bool:
-    return uri.startswith(("http://", "https://", "databricks"))
-
-
-def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
-    # A server decides itself where artifacts go; a database would take the current folder.
-    location = None if _is_server(uri) else (project / "mlartifacts").as_uri()
-    experiment = client.get_experiment_by_name(EXPERIMENT)
-    if experiment is None:
-        try:
-            return client.create_experiment(EXPERIMENT, location, pages.KIND_TAGS)
-        except MlflowException:  # another process made it just now
-            experiment = client.get_experiment_by_name(EXPERIMENT)
-            if experiment is None:
-                raise
-    if experiment.lifecycle_stage == "deleted":
-        client.restore_experiment(experiment.experiment_id)
-    if uri == f"sqlite:///{project}/mlflow.db" and experiment.artifact_location != location:
-        raise InputError(
-            f"mlflow.db: given artifacts in {experiment.artifact_location}, allowed: {location}; "
-            "the project was moved: delete mlflow.db, and `python -m stages.track` makes it anew"
-        )
-    return str(experiment.experiment_id)
-
-
-def _explain(error: BaseException) -> str:
-    """Say in one line what happened."""
-    cause: BaseException | None = error
-    while cause is not None:
-        if isinstance(cause, requests.ConnectionError | requests.Timeout):
-            return "cannot be reached; start it, or unset MLFLOW_TRACKING_URI to use mlflow.db"
-        cause = cause.__cause__ or cause.__context__
-    message = _without_password(" ".join(str(error).split()))
-    return message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "..."
-
-
-def _without_password(uri: str) -> str:
-    return re.sub(r"//[^/@]*@", "//", uri)

@@ -24,7 +24,7 @@ from tracked_project import (
 )
 
 from jumping_ant.files import PROJECT_ROOT, write_text
-from jumping_ant.tracking import live, machine_load, records
+from jumping_ant.tracking import live, machine_load, records, store, writers
 
 
 def script(*steps: Callable[[], object]) -> Callable[[float], bool]:
@@ -158,6 +158,14 @@ def test_track_leaves_a_seed_in_training_to_its_follower(untracked_project: Path
     tracked(project)
     assert len(runs(project)) == 5
     assert set(runs(project).values()) == {"FINISHED"}
+
+
+def test_a_run_that_another_host_left_running_hides_no_policy(project: Path) -> None:
+    """As of a training killed in a container whose successor has another name."""
+    opened = store.connect(project, timeout_seconds=5, max_retries=0)
+    run = opened.create_seed_run("sac", 0, "sac", {store.LIVE: "true"}, store.now_ms())
+    opened.client.set_tag(run.info.run_id, writers.WRITER, "elsewhere 1 1.00")
+    assert tracked(project)[-1].endswith("4 unchanged")
 
 
 def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project: Path) -> None:

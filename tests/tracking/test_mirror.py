@@ -26,10 +26,10 @@ from tracked_project import (
     train,
 )
 
-from jumping_ant import params as params_module
+from jumping_ant import params_file
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT, digest, write_bytes
-from jumping_ant.tracking import pages, records, store
+from jumping_ant.tracking import connection, pages, records, store, writers
 from jumping_ant.tracking.mirror import track
 
 POLICY_TAGS = ("agent", "seed", "policy_digest")
@@ -52,7 +52,7 @@ def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
     assert ("train_seconds", 0, 40.0) in metrics
     assert len(metrics) == 4 * 3 + 3 + 1 + 3 + 1
     params = dict(content(project, "params", "sac-seed-1"))
-    settings = params_module.load(project / "params.yaml")
+    settings = params_file.load(project / "params.yaml")
     assert params["learning_rate"] == str(settings.agent("sac").learning_rate)
     assert params["env.reward.span"] == str(settings.env.reward.span)
     assert params["robot.mass"] == "0.44"
@@ -80,7 +80,7 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
         "params.yaml",
         "jumping_ant.json",
         "comparison.json",
-        "report.html",
+        "results/report.html",
         "figures/curves.png",
         *(f"media/{agent}.{kind}" for agent in AGENTS for kind in ("mp4", "rrd")),
     }
@@ -285,11 +285,11 @@ def test_the_uri_is_the_variable_or_the_project(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    assert store.tracking_uri(tmp_path) == f"sqlite:///{tmp_path}/mlflow.db"
+    assert connection.tracking_uri(tmp_path) == f"sqlite:///{tmp_path}/mlflow.db"
     temporary = tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpx"
-    assert store.tracking_uri(temporary) == f"sqlite:///{tmp_path}/mlflow.db"
+    assert connection.tracking_uri(temporary) == f"sqlite:///{tmp_path}/mlflow.db"
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://here:1")
-    assert store.tracking_uri(tmp_path) == "http://here:1"
+    assert connection.tracking_uri(tmp_path) == "http://here:1"
 
 
 def test_a_moved_project_is_told_so(project: Path) -> None:
@@ -347,10 +347,10 @@ def test_two_make_one_database(tmp_path: Path) -> None:
 def test_a_process_that_ended_writes_no_more_though_none_took_note() -> None:
     child = subprocess.Popen(["sleep", "60"])
     name = f"{child.pid} {psutil.Process(child.pid).create_time():.2f}"
-    assert store._exists(name)
+    assert writers.exists(name)
     os.kill(child.pid, signal.SIGKILL)
     while psutil.Process(child.pid).status() != psutil.STATUS_ZOMBIE:
         time.sleep(0.01)
-    assert not store._exists(name)
+    assert not writers.exists(name)
     child.wait()
-    assert not store._exists(name)
+    assert not writers.exists(name)

@@ -1,0 +1,192 @@
+"""The connection to MLflow: where the store is, how it is opened, what its failures become."""
+
+import fcntl
+import logging
+import os
+import re
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import mlflow
+import requests
+from mlflow import MlflowClient
+from mlflow.exceptions import MlflowException
+from sqlalchemy.exc import SQLAlchemyError
+
+from jumping_ant.errors import InputError
+from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.tracking import pages
+
+# MLflow neither phones home nor chats; whoever wants it to sets these.
+os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
+os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
+if "MLFLOW_LOGGING_LEVEL" not in os.environ:
+    logging.getLogger("mlflow").setLevel(logging.ERROR)
+    logging.getLogger("urllib3").setLevel(logging.ERROR)  # tells of every retry
+
+EXPERIMENT = "jumping-ant"
+SIGNS_OF_CONFLICT = ("UNIQUE constraint failed", "duplicate key", "database is locked")
+LONGEST_MESSAGE = 300
+
+
+@dataclass(frozen=True)
+class Connection:
+    """An open MLflow store.
+
+    Attributes:
+        client: MLflow's client.
+        experiment_id: The project's experiment.
+        uri: The tracking URI.
+    """
+
+    client: MlflowClient
+    experiment_id: str
+    uri: str
+
+    @property
+    def name(self) -> str:
+        """The tracking URI, without a password."""
+        return _without_password(self.uri)
+
+    @property
+    def is_server(self) -> bool:
+        """Whether it is a server, which shows pages and decides where artifacts go."""
+        return _is_server(self.uri)
+
+
+class ConflictError(InputError):
+    """Two processes wrote the same thing at once, and the database took the other's."""
+
+
+@contextmanager
+def failures_as_input_errors(uri: str) -> Iterator[None]:
+    """Turn whatever MLflow and its database raise into one line.
+
+    Raises:
+        ConflictError: Another process wrote the same thing in the same moment.
+        InputError: MLflow failed.
+    """
+    try:
+        yield
+    except (MlflowException, SQLAlchemyError, OSError) as error:
+        is_conflict = any(sign in str(error) for sign in SIGNS_OF_CONFLICT)
+        kind = ConflictError if is_conflict else InputError
+        raise kind(f"MLflow at {_without_password(uri)}: {_explain(error)}") from error
+
+
+def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
+    """Open the store and the project's experiment, made if need be.
+
+    Args:
+        root: The project folder.
+        timeout_seconds: How long an HTTP request may wait for an answer.
+        max_retries: How often a failed HTTP request is sent again.
+
+    Raises:
+        InputError: It cannot be reached, or is not a store of this project.
+    """
+    uri = tracking_uri(root)
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
+    # It would show a traceback of what it raises, which is told in one line.
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
+    with failures_as_input_errors(uri), _opened_alone(uri):
+        is_given = "MLFLOW_TRACKING_URI" in os.environ
+        mlflow.set_tracking_uri(uri)  # the model registry asks for it
+        if not is_given:
+            os.environ.pop("MLFLOW_TRACKING_URI", None)  # set, too, but another root has another
+        client = MlflowClient(uri)
+        experiment_id = _experiment_id(client, uri, home(root))
+    return Connection(client, experiment_id, uri)
+
+
+def tracking_uri(root: Path = PROJECT_ROOT) -> str:
+    """Return `MLFLOW_TRACKING_URI`, or the database in the project folder."""
+    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{home(root)}/mlflow.db"
+
+
+def home(root: Path) -> Path:
+    """Return the project folder, also from a folder where DVC runs an experiment.
+
+    `dvc exp run --temp` and `--queue` run in `.dvc/tmp/exps/` and delete that folder afterwards.
+    """
+    root = root.resolve()
+    for parent in root.parents:
+        if parent.parts[-3:] == (".dvc", "tmp", "exps"):
+            return parent.parents[2]
+    return root
+
+
+@contextmanager
+def _opened_alone(uri: str) -> Iterator[None]:
+    """Keep others from opening a database that is a file meanwhile.
+
+    The first one that opens it makes the tables, and MLflow leaves a broken database behind where
+    two do so at once.
+    """
+    if not uri.startswith("sqlite:///"):
+        yield
+        return
+    path = Path(uri.removeprefix("sqlite:///"))
+    _check_sqlite(path)
+    with path.with_name(f"{path.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _check_sqlite(path: Path) -> None:
+    """Open a database once; MLflow itself would retry for minutes."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with sqlite3.connect(path) as connection:
+            connection.execute("PRAGMA schema_version")
+        connection.close()
+    except (sqlite3.Error, OSError) as error:
+        raise InputError(
+            f"{path}: cannot be opened as a database ({error}); "
+            "if it is damaged, delete it: `python -m stages.track` makes it anew"
+        ) from error
+
+
+def _is_server(uri: str) -> bool:
+    return uri.startswith(("http://", "https://", "databricks"))
+
+
+def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
+    # A server decides itself where artifacts go; a database would take the current folder.
+    location = None if _is_server(uri) else (project / "mlartifacts").as_uri()
+    experiment = client.get_experiment_by_name(EXPERIMENT)
+    if experiment is None:
+        try:
+            return client.create_experiment(EXPERIMENT, location, pages.KIND_TAGS)
+        except MlflowException:  # another process made it just now
+            experiment = client.get_experiment_by_name(EXPERIMENT)
+            if experiment is None:
+                raise
+    if experiment.lifecycle_stage == "deleted":
+        client.restore_experiment(experiment.experiment_id)
+    if uri == f"sqlite:///{project}/mlflow.db" and experiment.artifact_location != location:
+        raise InputError(
+            f"mlflow.db: given artifacts in {experiment.artifact_location}, allowed: {location}; "
+            "the project was moved: delete mlflow.db, and `python -m stages.track` makes it anew"
+        )
+    return str(experiment.experiment_id)
+
+
+def _explain(error: BaseException) -> str:
+    """Say in one line what happened."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, requests.ConnectionError | requests.Timeout):
+            return "cannot be reached; start it, or unset MLFLOW_TRACKING_URI to use mlflow.db"
+        cause = cause.__cause__ or cause.__context__
+    message = _without_password(" ".join(str(error).split()))
+    return message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "..."
+
+
+def _without_password(uri: str) -> str:
+    return re.sub(r"//[^/@]*@", "//", uri)

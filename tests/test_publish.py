@@ -1,0 +1,35 @@
+"""Results in the documents."""
+
+from pathlib import Path
+
+import pytest
+
+from jumping_ant.errors import InputError
+from scripts import publish
+
+TEXT = "Above.\n\n<!-- part -->\nold\nlines\n<!-- end of part -->\n\nBelow.\n"
+
+
+def test_a_section_is_replaced_between_its_marks(tmp_path: Path) -> None:
+    path = tmp_path / "results.md"
+    path.write_text(TEXT)
+    publish.replace_section(path, "part", "new\n")
+    assert path.read_text() == TEXT.replace("old\nlines", "new")
+
+
+@pytest.mark.parametrize("mark", ["<!-- part -->", "<!-- end of part -->"])
+def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -> None:
+    path = tmp_path / "results.md"
+    path.write_text(TEXT.replace(mark, "<!-- another -->"))
+    before = path.read_text()
+    with pytest.raises(InputError, match="results.md: given no <!-- part --> ... <!-- end of part"):
+        publish.replace_section(path, "part", "new\n")
+    assert path.read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "document"), [("claims", "README.md"), ("default", "docs/results.md")]
+)
+def test_the_documents_have_their_marks(name: str, document: str) -> None:
+    text = (publish.PROJECT_ROOT / document).read_text()
+    assert text.index(f"<!-- {name} -->\n") < text.index(f"<!-- end of {name} -->")
