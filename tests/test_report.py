@@ -1,10 +1,10 @@
-import hashlib
 import json
 import re
 import shutil
 from collections.abc import Callable, Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
 import mujoco
 import numpy as np
@@ -12,13 +12,15 @@ import pytest
 from browser import launched, open_page
 from playwright.sync_api import Browser
 from small_episode import simulate
-from small_project import write_project
+from small_project import make_params, write_project
 
 from jumping_ant import claims, comparison, rendering, robot
 from jumping_ant.errors import InputError
-from jumping_ant.files import write_bytes, write_json, write_text
+from jumping_ant.files import digest, write_bytes, write_json, write_text
 from jumping_ant.params import Params
 from jumping_ant.report import page
+from jumping_ant.report.charts import learning
+from jumping_ant.tracking import models, pages, store
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1, 7, 5]
@@ -107,8 +109,9 @@ def test_the_table_shows_the_comparison(html: str, project: Path) -> None:
     cells = Reader(html).cells
     dqn = summary["dqn"]["return"]
     assert f"{dqn['iqm']:.0f}[{dqn['low']:.0f}, {dqn['high']:.0f}]" in cells
-    assert html.count('class="best"') == 5 + 3, "one of each column, and a tie of three"
-    assert f"{summary['pgpe']['return']['iqm']:,.0f}" in re.findall(r'"best">(\S+)', html)
+    best = re.findall(r'"best">(\S+)', html)
+    assert len(best) == 3 + 3, "one of each outcome but for a tie of three, and no cost"
+    assert f"{summary['pgpe']['return']['iqm']:,.0f}" in best
 
 
 def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
@@ -119,13 +122,17 @@ def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
         assert f"{claim['verdict']}{claim['text']}" in text
 
 
-def test_policies_are_named_by_their_digests(html: str, project: Path) -> None:
-    for name in AGENTS:
-        for seed in SEEDS:
-            content = (project / "models" / name / f"seed-{seed}" / "policy.zip").read_bytes()
-            sha256 = hashlib.sha256(content).hexdigest()
-            assert f'title="{sha256}"' in html
-            assert f"policy_digest%20%3D%20%27{sha256}%27" in html
+def test_links_lead_to_what_tracking_writes(html: str, project: Path) -> None:
+    expected = {f"{page.MLFLOW}/#/models/{models.registered_name(name)}" for name in AGENTS}
+    for policy in project.glob("models/*/*/policy.zip"):
+        sha256 = digest(policy)
+        assert f'title="{sha256}"' in html
+        condition = f"tags.{store.POLICY_DIGEST} = '{sha256}'"
+        expected.add(f"{page.RUNS}&searchFilter={condition}")
+    links = {unquote(link) for _, link in Reader(html).links if link.startswith(page.MLFLOW)}
+    assert links == expected
+    assert len(expected) == len(AGENTS) * (1 + len(SEEDS))
+    assert f"{page.MLFLOW}/{pages.address('1')}".startswith(page.RUNS)
 
 
 def test_charts_show_the_data(html: str, project: Path, settings: Params) -> None:
@@ -152,16 +159,44 @@ def test_sample_efficiency_ends_where_half_of_the_seeds_ended(html: str) -> None
     assert lines["DQN"]["y"] == sorted(lines["DQN"]["y"])
 
 
+def test_many_agents_keep_apart_by_colour_and_marker(tmp_path: Path) -> None:
+    agents = {f"agent-{i}": "dqn" for i in range(12)}
+    write_project(tmp_path, agents, [0])
+    few = make_params(agents, [0])
+    results = comparison.load(tmp_path, few)
+    figure = learning(results, comparison.learning_curves(results, few.compare), "env_steps")
+    lines = [trace for trace in figure.data if trace.name]
+    assert len({(line.line.color, line.marker.symbol) for line in lines}) == 12
+
+
 def test_equal_results_make_equal_pages(html: str, project: Path, settings: Params) -> None:
     assert page.build(project, settings) == html
 
 
-def test_a_lone_baseline_has_a_page(project: Path, settings: Params, tmp_path: Path) -> None:
+def test_the_title_names_those_that_learn(html: str) -> None:
+    assert "<title>Jumping Ant: DQN, SAC and PGPE compared</title>" in html
+
+
+@pytest.mark.parametrize(("name", "outcome"), [("random", "330"), ("sac", "3,000")])
+def test_a_lone_agent_of_one_seed_has_a_page(
+    project: Path, settings: Params, tmp_path: Path, name: str, outcome: str
+) -> None:
     shutil.copytree(project, tmp_path, dirs_exist_ok=True)
-    alone = settings.model_copy(update={"agents": {"random": settings.agents["random"]}})
-    summary = comparison.summarize(comparison.load(tmp_path, alone), alone.compare)
-    write_json(tmp_path / "results" / "comparison.json", summary | {"claims": []})
-    assert "random returns most" in page.build(tmp_path, alone)
+    write_project(tmp_path, {name: AGENTS[name]}, SEEDS[:1])
+    agents = {name: settings.agents[name]}
+    alone = settings.model_copy(update={"agents": agents, "seeds": SEEDS[:1]})
+    results = comparison.load(tmp_path, alone)
+    summary = comparison.summarize(results, alone.compare) | {"claims": []}
+    write_json(tmp_path / "results" / "comparison.json", summary)
+    text = page.build(tmp_path, alone)
+    assert f"<title>Jumping Ant: {results[name].label}</title>" in text
+    assert f"{results[name].label} returns {outcome}.</p>" in text
+    assert "1 training seed," in text and "in brackets" not in text
+    assert ("learning_steps" in charts(text)) == (name == "sac")
+    places = set(re.findall(r'<(?:div|section)[^>]* id="(\w+)"', text))
+    links = {link[1:] for _, link in Reader(text).links if link.startswith("#")}
+    assert charts(text).keys() | links <= places
+    assert places.isdisjoint({"claims", "improvement"})
 
 
 @pytest.mark.parametrize(
@@ -234,6 +269,56 @@ def test_films_play_together_and_can_be_moved(project: Path, chromium: Browser, 
     assert spread < 0.3
     assert visit.page_errors == []
     page.close()
+
+
+def test_films_of_any_length_play_together(
+    project: Path, chromium: Browser, html: str, tmp_path: Path
+) -> None:
+    shutil.copytree(project / "media", tmp_path / "media")
+    write_text(tmp_path / "results" / "report.html", html)
+    short = rendering.encode(np.zeros((4, 64, 64, 3), np.uint8), fps=10)
+    write_bytes(tmp_path / "media" / "random.mp4", short)
+    (tmp_path / "media" / "dqn.mp4").unlink()
+    visit = open_page(chromium, (tmp_path / "results" / "report.html").as_uri())
+    page = visit.page
+    first, last = (f"document.querySelectorAll('video')[{index}]" for index in (0, 3))
+    is_held = f"Math.abs({first}.currentTime - {first}.duration) < 0.01"
+    page.wait_for_function(f"{last}.currentTime > 0.1")
+    page.click("#play")
+    assert page.inner_text("#play") == "Play"
+    assert page.evaluate(f"{first}.paused && {last}.paused")
+    end = page.evaluate(f"{last}.duration")
+    assert page.evaluate(f"{first}.duration") == pytest.approx(0.4)
+    assert end > 1 and float(str(page.get_attribute("#time", "max"))) == end
+    page.locator("#time").fill("0.7")
+    page.wait_for_function(f"{last}.currentTime === 0.7 && {is_held}")
+    assert page.get_attribute("#time", "aria-valuetext") == page.inner_text("#clock") == "0.7 s"
+    page.select_option("#speed", "0.25")
+    page.click("#play")
+    assert page.inner_text("#play") == "Pause"
+    page.wait_for_function(f"{last}.currentTime > 0.75 && {is_held}")
+    page.select_option("#speed", "2")
+    page.wait_for_function(f"{last}.currentTime < 0.3 && {first}.currentTime < 0.36")
+    page.wait_for_function(f"{last}.currentTime > 0.6 && {is_held}")
+    assert visit.page_errors == []
+    assert all("ERR_FILE_NOT_FOUND" in error for error in visit.console_errors)
+    page.close()
+
+
+def test_logarithmic_axes_always_have_some_numbers(
+    project: Path, chromium: Browser, html: str
+) -> None:
+    visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
+    for low, high in [(310, 330), (310, 480), (700, 1400), (800, 9000), (90, 4e4), (5, 2e9)]:
+        ends = [np.log10(low), np.log10(high)]
+        for chart, axis in [("learning_steps", "x"), ("efficiency", "y")]:
+            visit.page.evaluate(
+                "([chart, axis, ends]) => Plotly.relayout(chart, {[`${axis}axis.range`]: ends})",
+                [chart, axis, ends],
+            )
+            numbers = visit.page.locator(f"#{chart} .{axis}tick text").all_inner_texts()
+            assert 2 <= len(numbers) <= 12, (low, high, numbers)
+    visit.page.close()
 
 
 def test_the_menu_changes_the_measure(project: Path, chromium: Browser, html: str) -> None:

@@ -1,7 +1,7 @@
 """The report's interactive charts, as Plotly figures.
 
-Agents keep the colours of all other figures (see `jumping_ant.looks`). What a chart shows is what
-`results/` holds: nothing is smoothed.
+Agents keep the colours and markers of all other figures (see `jumping_ant.looks`). What a chart
+shows is what `results/` holds: nothing is smoothed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,11 +16,26 @@ from plotly.subplots import make_subplots
 from jumping_ant.comparison import AgentResults, LearningCurve, steps_to
 from jumping_ant.looks import INK, Look, looks
 from jumping_ant.measures import MEASURES
+from jumping_ant.wording import interval, number
 
 Array = NDArray[np.float64]
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 GRID = "#E6E8EC"
+# Markers of `jumping_ant.looks` in Plotly's words.
+SYMBOLS = {
+    "o": "circle",
+    "s": "square",
+    "^": "triangle-up",
+    "D": "diamond",
+    "v": "triangle-down",
+    "P": "cross",
+    "X": "x",
+    "x": "x-thin-open",
+}
+# Plotly chooses the numbers: powers of ten on a long axis, digits between them on a shorter one,
+# even steps within a decade. `nticks` is low enough to keep long axes to powers.
+LOG_AXIS = {"type": "log", "tickformat": "~s", "nticks": 4}
 NUM_THRESHOLDS = 60
 TORQUE_SECONDS = 4.0  # shown of each film, around its highest moment
 
@@ -70,10 +85,11 @@ def learning(
             legendgroup=name,
             mode="lines+markers" if look.line == "-" else "lines",
             line={"color": look.colour, "dash": "solid" if look.line == "-" else "dash"},
+            marker={"symbol": SYMBOLS[look.marker], "size": 7},
             hovertemplate="%{y:,.0f}",
         )
     title = {"env_steps": "control steps", "seconds": "training time of a seed [s]"}[against]
-    figure.update_xaxes(title=title, type="log", tickformat="~s", hoverformat=",.3~s", dtick=1)
+    figure.update_xaxes(title=title, hoverformat=",.3~s", **LOG_AXIS)
     figure.update_yaxes(title="return of an evaluation episode", rangemode="tozero")
     return _finish(figure, 380, hovermode="x unified")
 
@@ -98,7 +114,7 @@ def efficiency(results: Mapping[str, AgentResults]) -> go.Figure:
             hovertemplate="%{y:,.0f} steps to a return of %{x:,.0f}",
         )
     figure.update_xaxes(title="return", hoverformat=",.0f", rangemode="tozero")
-    figure.update_yaxes(title="control steps to reach it", type="log", tickformat="~s", dtick=1)
+    figure.update_yaxes(title="control steps to reach it", **LOG_AXIS)
     return _finish(figure, 380)
 
 
@@ -211,12 +227,13 @@ def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any])
     pairs = summary["probability_of_improvement"]
     labels = [agent.label for agent in results.values()]
     chances = [[pairs.get(f"{one}>{other}") for other in results] for one in results]
+    num_seeds = min(agent["seeds"] for agent in summary["agents"].values())
     figure = go.Figure()
     figure.add_heatmap(
         x=labels,
         y=labels,
         z=[[pair["p"] if pair else None for pair in row] for row in chances],
-        text=[[_show_chance(pair) for pair in row] for row in chances],
+        text=[[_show_chance(pair, num_seeds) for pair in row] for row in chances],
         texttemplate="%{text}",
         zmin=0,
         zmax=1,
@@ -265,10 +282,11 @@ def _around_highest(film: Film) -> NDArray[np.int64]:
     return np.arange(start, start + width)
 
 
-def _show_chance(pair: Mapping[str, float] | None) -> str:
+def _show_chance(pair: Mapping[str, float] | None, num_seeds: int) -> str:
     if pair is None:
         return ""
-    return f"{pair['p']:.2f}<br>[{pair['low']:.2f}, {pair['high']:.2f}]"
+    ends = interval(pair["low"], pair["high"], num_seeds)
+    return f"{number(pair['p'])}<br>{ends}".removesuffix("<br>")
 
 
 def _finish(figure: go.Figure, height: int, top: int = 16, **layout: Any) -> go.Figure:

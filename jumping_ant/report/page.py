@@ -7,7 +7,7 @@ and the films and recordings are those of `media/` beside it.
 import hashlib
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,13 +26,16 @@ from jumping_ant.measures import MEASURES
 from jumping_ant.params import Params
 from jumping_ant.report import charts, pictures
 from jumping_ant.report.charts import Film
-from jumping_ant.wording import number
+from jumping_ant.wording import estimate, interval, number
 
 FOLDER = Path(__file__).parent
-MLFLOW = "http://127.0.0.1:5000"  # where `make ui` serves
+# What `jumping_ant.tracking` writes, and where `make ui` serves it unless told otherwise.
+MLFLOW = "http://127.0.0.1:5000"
 # The first experiment beside MLflow's own is the project's, in a database that it made itself.
 RUNS = f"{MLFLOW}/#/experiments/1/runs?workflowType=machine_learning"
+MODEL, POLICY_DIGEST = "jumping-ant-", "policy_digest"
 HEADLINES = ("return", "peak_height", "airborne_seconds", "smoothness")
+COSTS = ("env_steps", "train_seconds")
 VERDICT_SIGNS = {"supported": "✓", "refuted": "✗", "inconclusive": "?"}
 
 
@@ -41,8 +44,8 @@ class Cell:
     """A number of the headline table, as text; `interval` is empty where there is none."""
 
     value: str
-    interval: str
-    is_best: bool
+    interval: str = ""
+    is_best: bool = False
 
 
 def build(root: Path, params: Params) -> str:
@@ -59,6 +62,7 @@ def build(root: Path, params: Params) -> str:
     summary = _read_json(root / "results" / "comparison.json", "compare")
     films = {name: _film(root, params, name) for name in results}
     context = {
+        "title": _title(results),
         "agents": _agents(root, results, films),
         "lead": _lead(results, summary),
         "rows": _rows(results, summary["agents"]),
@@ -96,20 +100,22 @@ def _charts(
     summary: Mapping[str, Any],
     films: Mapping[str, Film],
 ) -> dict[str, Any]:
-    """Return each chart's JSON by the name of its place in the template."""
+    """Return each chart's JSON by its place in the template, which leaves out what has none."""
     curves = comparison.learning_curves(results, params.compare)
     tables = {name: comparison.read_episodes(root, name, params.seeds) for name in results}
     model = robot.load(robot.read(root))
     motors = [model.actuator(index).name for index in range(model.nu)]
     figures = {
-        "learning_steps": charts.learning(results, curves, "env_steps"),
-        "learning_seconds": charts.learning(results, curves, "seconds"),
-        "efficiency": charts.efficiency(results),
         "episodes": charts.episodes(results, tables),
         "heights": charts.heights(results, films),
         "torques": charts.torques(results, films, motors),
-        "improvement": charts.improvement(results, summary),
     }
+    if len(results) > 1:
+        figures["improvement"] = charts.improvement(results, summary)
+    if _learners(results):
+        figures["learning_steps"] = charts.learning(results, curves, "env_steps")
+        figures["learning_seconds"] = charts.learning(results, curves, "seconds")
+        figures["efficiency"] = charts.efficiency(results)
     return {name: json.loads(figure.to_json()) for name, figure in figures.items()}
 
 
@@ -132,60 +138,63 @@ def _agents(
                 "episode_return": number(film.episode_return),
                 "poster": pictures.still(root / "media" / f"{name}.mp4", film.times[highest]),
                 "highest": f"{film.heights[highest]:.1f}",
-                "model_url": f"{MLFLOW}/#/models/jumping-ant-{name}",
+                "model": f"{MODEL}{name}",
+                "model_url": f"{MLFLOW}/#/models/{MODEL}{name}",
             }
         )
     return shown
 
 
+def _learners(results: Mapping[str, AgentResults]) -> list[str]:
+    return [name for name, agent in results.items() if agent.algorithm != "random"]
+
+
+def _title(results: Mapping[str, AgentResults]) -> str:
+    """Return the page's title, which names those that learn, or else all."""
+    *others, last = [results[name].label for name in _learners(results) or results]
+    names = f"{', '.join(others)} and {last} compared" if others else last
+    return f"Jumping Ant: {names}"
+
+
 def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> str:
-    """Return the outcome in a sentence."""
-    returns = {name: summary["agents"][name]["return"] for name in results}
-    best, *others = sorted(returns, key=lambda name: -returns[name]["iqm"])
-    text = f"{results[best].label} returns most: {_interval(returns[best])}."
-    if others:
-        pair = summary["probability_of_improvement"][f"{best}>{others[0]}"]
-        text += (
-            f" A seed of it beats one of {results[others[0]].label}, which comes second, with "
-            f"probability {pair['p']:.2f} [{pair['low']:.2f}, {pair['high']:.2f}]."
-        )
-    return text
+    """Return the outcome in a sentence or two."""
+    agents = summary["agents"]
+    best, *others = sorted(results, key=lambda name: -agents[name]["return"]["iqm"])
+    top, num_seeds = agents[best]["return"], agents[best]["seeds"]
+    most = estimate(top["iqm"], top["low"], top["high"], num_seeds)
+    if not others:
+        return f"{results[best].label} returns {most}."
+    pair = summary["probability_of_improvement"][f"{best}>{others[0]}"]
+    chance = estimate(pair["p"], pair["low"], pair["high"], num_seeds)
+    return (
+        f"{results[best].label} returns most: {most}. A seed of it beats one of "
+        f"{results[others[0]].label}, which comes second, with probability {chance}."
+    )
 
 
 def _rows(
     results: Mapping[str, AgentResults], summary: Mapping[str, Any]
-) -> list[tuple[str, str, list[Cell]]]:
-    """Return the headline table: an agent's name, label and cells, the best learner's marked."""
-    learners = [name for name, agent in results.items() if agent.algorithm != "random"]
+) -> list[tuple[str, list[Cell]]]:
+    """Return the headline table: an agent's label and cells, the best learner's marked."""
+    learners = _learners(results)
 
-    def best(values: Mapping[str, float], sign: int) -> float:
-        return max((sign * values[name] for name in learners), default=np.inf)
+    def score(name: str, measure: str) -> float:
+        return float(MEASURES[measure].is_better * summary[name][measure]["iqm"])
 
-    columns: list[dict[str, Cell]] = []
-    for measure in HEADLINES:
-        sign = MEASURES[measure].is_better
-        values = {name: summary[name][measure]["iqm"] for name in results}
-        columns.append(
-            {
-                name: Cell(
-                    number(values[name]),
-                    _ends(summary[name][measure]),
-                    name in learners and sign * values[name] == best(values, sign),
-                )
-                for name in results
-            }
+    def is_best(name: str, measure: str) -> bool:
+        return name in learners and score(name, measure) == max(
+            score(learner, measure) for learner in learners
         )
-    for cost in ("env_steps", "train_seconds"):
-        values = {name: float(summary[name][cost]) for name in results}
-        columns.append(
-            {
-                name: Cell(number(value), "", name in learners and -value == best(values, -1))
-                for name, value in values.items()
-            }
-        )
-    return [
-        (name, agent.label, [column[name] for column in columns]) for name, agent in results.items()
-    ]
+
+    def cells(name: str) -> Iterator[Cell]:
+        own = summary[name]
+        for measure in HEADLINES:
+            ends = interval(own[measure]["low"], own[measure]["high"], own["seeds"])
+            yield Cell(number(own[measure]["iqm"]), ends, is_best(name, measure))
+        for cost in COSTS:  # follow from the budget given: none is best
+            yield Cell(number(own[cost]))
+
+    return [(agent.label, list(cells(name))) for name, agent in results.items()]
 
 
 def _robot(root: Path) -> dict[str, Any]:
@@ -224,7 +233,7 @@ def _policies(
         for seed, value in zip(params.seeds, agent.quantities["return"], strict=True):
             path = Path("models") / name / f"seed-{seed}" / "policy.zip"
             sha256 = hashlib.sha256(_read_bytes(root / path, f"train@{name}")).hexdigest()
-            query = quote(f"tags.policy_digest = '{sha256}'")
+            query = quote(f"tags.{POLICY_DIGEST} = '{sha256}'")
             rows.append(
                 {
                     "agent": agent.label,
@@ -273,14 +282,6 @@ def _film(root: Path, params: Params, name: str) -> Film:
         torques=episode.ctrl[: (len(rows) - 1) // episode.frame_skip],
         step_seconds=episode.timestep * episode.frame_skip,
     )
-
-
-def _interval(estimate: Mapping[str, float]) -> str:
-    return f"{number(estimate['iqm'])} {_ends(estimate)}"
-
-
-def _ends(estimate: Mapping[str, float]) -> str:
-    return f"[{number(estimate['low'])}, {number(estimate['high'])}]"
 
 
 def _read_bytes(path: Path, stage: str) -> bytes:

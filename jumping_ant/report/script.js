@@ -7,7 +7,8 @@ for (const [name, chart] of Object.entries(charts)) {
   Plotly.newPlot(name, chart.data, chart.layout, config);
 }
 
-// Films: they play together, the first that can gives the time, and the chart of heights shows it.
+// Films: they play together. The longest that is ready gives the time, shorter ones hold their last
+// picture until all begin again, and the chart of heights shows the time.
 const videos = [...document.querySelectorAll("video")];
 const play = document.getElementById("play");
 const slider = document.getElementById("time");
@@ -15,54 +16,66 @@ const clock = document.getElementById("clock");
 const speed = document.getElementById("speed");
 const TOLERANCE = 0.06; // [s] that films may be apart
 const CURSOR_PERIOD = 100; // [ms] between moves of the chart's cursor
+let isPlaying = false;
+let time = 0; // [s] in the films
+let nextFrame = 0;
 let lastMove = 0;
 
-const duration = () => Math.min(...videos.map((video) => video.duration || Infinity));
-const isPlaying = () => !videos[0].paused;
+// A film that is missing or not loaded yet has no duration.
+const ready = () => videos.filter((video) => video.duration > 0 && !video.error);
+const longest = () => ready().sort((one, other) => other.duration - one.duration)[0];
 
-function show(time) {
-  const end = duration();
-  if (!Number.isFinite(end)) return;
-  slider.max = end;
+function show() {
+  const text = `${time.toFixed(1)} s`;
+  slider.max = longest()?.duration ?? 1;
   slider.value = time;
-  clock.textContent = `${time.toFixed(1)} s`;
+  slider.setAttribute("aria-valuetext", text);
+  clock.textContent = text;
   const now = performance.now();
-  if (now - lastMove < CURSOR_PERIOD && isPlaying()) return;
+  if (now - lastMove < CURSOR_PERIOD && isPlaying) return;
   lastMove = now;
   const line = { type: "line", x0: time, x1: time, y0: 0, y1: 1, yref: "paper", line: { color: "#22262e", width: 1.5 } };
   Plotly.relayout("heights", { shapes: [line] });
 }
 
-function seek(time) {
-  for (const video of videos) video.currentTime = time;
-  show(time);
+function moveTo(seconds, tolerance = 0) {
+  time = seconds;
+  for (const video of ready()) {
+    const place = Math.min(time, video.duration);
+    if (Math.abs(video.currentTime - place) > tolerance) video.currentTime = place;
+    if (isPlaying && video.paused && place < video.duration) video.play().catch(stopIfForbidden);
+  }
+  show();
 }
 
 function follow() {
-  if (!isPlaying()) return;
-  const time = videos[0].currentTime;
-  for (const video of videos.slice(1)) {
-    if (Math.abs(video.currentTime - time) > TOLERANCE) video.currentTime = time;
-  }
-  show(time);
-  requestAnimationFrame(follow);
+  const film = longest();
+  if (film) moveTo(film.ended ? 0 : film.currentTime, TOLERANCE);
+  nextFrame = requestAnimationFrame(follow);
 }
 
-async function toggle() {
-  if (isPlaying()) {
-    for (const video of videos) video.pause();
+function setPlaying(wanted) {
+  isPlaying = wanted;
+  play.textContent = isPlaying ? "Pause" : "Play";
+  cancelAnimationFrame(nextFrame);
+  if (isPlaying) {
+    nextFrame = requestAnimationFrame(follow);
   } else {
-    await Promise.allSettled(videos.map((video) => video.play()));
-    requestAnimationFrame(follow);
+    for (const video of videos) video.pause();
+    moveTo(time);
   }
-  play.textContent = isPlaying() ? "Pause" : "Play";
 }
 
-play.addEventListener("click", toggle);
-slider.addEventListener("input", () => seek(Number(slider.value)));
+// A browser may forbid films to play by themselves; a film that is paused early is no matter.
+function stopIfForbidden(error) {
+  if (error.name === "NotAllowedError") setPlaying(false);
+}
+
+play.addEventListener("click", () => setPlaying(!isPlaying));
+slider.addEventListener("input", () => moveTo(Number(slider.value)));
 speed.addEventListener("change", () => {
   for (const video of videos) video.playbackRate = Number(speed.value);
 });
-videos[0]?.addEventListener("loadedmetadata", () => show(videos[0].currentTime));
-if (!matchMedia("(prefers-reduced-motion: reduce)").matches) toggle();
-document.getElementById("heights").on("plotly_click", (event) => seek(event.points[0].x));
+for (const video of videos) video.addEventListener("loadedmetadata", () => moveTo(time, TOLERANCE));
+document.getElementById("heights").on("plotly_click", (event) => moveTo(event.points[0].x));
+setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
