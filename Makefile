@@ -69,8 +69,8 @@ ifeq ($(filter http%,$(MLFLOW_TRACKING_URI)),)
 		--artifacts-destination "$(CURDIR)/mlartifacts"
 endif
 
-# Rerun has no switch of its own against reporting home, but keeps quiet where CI is set. It plays
-# films with the `ffmpeg` that it finds.
+# Rerun keeps quiet where CI is set; its own switch against reporting home changes the settings of
+# the user. It plays films with the `ffmpeg` that it finds.
 view: install .venv/bin/ffmpeg ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
 
