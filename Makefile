@@ -5,7 +5,6 @@ PYTHON ?=
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PORT ?= 5000
 MINUTES ?= 30
-PIPELINE_TESTS = tests/test_smoke.py
 AGENT ?= *
 MLFLOW_TRACKING_URI ?= sqlite:///$(CURDIR)/mlflow.db
 
@@ -19,18 +18,22 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro test test-parts test-pipeline bench soak ui view watch schema lock clean
+.PHONY: help install repro test test-parts test-whole bench soak ui view watch schema lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
 
-install: .venv/.packages .venv/.rendering ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
+install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
 
 .venv/.packages: requirements.lock pyproject.toml
 	@scripts/environment.sh packages
 
 .venv/.rendering: .venv/.packages
 	@scripts/environment.sh rendering
+
+# Rerun plays films with the `ffmpeg` that it finds.
+.venv/bin/ffmpeg: .venv/.packages
+	@ln -sf "$$(python -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" $@
 
 .venv/.browser: .venv/.packages
 	@scripts/environment.sh browser
@@ -45,14 +48,17 @@ test: install .venv/.browser ## check style, types and behaviour
 	ruff check
 	ruff format --check
 	mypy
-	@$(MAKE) --no-print-directory --jobs=2 test-parts test-pipeline
+	@$(MAKE) --no-print-directory --jobs=2 test-parts test-whole
 
-# Side by side: the pipeline's tests wait for processes much of the time.
+# Half of the time each, side by side, as the second waits for processes much of it: the parts, and
+# the pipeline as a whole with its pages in a browser.
+WHOLE_TESTS = tests/test_smoke.py tests/test_report.py tests/tracking/test_pages.py
+
 test-parts:
-	CI=1 pytest -q $(addprefix --ignore=,$(PIPELINE_TESTS))
+	CI=1 pytest -q $(addprefix --ignore=,$(WHOLE_TESTS))
 
-test-pipeline:
-	CI=1 pytest -q $(PIPELINE_TESTS)
+test-whole:
+	CI=1 pytest -q $(WHOLE_TESTS)
 
 bench: install .venv/.peers ## measure the project beside its peers, into benchmarks/ (ten minutes)
 	python -m benchmarks
@@ -70,12 +76,9 @@ ifeq ($(filter http%,$(MLFLOW_TRACKING_URI)),)
 endif
 
 # Rerun keeps quiet where CI is set; its own switch against reporting home changes the settings of
-# the user. It plays films with the `ffmpeg` that it finds.
-view: install .venv/bin/ffmpeg ## open the recordings in the Rerun viewer (AGENT=sac for one)
+# the user.
+view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
-
-.venv/bin/ffmpeg: .venv/.packages
-	@ln -sf "$$(python -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" $@
 
 watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=0)
 	@python -m jumping_ant.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
