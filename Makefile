@@ -32,7 +32,7 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg ## install what is mi
 	@scripts/environment.sh rendering
 
 # Rerun plays films with the `ffmpeg` that it finds.
-.venv/bin/ffmpeg: .venv/.packages
+.venv/bin/ffmpeg: | .venv/.packages
 	@ln -sf "$$(python -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" $@
 
 .venv/.browser: .venv/.packages
