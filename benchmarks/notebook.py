@@ -16,7 +16,8 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from benchmarks import evolution
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.settings import article_agent
-from jumping_ant.env import DiscreteCommands
+from jumping_ant.env import Decisions
+from jumping_ant.task import ActionSet
 
 STEPS = 300  # of real training, for networks and optimisers to take their place
 SECONDS_TO_STAY = 3.0  # at the highest moment, for it to be seen
@@ -26,7 +27,7 @@ def main() -> None:
     """Train the three learners, and hold them."""
     env = ArticleAnt()
     models: dict[str, OffPolicyAlgorithm] = {
-        "dqn": DQN("MlpPolicy", DiscreteCommands(env)),
+        "dqn": DQN("MlpPolicy", Decisions(env, ActionSet.of(article_agent("dqn").actions))),
         "sac": SAC("MlpPolicy", env),
     }
     for name, model in models.items():

@@ -20,6 +20,7 @@ from benchmarks.settings import article_agent, robot_xml, task
 from jumping_ant import rollout
 from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
 from jumping_ant.policies import LinearPolicy
+from jumping_ant.task import ActionSet
 
 PRODUCTS = ("aten::mm", "aten::addmm")  # as PyTorch names them
 FLOOR_ENVS = 16
@@ -80,7 +81,7 @@ def evaluation(mj_step: float) -> Callable[[], Profile]:
     """Set episodes of a linear policy up, side by side as the `evaluate` stage runs them."""
     weight = np.random.default_rng(0).normal(0, 0.2, (8, 27)).astype(np.float32)
     zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
-    policy = LinearPolicy(weight, zeros[:8], zeros, ones)
+    policy = LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], ActionSet())
     env = task().model_copy(update={"max_episode_steps": EPISODE_STEPS})
     run = partial(rollout.run, robot_xml(), env, policy, range(EPISODES))
     return partial(_profile, "evaluation", mj_step, run, EPISODES * EPISODE_STEPS)

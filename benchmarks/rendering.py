@@ -13,6 +13,7 @@ from benchmarks.settings import robot_xml, task
 from jumping_ant import evaluation, gl, params_file, rendering, robot, rollout
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.rollout import Episode
+from jumping_ant.task import ActionSet
 
 SEED = 0
 SIZE = 480  # [pixels] width and height
@@ -53,4 +54,4 @@ def record_video() -> Callable[[], float]:
 def random_episode(num_steps: int) -> Episode:
     """Return an episode of the random agent."""
     env = task().model_copy(update={"max_episode_steps": num_steps})
-    return rollout.run(robot_xml(), env, UniformPolicy(SEED), [SEED])[0]
+    return rollout.run(robot_xml(), env, UniformPolicy(SEED, ActionSet()), [SEED])[0]

@@ -32,7 +32,7 @@ from jumping_ant.archive import pack, unpack
 from jumping_ant.files import write_bytes, write_json
 
 GENERATIONS = 2
-_HEADER, _CONTENT = "header.json", "content"
+_HEADER, _CONTENT, _BEST = "header.json", "content", "best"
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,9 @@ class Saved:
         timing: Training seconds at each row of the curve: (control steps, seconds).
         machine: Of a finished seed, where it was trained.
         curve: Content of `curve.csv` so far.
-        content: The trainer's checkpoint; of a finished seed, the policy file.
+        best_return: Mean validation return of the best snapshot, None before the first.
+        best: That snapshot's policy file.
+        content: The trainer's checkpoint; of a finished seed, the last policy's file.
     """
 
     env_steps: int
@@ -53,12 +55,15 @@ class Saved:
     timing: list[tuple[int, float]]
     machine: dict[str, Any] | None
     curve: str
+    best_return: float | None
+    best: bytes
     content: bytes
 
     def to_bytes(self) -> bytes:
         """Return the file's content."""
         header = {name: getattr(self, name) for name in self._header_names()}
-        packed = pack({_HEADER: json.dumps(header).encode(), _CONTENT: self.content})
+        entries = {_HEADER: json.dumps(header).encode(), _BEST: self.best, _CONTENT: self.content}
+        packed = pack(entries)
         return hashlib.sha256(packed).hexdigest().encode() + b"\n" + packed
 
     @classmethod
@@ -74,10 +79,10 @@ class Saved:
         entries = unpack(packed)
         header = json.loads(entries[_HEADER])
         header["timing"] = [tuple(row) for row in header["timing"]]
-        return cls(content=entries[_CONTENT], **header)
+        return cls(best=entries[_BEST], content=entries[_CONTENT], **header)
 
     def _header_names(self) -> list[str]:
-        return [field.name for field in fields(self) if field.name != _CONTENT]
+        return [field.name for field in fields(self) if field.name not in (_BEST, _CONTENT)]
 
 
 class Checkpoints:

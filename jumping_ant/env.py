@@ -1,4 +1,7 @@
-"""`JumpingAnt-v0`: one jumping Ant as a Gymnasium environment.
+"""`JumpingAnt-v0`: the article's jumping Ant as a Gymnasium environment.
+
+`gym.make("JumpingAnt-v0")` always is the article's robot and task, whatever `params.yaml` says, and
+`gym.make_vec("JumpingAnt-v0", num_envs=n)` a batch of them on MuJoCo's native threads.
 
 Training, evaluation and populations use the batched `jumping_ant.vector.JumpingAntVectorEnv`; this
 one is for people and tools. Tests hold the two bit-identical.
@@ -14,11 +17,12 @@ import numpy as np
 from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 from numpy.typing import NDArray
 
-from jumping_ant import params_file, robot
+from jumping_ant import article, robot
 from jumping_ant.gl import select_backend
 from jumping_ant.params import EnvParams
 from jumping_ant.rewards import is_down, torso_height_reward
-from jumping_ant.task import COMMANDS, action_space, observation_space, observe, start_state
+from jumping_ant.task import ActionSet, observation_space, observe, start_state
+from jumping_ant.vector import JumpingAntVectorEnv
 
 ENV_ID = "JumpingAnt-v0"
 
@@ -29,8 +33,8 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
     `info` of each step holds `reward_height`, the one reward term, and `torso_height` [m].
 
     Args:
-        xml: The robot as MJCF text; by default the robot of the project's `params.yaml`.
-        params: The task; by default that of the project's `params.yaml`.
+        xml: The robot as MJCF text; by default the article's.
+        params: The task; by default the article's.
         render_mode: `rgb_array`, `human` or None.
         width: Width of the rendered picture [pixels].
         height: Height of the rendered picture [pixels].
@@ -54,15 +58,15 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
                 f"render_mode: given {render_mode!r}, allowed: None, "
                 f"{', '.join(map(repr, self.metadata['render_modes']))}"
             )
-        self.params = params or params_file.load().env
-        self.model = robot.load(xml or robot.build(params_file.load().robot))
+        self.params = params or article.ENV
+        self.model = robot.load(xml or robot.build(article.ROBOT))
         self.model.vis.global_.offwidth = max(self.model.vis.global_.offwidth, width)
         self.model.vis.global_.offheight = max(self.model.vis.global_.offheight, height)
         self.data = mujoco.MjData(self.model)
         self.metadata = self.metadata | {"render_fps": round(1 / self.dt)}
         self.render_mode = render_mode
         self.observation_space = observation_space()
-        self.action_space = action_space(self.model)
+        self.action_space = ActionSet().space()
         self._size = (width, height)
         self._renderer: MujocoRenderer | None = None
         self._num_steps = 0
@@ -125,21 +129,41 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
         return observe(self.data.qpos[None], self.data.qvel[None])[0]
 
 
-class DiscreteCommands(gym.ActionWrapper):
-    """The five discrete commands of the source article, as actions 0 to 4.
+class Decisions(gym.Wrapper):
+    """Makes a step one decision of an agent: a choice from its action set, held as long as it says.
 
-    0: no torque; 1: +0.5 on all; 2: -0.5 on all; 3: +0.5 on actuators 0-3 and -0.5 on 4-7;
-    4: the reverse. Actuators 0-3 are the back right and front left legs, a diagonal pair, though
-    the article calls them the front legs.
+    Rewards are sums over the control steps that a decision lasts.
+
+    Args:
+        env: A `JumpingAnt`.
+        actions: The agent's action set: of an agent of `params.yaml`,
+            `ActionSet.of(params.agent("dqn").actions)`.
     """
 
-    def __init__(self, env: gym.Env) -> None:
+    def __init__(self, env: gym.Env, actions: ActionSet) -> None:
         super().__init__(env)
-        self.action_space = gym.spaces.Discrete(len(COMMANDS))
+        self.actions = actions
+        self.action_space = actions.space()
 
-    def action(self, action: int) -> NDArray[np.float32]:
-        """Return the torques of a command, shape (8,)."""
-        return COMMANDS[action]
+    def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
+        """Hold a choice until its time is over or the episode ends."""
+        torques = self.actions.torques(np.asarray(action)[None])[0]
+        total = 0.0
+        for _ in range(self.actions.hold):
+            observation, reward, terminated, truncated, info = self.env.step(torques)
+            total += float(reward)
+            if terminated or truncated:
+                break
+        return observation, total, terminated, truncated, info | {"reward_height": total}
 
 
-gym.register(ENV_ID, entry_point="jumping_ant.env:JumpingAnt")
+def make_vec(num_envs: int = 1, num_threads: int = 1) -> JumpingAntVectorEnv:
+    """Return a batch of the article's jumping Ants."""
+    return JumpingAntVectorEnv(robot.build(article.ROBOT), article.ENV, num_envs, num_threads)
+
+
+gym.register(
+    ENV_ID,
+    entry_point="jumping_ant.env:JumpingAnt",
+    vector_entry_point="jumping_ant.env:make_vec",
+)

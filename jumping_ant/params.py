@@ -63,8 +63,14 @@ class RobotParams(Block):
     """[m] Radius of the torso (Gymnasium's Ant: 0.25); its mass grows with the cube."""
     leg_length: Positive
     """[-] Factor on the length of every segment of the legs."""
+    damping: NonNegative
+    """[N m s/rad] Damping of every leg joint (Gymnasium's Ant: 1)."""
     friction: Positive
     """[-] Sliding friction of feet and floor (Gymnasium's Ant: 1)."""
+    torsional_friction: Positive
+    """[m] Torsional friction of feet and floor (Gymnasium's Ant: 0.5); condim 3 leaves it idle."""
+    rolling_friction: Positive
+    """[m] Rolling friction of feet and floor (Gymnasium's Ant: 0.5); condim 3 leaves it idle."""
 
 
 class RewardParams(Block):
@@ -93,13 +99,26 @@ class EnvParams(Block):
     """The reward per control step: scale * clip((height - floor) / span, 0, 1)."""
 
 
+class ActionParams(Block):
+    """What an agent chooses from at each decision, and how long a choice lasts."""
+
+    kind: Literal["torques", "commands"]
+    """Any torques, or one of the five commands (see `jumping_ant.task`)."""
+    amplitude: Annotated[float, Field(gt=0, le=1)]
+    """[-] Largest torque over peak torque; the article's commands have 0.5."""
+    hold: Count
+    """[control steps] Each choice is held for."""
+
+
 class RandomAgentParams(Block):
-    """The baseline: torques drawn uniformly at every step."""
+    """The baseline that draws an action at every decision and learns nothing."""
 
     trainer: Literal["random"]
     """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["random"]
     """What it trains."""
+    actions: ActionParams
+    """What it draws from."""
 
     @property
     def max_env_steps(self) -> int:
@@ -107,15 +126,44 @@ class RandomAgentParams(Block):
         return 0
 
 
+class OpenLoopParams(Block):
+    """The sceptic's baseline: a square wave between two commands, blind to the state."""
+
+    trainer: Literal["open_loop"]
+    """Package of jumping_ant/agents/ that trains the agent."""
+    algorithm: Literal["open_loop"]
+    """What it trains."""
+    amplitude: Annotated[float, Field(gt=0, le=1)]
+    """[-] Torque over peak torque of both commands; the article's commands have 0.5."""
+    half_periods: Annotated[list[Count], Field(min_length=1)]
+    """[control steps] Rhythms to try: how long each command is held."""
+    episodes: Count
+    """[-] Episodes that each rhythm is tried for."""
+    episode_steps: Count
+    """[control steps] Of each of them."""
+
+    @property
+    def max_env_steps(self) -> int:
+        """Budget of a seed [control steps], if no episode ends early."""
+        return len(self.half_periods) * self.episodes * self.episode_steps
+
+
 class OffPolicyParams(Block):
-    """What DQN and SAC have in common, named as in Stable-Baselines3."""
+    """What DQN and SAC have in common, named as in Stable-Baselines3.
+
+    A transition is a decision: with actions held for several control steps it takes as many.
+    """
 
     trainer: Literal["off_policy"]
     """Package of jumping_ant/agents/ that trains the agent."""
+    actions: ActionParams
+    """What the agent chooses from."""
     total_steps: Count
     """[control steps] Training budget of a seed."""
-    episode_steps: Count
-    """[control steps] Training episodes are cut here."""
+    episode_steps: Count | None
+    """[control steps] Training episodes are cut here; null never cuts them."""
+    long_episodes: Fraction
+    """[-] Share of the environments whose episodes last for `env.max_episode_steps` instead."""
     num_envs: Count
     """[-] Simulations stepped at once."""
     learning_rate: Positive
@@ -123,17 +171,17 @@ class OffPolicyParams(Block):
     buffer_size: Count
     """[transitions] Replay memory."""
     learning_starts: Annotated[int, Field(ge=0)]
-    """[control steps] Random actions before the first update."""
+    """[transitions] Random actions before the first update."""
     batch_size: Count
     """[transitions] In a gradient step."""
     tau: Fraction
     """[-] Share of the online networks in an update of the target networks."""
     gamma: Fraction
-    """[-] Discount of a reward one control step later."""
+    """[-] Discount of a reward one decision later."""
     n_steps: Count
-    """[control steps] Of real reward before the bootstrap."""
+    """[decisions] Of real reward before the bootstrap."""
     train_freq: Count
-    """[steps of each environment] From one round of updates to the next."""
+    """[decisions of each environment] From one round of updates to the next."""
     gradient_steps: Count
     """[-] Gradient steps in a round of updates."""
     net_arch: Annotated[list[Count], Field(min_length=1)]
@@ -141,7 +189,7 @@ class OffPolicyParams(Block):
     velocity_scale: Positive
     """[-] Factor on the velocities that the agent observes."""
     log_interval: Count
-    """[control steps] From one row of the learning curve to the next."""
+    """[transitions] From one row of the learning curve to the next."""
 
     @property
     def max_env_steps(self) -> int:
@@ -150,10 +198,11 @@ class OffPolicyParams(Block):
 
     @model_validator(mode="after")
     def _budget_holds_a_round(self) -> "OffPolicyParams":
-        if self.total_steps < self.num_envs * self.train_freq:
+        round_steps = self.num_envs * self.train_freq * self.actions.hold
+        if self.total_steps < round_steps:
             raise ValueError(
-                f"total_steps is {self.total_steps}, but one round of num_envs x train_freq takes "
-                f"{self.num_envs * self.train_freq}"
+                f"total_steps is {self.total_steps}, but one round of num_envs x train_freq x "
+                f"actions.hold takes {round_steps}"
             )
         return self
 
@@ -164,7 +213,7 @@ class DQNParams(OffPolicyParams):
     algorithm: Literal["dqn"]
     """What is trained."""
     target_update_interval: Count
-    """[control steps] From one target update to the next."""
+    """[transitions] From one target update to the next."""
     exploration_fraction: Annotated[float, Field(gt=0, le=1)]
     """[-] Share of the budget over which exploration decays."""
     exploration_initial_eps: Fraction
@@ -191,6 +240,8 @@ class PGPEParams(Block):
     """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["pgpe"]
     """What it trains."""
+    actions: ActionParams
+    """What the policies' outputs become: torques."""
     generations: Count
     """[-] Training budget of a seed."""
     population_size: Annotated[int, Field(ge=2, multiple_of=2)]
@@ -220,18 +271,20 @@ class PGPEParams(Block):
 
 ALGORITHMS: dict[str, type[Block]] = {
     "random": RandomAgentParams,
+    "open_loop": OpenLoopParams,
     "dqn": DQNParams,
     "sac": SACParams,
     "pgpe": PGPEParams,
 }
 
 AgentParams = Annotated[
-    RandomAgentParams | DQNParams | SACParams | PGPEParams, Field(discriminator="algorithm")
+    RandomAgentParams | OpenLoopParams | DQNParams | SACParams | PGPEParams,
+    Field(discriminator="algorithm"),
 ]
 
 
 class TrainingParams(Block):
-    """Evaluations while training (see `jumping_ant.training`)."""
+    """Validation while training (see `jumping_ant.training`)."""
 
     evaluations: Count
     """[-] Spread evenly over the budget."""
@@ -239,6 +292,8 @@ class TrainingParams(Block):
     """[-] In each of them."""
     evaluation_seed: Seed
     """Of the first episode; the others count up from it."""
+    publish: Literal["best", "final"]
+    """Which policy of a seed is its result: the best one by validation, or the last one."""
 
 
 class ComputeParams(Block):

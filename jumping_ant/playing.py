@@ -40,8 +40,11 @@ def _play_episode(env: JumpingAnt, policy: Policy, seed: int) -> Iterator[Step]:
     observation, _ = env.reset(seed=seed)
     policy.start([seed])
     has_ended = False
-    while not has_ended:
-        torques = policy.act(observation[None])[0]
+    for number in itertools.count():
+        if has_ended:
+            return
+        if number % policy.actions.hold == 0:
+            torques = policy.act(observation[None])[0]
         qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()
         observation, reward, terminated, truncated, _ = env.step(torques.astype(np.float32))
         has_ended = terminated or truncated

@@ -38,7 +38,8 @@ def build(params: RobotParams) -> str:
     _set_gear(spec, params.gear, params.joint_gear)
     _set_torso_radius(spec, params.torso_radius)
     _scale_legs(spec, params.leg_length)
-    _set_friction(spec, params.friction)
+    _set_damping(spec, params.damping)
+    _set_friction(spec, params.friction, params.torsional_friction, params.rolling_friction)
     try:
         spec.compile()
     except ValueError as error:
@@ -173,7 +174,14 @@ def _scale_legs(spec: mujoco.MjSpec, factor: float) -> None:
             body.pos = body.pos * factor
 
 
-def _set_friction(spec: mujoco.MjSpec, friction: float) -> None:
-    """Set the sliding friction of every part and of the floor (MuJoCo takes the larger)."""
+def _set_damping(spec: mujoco.MjSpec, damping: float) -> None:
+    """Set the damping of every hinge [N m s/rad]; the torso moves freely."""
+    for joint in spec.joints:
+        if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+            joint.damping[0] = damping
+
+
+def _set_friction(spec: mujoco.MjSpec, sliding: float, torsional: float, rolling: float) -> None:
+    """Set the friction of every part and of the floor (MuJoCo takes the larger of two)."""
     for geom in spec.geoms:
-        geom.friction[0] = friction
+        geom.friction = [sliding, torsional, rolling]

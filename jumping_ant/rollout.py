@@ -65,7 +65,9 @@ def run(
     lengths = np.zeros(count, dtype=np.int64)
     fell, alive = np.zeros(count, dtype=np.bool_), np.ones(count, dtype=np.bool_)
     for step in range(horizon):
-        torques[step] = policy.act(observations)
+        if step % policy.actions.hold == 0:
+            choice = policy.act(observations)
+        torques[step] = choice
         observations, rewards[step], terminated, truncated, _ = envs.step(torques[step])
         qpos[step], qvel[step], airborne[step] = envs.qpos, envs.qvel, envs.airborne
         lengths += alive

@@ -1,7 +1,13 @@
 """From trainers' events to files: the driver of the `train` stage.
 
-It alone touches files while training runs. For each seed, `curve.csv` grows row by row, and
-`policy.zip` appears whole when training ends, with the machine it comes from in `machine.json`.
+It alone touches files while training runs. For each seed, `curve.csv` grows row by row. When
+training ends, `policy.zip` appears whole: the snapshot that did best in validation, or the last
+policy, as `training.publish` says. `final.zip` is the last policy in any case, and `machine.json`
+says where both come from.
+
+Validation episodes start from states of their own: neither training nor the held-out episodes of
+`jumping_ant.evaluation` ever see them, and held-out episodes select nothing.
+
 Wall-clock figures, which no two runs share, stand apart in `results/timing/`. Checkpoints let a run
 that was killed go on where it was (see `jumping_ant.checkpoints`); the files come out the same.
 """
@@ -17,7 +23,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, Literal, TextIO
 
 import numpy as np
 
@@ -82,7 +88,15 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         stack.enter_context(checkpoints.opened(params.seeds))
         folder = root / "models" / agent_name
         seeds = {
-            seed: stack.enter_context(_Seed(seed, folder / f"seed-{seed}", checkpoints, display))
+            seed: stack.enter_context(
+                _Seed(
+                    seed,
+                    folder / f"seed-{seed}",
+                    checkpoints,
+                    display,
+                    params.training.publish,
+                )
+            )
             for seed in params.seeds
         }
         untrained = [number for number, seed in seeds.items() if not seed.is_finished]
@@ -199,7 +213,12 @@ class _Seed:
     """The files of one seed, and how far it has come."""
 
     def __init__(
-        self, number: int, folder: Path, checkpoints: Checkpoints, display: TrainingProgress
+        self,
+        number: int,
+        folder: Path,
+        checkpoints: Checkpoints,
+        display: TrainingProgress,
+        publish: Literal["best", "final"],
     ) -> None:
         self.number = number
         self.timing: list[tuple[int, float]] = []
@@ -208,13 +227,17 @@ class _Seed:
         self._folder = folder
         self._checkpoints = checkpoints
         self._display = display
+        self._publish = publish
         self._curve = ""
+        self._best_return: float | None = None
+        self._best = b""
         self._file: TextIO
 
     def __enter__(self) -> "_Seed":
         self._folder.mkdir(parents=True, exist_ok=True)
         # DVC clears the folder; where it did not, no older policy may stand by the new curve.
-        (self._folder / "policy.zip").unlink(missing_ok=True)
+        for name in ("policy.zip", "final.zip"):
+            (self._folder / name).unlink(missing_ok=True)
         self._file = (self._folder / "curve.csv").open("w", newline="")
         if saved := self._checkpoints.finished(self.number):
             self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")
@@ -246,6 +269,8 @@ class _Seed:
             self._display.finish(self.number, event.env_steps, report.seconds)
         else:
             self._write_row(_row(event, report.returns))
+            if isinstance(event, Snapshot):
+                self._take_if_best(event.policy, float(np.mean(report.returns)))
             self.timing.append((event.env_steps, report.seconds))
             if isinstance(event, Progress):
                 latest = None if math.isnan(event.return_mean) else event.return_mean
@@ -258,12 +283,20 @@ class _Seed:
             timing=self.timing,
             machine=report.machine,
             curve=self._curve,
+            best_return=self._best_return,
+            best=self._best,
             content=content,
         )
+
+    def _take_if_best(self, policy: bytes, mean_return: float) -> None:
+        if self._best_return is None or mean_return > self._best_return:
+            self._best_return, self._best = mean_return, policy
 
     def _go_on_from(self, saved: Saved | None) -> None:
         self.timing = list(saved.timing) if saved else []
         self.saved_steps = saved.env_steps if saved else 0
+        self._best_return = saved.best_return if saved else None
+        self._best = saved.best if saved else b""
         self._curve = ""
         self._file.seek(0)
         self._file.truncate()
@@ -271,7 +304,9 @@ class _Seed:
 
     def _finish(self, saved: Saved) -> None:
         write_json(self._folder / "machine.json", saved.machine)
-        write_bytes(self._folder / "policy.zip", saved.content)
+        published = saved.best if self._publish == "best" and saved.best else saved.content
+        write_bytes(self._folder / "final.zip", saved.content)
+        write_bytes(self._folder / "policy.zip", published)
         self.is_finished = True
 
     def _write_row(self, row: dict[str, float]) -> None:

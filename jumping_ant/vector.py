@@ -1,8 +1,8 @@
 """Many jumping Ants stepped together on MuJoCo's native thread pool.
 
 This is the one simulator core: training, populations and evaluation all step it. Environment `i`
-draws its episodes' noise from a generator of its own, seeded with `seed + i` (or with the `i`-th of
-the seeds given), so no result depends on how many environments run together or on how many threads.
+draws its episodes' noise from a generator of its own, seeded with the `i`-th of the seeds given, so
+no result depends on how many environments run together or on how many threads.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorActionWrapper, VectorEnv
+from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from mujoco import mjtStage
 from mujoco.batch import Batch, SimulationError
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from jumping_ant import robot
 from jumping_ant.params import EnvParams
 from jumping_ant.rewards import is_down, torso_height_reward
-from jumping_ant.task import COMMANDS, action_space, observation_space, observe, start_state
+from jumping_ant.task import ActionSet, observation_space, observe, start_state
 
 
 class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]]):
@@ -36,6 +36,9 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         num_envs: Number of environments.
         num_threads: Threads that step them; results do not depend on it.
         autoreset_mode: SAME_STEP or DISABLED.
+        actions: What a step's actions are, and how many control steps it holds them for.
+        episode_steps: Control steps after which each environment's episodes are truncated, shape
+            (num_envs,), infinite for never; by default `params.max_episode_steps`.
 
     Attributes:
         generators: Where each environment's noise comes from.
@@ -52,6 +55,8 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         num_envs: int,
         num_threads: int = 1,
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
+        actions: ActionSet | None = None,
+        episode_steps: NDArray[np.float64] | None = None,
     ) -> None:
         if autoreset_mode not in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
             raise ValueError(
@@ -62,7 +67,8 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         self.num_envs = num_envs
         self.metadata = {"autoreset_mode": autoreset_mode}
         self.single_observation_space = observation_space()
-        self.single_action_space = action_space(self.model)
+        self.actions = actions or ActionSet()
+        self.single_action_space = self.actions.space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._autoreset = autoreset_mode is AutoresetMode.SAME_STEP
@@ -73,6 +79,8 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         self._contacts = self._batch.bind("ncon")
         self.generators = [np.random.default_rng() for _ in range(num_envs)]
         self._num_steps = np.zeros(num_envs, dtype=np.int64)
+        limit = np.full(num_envs, params.max_episode_steps)
+        self._episode_steps = limit if episode_steps is None else episode_steps
 
     @property
     def dt(self) -> float:
@@ -123,29 +131,30 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         NDArray[np.bool_],
         dict[str, Any],
     ]:
-        """Hold each row's torques for one control step.
+        """Hold each row's action for `actions.hold` control steps.
+
+        An environment whose episode ends within them stands still for the rest.
 
         Args:
-            actions: Torques in [-1, 1], shape (num_envs, 8).
+            actions: Torques in [-1, 1], shape (num_envs, 8), or commands, shape (num_envs,).
 
         Returns:
             Observations (num_envs, 27), rewards, terminations and truncations (num_envs,), and
-            `infos` with `reward_height` and `torso_height` [m], both (num_envs,).
+            `infos` with `reward_height` and `torso_height` [m], both (num_envs,). Rewards are sums
+            over the control steps.
         """
-        self._ctrl[:] = actions
-        try:
-            self._batch.step(nstep=self.params.frame_skip)
-        except SimulationError as error:  # MuJoCo gave up on these: their episodes end, alone
-            self.qpos[error.ids] = np.nan
-        self._num_steps += 1
-        rewards = torso_height_reward(self.qpos[:, 2], self.params.reward)
-        terminations = is_down(self.qpos, self.qvel, self.params.min_torso_height)
-        truncations = ~terminations & (self._num_steps >= self.params.max_episode_steps)
-        infos: dict[str, Any] = {
-            "reward_height": rewards.copy(),
-            "torso_height": self.qpos[:, 2].copy(),
-        }
-        observations = observe(self.qpos, self.qvel)
+        self._ctrl[:] = self.actions.torques(actions)
+        observations, rewards, terminations, truncations = self._control_step()
+        heights = self.qpos[:, 2].copy()
+        for _ in range(self.actions.hold - 1):
+            alive = ~(terminations | truncations)
+            if not alive.any():
+                break
+            after, reward, terminated, truncated = self._control_step()
+            observations[alive], heights[alive] = after[alive], self.qpos[alive, 2]
+            rewards[alive] += reward[alive]
+            terminations[alive], truncations[alive] = terminated[alive], truncated[alive]
+        infos: dict[str, Any] = {"reward_height": rewards.copy(), "torso_height": heights}
         done = terminations | truncations
         if self._autoreset and done.any():
             final = np.full(self.num_envs, None, dtype=object)
@@ -157,6 +166,20 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
             self._start_episodes(np.flatnonzero(done))
             observations[done] = observe(self.qpos[done], self.qvel[done])
         return observations, rewards, terminations, truncations, infos
+
+    def _control_step(
+        self,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Simulate one control step; return observations, rewards and both kinds of end."""
+        try:
+            self._batch.step(nstep=self.params.frame_skip)
+        except SimulationError as error:  # MuJoCo gave up on these: their episodes end, alone
+            self.qpos[error.ids] = np.nan
+        self._num_steps += 1
+        rewards = torso_height_reward(self.qpos[:, 2], self.params.reward)
+        terminations = is_down(self.qpos, self.qvel, self.params.min_torso_height)
+        truncations = ~terminations & (self._num_steps >= self._episode_steps)
+        return observe(self.qpos, self.qvel), rewards, terminations, truncations
 
     def save_state(self) -> dict[str, Any]:
         """Return all that later steps depend on: arrays, and what JSON can express."""
@@ -186,16 +209,3 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
             )
         self._batch.forward(indices)
         self._num_steps[indices] = 0
-
-
-class DiscreteCommandsVector(VectorActionWrapper):
-    """`jumping_ant.env.DiscreteCommands` for the batched environment."""
-
-    def __init__(self, env: VectorEnv) -> None:
-        super().__init__(env)
-        self.single_action_space = gym.spaces.Discrete(len(COMMANDS))
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
-
-    def actions(self, actions: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the torques of each command, shape (num_envs, 8)."""
-        return COMMANDS[actions]

@@ -14,8 +14,9 @@ import torch
 
 from jumping_ant import archive, policies, trajectory
 from jumping_ant.checkpoints import Checkpoints, Saved
-from jumping_ant.policies import HEADER, UniformPolicy, network_header
+from jumping_ant.policies import HEADER, UniformPolicy, network_entries
 from jumping_ant.serving import ServedPolicy
+from jumping_ant.task import ActionSet
 
 
 @dataclass
@@ -74,7 +75,7 @@ def _policy_files(payload: Payload) -> Iterator[bytes]:
     saved = io.BytesIO()
     torch.save(payload, saved)
     pickled = pickle.dumps(payload)
-    network = {HEADER: network_header("sac", velocity_scale=1.0)}
+    network = network_entries("sac", ActionSet(), velocity_scale=1.0)
     linear = archive.unpack(_linear())
     yield pickled
     yield saved.getvalue()
@@ -83,13 +84,15 @@ def _policy_files(payload: Payload) -> Iterator[bytes]:
     yield archive.pack({**network, "policy.pth": saved.getvalue(), "data": pickled})
     yield archive.pack({**linear, "weight.npy": pickled})
     yield archive.pack({**linear, "weight.npy": _object_array(payload)})
-    yield archive.pack({**archive.unpack(UniformPolicy(0).to_bytes()), "extra.pkl": pickled})
+    yield archive.pack(
+        {**archive.unpack(UniformPolicy(0, ActionSet()).to_bytes()), "extra.pkl": pickled}
+    )
     yield archive.pack({HEADER: pickled})
 
 
 def _checkpoint_files(payload: Payload) -> Iterator[bytes]:
     """Yield checkpoints whose digest is right: they were planted by someone who can count."""
-    saved = Saved(1, 0.0, [], None, "", b"")
+    saved = Saved(1, 0.0, [], None, "", None, b"", b"")
     pickled = pickle.dumps(payload)
     yield pickled
     yield replace(saved, content=pickled).to_bytes()
@@ -113,9 +116,10 @@ def _object_array(payload: Payload) -> bytes:
 
 
 def _linear() -> bytes:
-    numbers = np.zeros(27, np.float32)
+    weight, numbers = np.zeros((8, 27), np.float32), np.zeros(27, np.float32)
+    bias = numbers[:8]
     return policies.LinearPolicy(
-        np.zeros((8, 27), np.float32), numbers[:8], numbers, numbers + 1
+        weight, bias, numbers, numbers + 1, weight, bias, ActionSet()
     ).to_bytes()
 
 

@@ -17,7 +17,9 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from jumping_ant.params import EnvParams, PGPEParams
-from jumping_ant.policies import NUM_ACTIONS, NUM_OBSERVATIONS, LinearPolicy
+from jumping_ant.policies import NUM_OBSERVATIONS, LinearPolicy
+from jumping_ant.seeding import derive, derive_all
+from jumping_ant.task import NUM_ACTIONS, ActionSet
 from jumping_ant.vector import JumpingAntVectorEnv
 
 SOLUTION_LENGTH = NUM_ACTIONS * NUM_OBSERVATIONS + NUM_ACTIONS
@@ -29,8 +31,9 @@ class JumpProblem(Problem):
     """EvoTorch's problem of finding a linear policy that jumps.
 
     A solution is the flat weight (8, 27) followed by the bias (8,). Its fitness is the return of
-    one episode, less `decrease_rewards_by` a step survived. The normaliser is held fixed within a
-    generation, so that all of its policies are judged alike, and then takes in what they saw.
+    one episode, less `decrease_rewards_by` a control step survived. The normaliser is held fixed
+    within a generation, so that all of its policies are judged alike, and then takes in what they
+    saw.
 
     Args:
         xml: The robot as MJCF text.
@@ -49,28 +52,52 @@ class JumpProblem(Problem):
             solution_length=SOLUTION_LENGTH,
             dtype=torch.float32,
             initial_bounds=INITIAL_BOUNDS,
-            seed=seed,
+            seed=derive(seed, "search", bits=32),
         )
         self.agent = agent
+        self.actions = ActionSet.of(agent.actions)
         self.normalizer = RunningNorm(shape=NUM_OBSERVATIONS, dtype=torch.float32)
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
+        self.fitness: NDArray[np.float64] = np.zeros(agent.population_size)
         # A thread plays its share of the population from start to end: none waits for another.
         shares = np.array_split(np.arange(agent.population_size), num_threads)
         self._shares = [share for share in shares if len(share)]
         self._envs = [
-            JumpingAntVectorEnv(xml, env, len(share), autoreset_mode=AutoresetMode.DISABLED)
+            JumpingAntVectorEnv(
+                xml,
+                env,
+                len(share),
+                autoreset_mode=AutoresetMode.DISABLED,
+                actions=self.actions,
+                episode_steps=np.full(len(share), agent.episode_steps),
+            )
             for share in self._shares
         ]
+        starts = derive_all(seed, "starts", agent.population_size)
         for envs, share in zip(self._envs, self._shares, strict=True):
-            envs.reset(seed=seed + int(share[0]))
+            envs.reset(seed=[starts[index] for index in share])
         self._pool = ThreadPoolExecutor(len(self._shares))
 
-    def policy(self, solution: torch.Tensor) -> LinearPolicy:
-        """Return the policy that a solution describes, with the normaliser as it stands."""
-        weight, bias = _unflatten(solution)
+    def policy(self, center: torch.Tensor, spread: torch.Tensor) -> LinearPolicy:
+        """Return the policy at a distribution's centre, with the normaliser as it stands.
+
+        Args:
+            center: A solution, shape (224,).
+            spread: Deviation of the distribution, shape (224,).
+        """
+        weight, bias = _unflatten(center)
         mean, stdev = self._moments()
-        return LinearPolicy(weight.numpy(), bias.numpy(), mean.numpy(), stdev.numpy())
+        weight_spread, bias_spread = _unflatten(spread)
+        return LinearPolicy(
+            weight.numpy(),
+            bias.numpy(),
+            mean.numpy(),
+            stdev.numpy(),
+            weight_spread.numpy(),
+            bias_spread.numpy(),
+            self.actions,
+        )
 
     def save_state(self) -> dict[str, Any]:
         """Return all that later generations depend on: arrays, and what JSON can express."""
@@ -108,19 +135,20 @@ class JumpProblem(Problem):
         if self.agent.observation_normalization:
             observations = np.concatenate([episode.observations for episode in episodes], axis=1)
             self.normalizer.update(torch.from_numpy(observations[alive]))
-        lengths = alive[1:].sum(0)
+        lengths = np.minimum(alive[1:].sum(0) * self.actions.hold, self.agent.episode_steps)
         self.env_steps += int(lengths.sum())
-        fitness = self.returns - self.agent.decrease_rewards_by * lengths
-        batch.set_evals(torch.as_tensor(fitness, dtype=torch.float32))
+        self.fitness = self.returns - self.agent.decrease_rewards_by * lengths
+        batch.set_evals(torch.as_tensor(self.fitness, dtype=torch.float32))
 
     def _play(self, envs: JumpingAntVectorEnv, networks: Sequence[Network]) -> "_Episodes":
         """Play an episode of each policy, side by side."""
-        episodes = _Episodes.empty(self.agent.episode_steps, len(networks))
+        decisions = -(-self.agent.episode_steps // self.actions.hold)
+        episodes = _Episodes.empty(decisions, len(networks))
         torques = torch.empty(len(networks), NUM_ACTIONS)
         mean, stdev = self._moments()
         episodes.observations[0], _ = envs.reset()
         episodes.alive[0] = alive = np.ones(len(networks), dtype=np.bool_)
-        for step in range(self.agent.episode_steps):
+        for step in range(decisions):
             normalized = (torch.from_numpy(episodes.observations[step]) - mean) / stdev
             # Row by row, as GymNE does: all in one product would be rounded differently.
             for row, (weight, bias), out in zip(normalized, networks, torques, strict=True):
@@ -144,11 +172,11 @@ class JumpProblem(Problem):
 
 @dataclass(frozen=True)
 class _Episodes:
-    """Episodes of n policies, of T control steps or fewer.
+    """Episodes of n policies, of T decisions or fewer.
 
     Attributes:
-        observations: At the start and after each step, shape (T + 1, n, 27).
-        alive: Whether a policy took that step, true at the start, shape (T + 1, n).
+        observations: At the start and after each decision, shape (T + 1, n, 27).
+        alive: Whether a policy took that decision, true at the start, shape (T + 1, n).
         returns: Shape (n,).
     """
 

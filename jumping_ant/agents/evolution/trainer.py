@@ -6,6 +6,8 @@ gradients") with the ClipUp optimiser (Toklu et al. 2020).
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
+import torch
 from evotorch.algorithms import PGPE
 
 from jumping_ant.agents.evolution import state
@@ -37,8 +39,8 @@ def train(
         is_checkpoint_due: Asked after every generation.
 
     Yields:
-        Progress (with the best return, the centre's norm and the mean stdev), snapshots of the
-        centre's policy, checkpoints when due, and at last that policy.
+        Progress (with the best return, fitnesses, the centre's norm and the mean stdev), snapshots
+        of the centre's policy, checkpoints when due, and at last that policy.
     """
     problem = JumpProblem(xml, env, agent, seed, num_threads)
     searcher = PGPE(
@@ -63,12 +65,21 @@ def train(
             return_std=float(problem.returns.std()),
             extra={
                 "return_best": float(problem.returns.max()),
+                "fitness_mean": float(problem.fitness.mean()),
+                "fitness_median": float(np.median(problem.fitness)),
+                "fitness_best": float(problem.fitness.max()),
                 "center_norm": float(center.norm()),
                 "stdev_mean": float(searcher.status["stdev"].mean()),
             },
         )
         if generation * evaluations % agent.generations < evaluations:
-            yield Snapshot(problem.env_steps, problem.policy(center).to_bytes())
+            yield Snapshot(problem.env_steps, _policy_file(searcher, problem))
         if is_checkpoint_due():
             yield Checkpoint(problem.env_steps, state.capture(searcher, problem))
-    yield Finished(problem.env_steps, problem.policy(searcher.status["center"]).to_bytes())
+    yield Finished(problem.env_steps, _policy_file(searcher, problem))
+
+
+def _policy_file(searcher: PGPE, problem: JumpProblem) -> bytes:
+    """Return the policy at the distribution's centre, as a policy file."""
+    status = (searcher.status[name].as_subclass(torch.Tensor) for name in ("center", "stdev"))
+    return problem.policy(*status).to_bytes()

@@ -11,10 +11,11 @@ parameters and is the same for all of them.
 
 import dataclasses
 import math
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from stable_baselines3 import DQN, SAC
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BaseModel
@@ -44,15 +45,51 @@ class LeanDQN(DQN):
         self._target_values = flatten(list(self.q_net_target.parameters()))
         self._online = _mlp(self.q_net.q_net)
         self._target = _mlp(self.q_net_target.q_net)
+        self._acting = _mlp(self.q_net.q_net)  # the online network, for batches of another size
 
     def _excluded_save_params(self) -> list[str]:
-        own = ["_online", "_target", "_target_values", "_adam"]
+        own = ["_online", "_target", "_acting", "_target_values", "_adam"]
         return [*super()._excluded_save_params(), *own]
 
     @property
     def vectors(self) -> dict[str, Tensor]:
         """All that learning writes, by name."""
         return {"target": self._target_values, **self._adam.vectors}
+
+    @torch.no_grad()
+    def predict(
+        self,
+        observation: NDArray[np.float32] | dict[str, NDArray[Any]],
+        state: tuple[NDArray[Any], ...] | None = None,
+        episode_start: NDArray[Any] | None = None,
+        deterministic: bool = False,
+    ) -> tuple[NDArray[np.int64], tuple[NDArray[Any], ...] | None]:
+        """Choose a command for each environment, epsilon-greedily while exploring.
+
+        SB3 tosses one coin for all environments; here each has its own. With one environment the
+        two choose alike.
+
+        Args:
+            observation: Shape (n, 27).
+            state: Unused.
+            episode_start: Unused.
+            deterministic: Whether to leave out the exploration.
+
+        Returns:
+            Commands, shape (n,), and `state`.
+        """
+        assert isinstance(observation, np.ndarray)
+        is_random = np.zeros(len(observation), dtype=np.bool_)
+        if not deterministic:
+            is_random = np.random.rand(len(observation)) < self.exploration_rate
+        if is_random.all():
+            return np.array([self.action_space.sample() for _ in is_random]), state
+        extractor = self.q_net.features_extractor
+        values = self._acting.forward(extractor(torch.from_numpy(observation)))
+        actions = values.argmax(1).numpy()
+        for index in np.flatnonzero(is_random):
+            actions[index] = self.action_space.sample()
+        return actions, state
 
     @denormals_flushed()
     @torch.no_grad()

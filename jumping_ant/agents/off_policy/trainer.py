@@ -29,8 +29,10 @@ from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
 from jumping_ant.archive import pack, unpack
 from jumping_ant.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.params import DQNParams, EnvParams, SACParams
-from jumping_ant.policies import HEADER, network_header, velocity_factors
-from jumping_ant.vector import DiscreteCommandsVector, JumpingAntVectorEnv
+from jumping_ant.policies import network_entries, velocity_factors
+from jumping_ant.seeding import derive, derive_all
+from jumping_ant.task import ActionSet
+from jumping_ant.vector import JumpingAntVectorEnv
 
 # What the learning curve keeps of SB3's log, by algorithm.
 LOGGED = {
@@ -107,29 +109,44 @@ def make_model(envs: VecEnv, agent: DQNParams | SACParams, seed: int) -> LeanDQN
     }
     algorithm: Any = LeanSAC if is_sac else LeanDQN
     model: LeanDQN | LeanSAC = algorithm(
-        "MlpPolicy", envs, policy_kwargs=policy_kwargs, seed=seed, device="cpu", **settings
+        "MlpPolicy",
+        envs,
+        policy_kwargs=policy_kwargs,
+        seed=derive(seed, "learner", bits=32),
+        device="cpu",
+        **settings,
     )
+    # SB3 seeds everything alike; the networks' weights and noise keep that seed.
+    np.random.seed(derive(seed, "replay", bits=32))  # draws transitions, and explores
+    model.action_space.seed(derive(seed, "actions"))
     return model
 
 
 def make_envs(
-    xml: str, env: EnvParams, agent: DQNParams | SACParams, num_threads: int = 1
+    xml: str, env: EnvParams, agent: DQNParams | SACParams, seed: int, num_threads: int = 1
 ) -> VecEnv:
     """Return the environments an agent learns in: torques for SAC, commands for DQN.
 
-    Their episodes are cut after `episode_steps`, which learners treat as the time limit it is.
+    Their episodes are cut as the agent's block says, which learners treat as the time limit it is.
 
     Args:
         xml: The robot as MJCF text.
         env: The task.
         agent: The agent's block.
+        seed: Of the start states.
         num_threads: Threads that step the simulations; results do not depend on it.
     """
-    steps = min(agent.episode_steps, env.max_episode_steps)
+    episode_steps = np.full(agent.num_envs, agent.episode_steps or np.inf)
+    episode_steps[: round(agent.long_episodes * agent.num_envs)] = env.max_episode_steps
     envs = JumpingAntVectorEnv(
-        xml, env.model_copy(update={"max_episode_steps": steps}), agent.num_envs, num_threads
+        xml,
+        env,
+        agent.num_envs,
+        num_threads,
+        actions=ActionSet.of(agent.actions),
+        episode_steps=episode_steps,
     )
-    return SB3VecEnv(envs if isinstance(agent, SACParams) else DiscreteCommandsVector(envs))
+    return SB3VecEnv(envs, derive_all(seed, "starts", agent.num_envs))
 
 
 def train(
@@ -155,28 +172,30 @@ def train(
         is_checkpoint_due: Asked after every round.
 
     Yields:
-        Progress every `log_interval` control steps (with losses, and the exploration rate or the
+        Progress every `log_interval` transitions (with losses, and the exploration rate or the
         entropy coefficient), snapshots of the policy, checkpoints when due, and at last the policy.
     """
-    model = make_model(make_envs(xml, env, agent, num_threads), agent, seed)
+    model = make_model(make_envs(xml, env, agent, seed, num_threads), agent, seed)
     model.set_logger(Logger(folder=None, output_formats=[]))
-    _, callback = model._setup_learn(agent.total_steps, CallbackList([]))
+    hold = agent.actions.hold
+    budget = -(-agent.total_steps // hold)  # decisions, as SB3 counts
+    _, callback = model._setup_learn(budget, CallbackList([]))
     episodes = _EpisodeReturns(model)
     if checkpoint is not None:
         episodes.count, episodes.returns = state.restore(model, checkpoint)
-    while model.num_timesteps < agent.total_steps:
+    while model.num_timesteps < budget:
         before = model.num_timesteps
         _learn_once(model, callback)
         episodes.collect()
-        is_evaluated = _crossed(before, model.num_timesteps, agent.total_steps / evaluations)
+        is_evaluated = _crossed(before, model.num_timesteps, budget / evaluations)
         if is_evaluated or _crossed(before, model.num_timesteps, agent.log_interval):
             yield _progress(model, agent, episodes)
         if is_evaluated:
-            yield Snapshot(model.num_timesteps, policy_file(model, agent))
+            yield Snapshot(model.num_timesteps * hold, policy_file(model, agent))
         if is_checkpoint_due():
             content = state.capture(model, [episodes.count, episodes.returns])
-            yield Checkpoint(model.num_timesteps, content)
-    yield Finished(model.num_timesteps, policy_file(model, agent))
+            yield Checkpoint(model.num_timesteps * hold, content)
+    yield Finished(model.num_timesteps * hold, policy_file(model, agent))
 
 
 def policy_file(model: OffPolicyAlgorithm, agent: DQNParams | SACParams) -> bytes:
@@ -190,8 +209,8 @@ def policy_file(model: OffPolicyAlgorithm, agent: DQNParams | SACParams) -> byte
     entries = unpack(buffer.getvalue())
     del entries["system_info.txt"]
     entries["data"] = json.dumps(_without_addresses(json.loads(entries["data"]))).encode()
-    header = network_header(agent.algorithm, agent.velocity_scale)
-    return pack({HEADER: header, **entries})
+    own = network_entries(agent.algorithm, ActionSet.of(agent.actions), agent.velocity_scale)
+    return pack(own | entries)
 
 
 def _without_addresses(data: dict[str, Any]) -> dict[str, Any]:
@@ -253,7 +272,7 @@ def _progress(
     return_mean, return_std = episodes.take()
     values = model.logger.name_to_value
     return Progress(
-        env_steps=model.num_timesteps,
+        env_steps=model.num_timesteps * agent.actions.hold,
         updates=model._n_updates,
         episodes=episodes.count,
         return_mean=return_mean,

@@ -1,5 +1,6 @@
 """The batched environment as Stable-Baselines3 wants it."""
 
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -15,26 +16,28 @@ class SB3VecEnv(VecEnv):
     """Adapter of a Gymnasium vector environment with SAME_STEP autoreset to SB3's `VecEnv`.
 
     Observations become float32, which is what the networks compute with: replay memory halves.
-    Seeds follow SB3's own `DummyVecEnv`: environment `i` gets `seed + i`.
 
     Args:
         envs: The environments; their actions may be torques or discrete commands.
+        starts: Seed of each environment's start states, at the first reset; SB3's own seeds,
+            `seed + i`, would be shared with neighbouring runs.
     """
 
-    def __init__(self, envs: VectorEnv[Any, Any, Any]) -> None:
+    def __init__(self, envs: VectorEnv[Any, Any, Any], starts: Sequence[int]) -> None:
         self.envs = envs
         shape = envs.single_observation_space.shape
         super().__init__(
             envs.num_envs, spaces.Box(-np.inf, np.inf, shape, np.float32), envs.single_action_space
         )
+        self._starts: list[int] | None = list(starts)
         self._actions: NDArray[Any] = np.zeros(0)
         self._returns = np.zeros(envs.num_envs)
         self._lengths = np.zeros(envs.num_envs, dtype=np.int64)
 
     def reset(self) -> NDArray[np.float32]:
-        """Start an episode in every environment, with the seeds set by `seed` if any."""
-        observations, _ = self.envs.reset(seed=self._seeds)  # type: ignore[arg-type]  # one each
-        self._reset_seeds()
+        """Start an episode in every environment."""
+        observations, _ = self.envs.reset(seed=self._starts)  # type: ignore[arg-type]  # one each
+        self._starts = None
         self._returns[:] = 0.0
         self._lengths[:] = 0
         return observations.astype(np.float32)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from jumping_ant.events import Event, Finished, Snapshot
 from jumping_ant.params import EnvParams, RandomAgentParams
 from jumping_ant.policies import UniformPolicy
+from jumping_ant.task import ActionSet
 
 
 def train(
@@ -17,18 +18,18 @@ def train(
     checkpoint: bytes | None = None,
     is_checkpoint_due: Callable[[], bool] = lambda: False,
 ) -> Iterator[Event]:
-    """Yield the policy that draws torques at random, without a step of training.
+    """Yield the policy that draws its actions at random, without a step of training.
 
     Args:
         xml: The robot, unused.
         env: The task, unused.
-        agent: The agent's block, which has no numbers.
+        agent: The agent's block: what is drawn from.
         seed: The policy's seed.
         evaluations: Unused; one snapshot shows all there is.
         num_threads: Unused.
         checkpoint: Unused.
         is_checkpoint_due: Unused.
     """
-    policy = UniformPolicy(seed).to_bytes()
+    policy = UniformPolicy(seed, ActionSet.of(agent.actions)).to_bytes()
     yield Snapshot(0, policy)
     yield Finished(0, policy)

@@ -1,0 +1,32 @@
+"""Where every stream of random numbers comes from: a seed, a purpose and an index.
+
+NumPy's `SeedSequence` turns the three into a seed of 128 bits, so that no two runs, purposes or
+environments share a stream. (With `seed + i`, environment 1 of seed 0 would be environment 0 of
+seed 1.) Source: O'Neill 2015, "Developing a seed_seq alternative", which `SeedSequence` follows.
+"""
+
+from typing import Literal, get_args
+
+import numpy as np
+
+Purpose = Literal["starts", "learner", "replay", "actions", "search", "samples"]
+_PURPOSES = get_args(Purpose)  # their order is part of every result: add new ones at the end
+
+
+def derive(seed: int, purpose: Purpose, index: int = 0, bits: Literal[32, 128] = 128) -> int:
+    """Return the seed of one stream.
+
+    Args:
+        seed: The run's seed.
+        purpose: What the stream is for.
+        index: Which of the streams for that purpose, such as the environment's number.
+        bits: Size of the result; generators of older kinds take 32 bits alone.
+    """
+    sequence = np.random.SeedSequence(seed, spawn_key=(_PURPOSES.index(purpose), index))
+    words = sequence.generate_state(bits // 32, np.uint32)
+    return int.from_bytes(words.astype("<u4").tobytes(), "little")
+
+
+def derive_all(seed: int, purpose: Purpose, count: int) -> list[int]:
+    """Return the seeds of streams 0 to `count - 1` for a purpose."""
+    return [derive(seed, purpose, index) for index in range(count)]
