@@ -128,9 +128,9 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
 class DiscreteCommands(gym.ActionWrapper):
     """The five discrete commands of the source article, as actions 0 to 4.
 
-    0: no torque; 1: +0.5 on all; 2: -0.5 on all; 3: +0.5 on actuators 0-3 and -0.5 on 4-7;
-    4: the reverse. Actuators 0-3 are the back right and front left legs, a diagonal pair, though
-    the article calls them the front legs.
+    0: no torque; 1: +0.5 on all; 2: -0.5 on all; 3: +0.5 on actuators 0-3, the front legs, and -0.5
+    on 4-7, the back legs; 4: the reverse. Command 3 pushes all feet down and 4 lifts them (see
+    `jumping_ant.task`).
     """
 
     def __init__(self, env: gym.Env) -> None:
