@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from jumping_ant import looks, tables
 from jumping_ant.errors import InputError
+from jumping_ant.measures import MEASURES
 from jumping_ant.params import CompareParams, Params
 from jumping_ant.statistics import (
     Estimate,
@@ -65,7 +66,8 @@ class AgentResults:
     Attributes:
         name: The agent's name in `params.yaml`.
         algorithm: What it runs.
-        quantities: Mean over each seed's episodes, by column of `episodes.csv`, (num_seeds,).
+        quantities: Mean over each seed's episodes, by column of `episodes.csv`, (num_seeds,); NaN
+            where a seed has no episode with a value (see `Measure.can_be_empty`).
         curves: Each seed's training, in the same order of seeds.
         generation_seconds: By number of threads, what a generation took each seed [s],
             (num_seeds,); nothing for agents without a population.
@@ -139,7 +141,8 @@ def read_episodes(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Arr
         seeds: Those that must be there.
 
     Returns:
-        The columns of its `episodes.csv`, (num_episodes,) each.
+        The columns of its `episodes.csv`, (num_episodes,) each. NaN stands for the empty cells that
+        `Measure.can_be_empty` allows.
 
     Raises:
         InputError: The file is missing, malformed, or of other seeds.
@@ -148,7 +151,8 @@ def read_episodes(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Arr
     table = tables.read(path, ("seed", *QUANTITIES), stage)
     _check_seeds(path, table["seed"], seeds, stage)
     for name, column in table.items():
-        if not np.isfinite(column).all():
+        allowed = np.isnan(column) if _can_be_empty(name) else False
+        if not (np.isfinite(column) | allowed).all():
             raise InputError(
                 f"{path}: column {name} holds a cell that is empty or not finite; "
                 f"run `dvc repro --force {stage}`"
@@ -265,9 +269,15 @@ def to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _summarize_agent(agent: AgentResults, params: CompareParams) -> dict[str, Any]:
+    """Return an agent's figures; seeds without a value of a quantity are left out of its estimate.
+
+    A quantity that no seed has is left out altogether.
+    """
+    known = {name: values[~np.isnan(values)] for name, values in agent.quantities.items()}
     quantities = {
         name: estimate(interquartile_mean, [values], params).as_dict("iqm")
-        for name, values in agent.quantities.items()
+        for name, values in known.items()
+        if len(values)
     }
     return {
         "seeds": len(agent.curves),
@@ -285,13 +295,23 @@ def _learning_curve(agent: AgentResults, params: CompareParams) -> LearningCurve
 
 
 def _read_quantities(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Array]:
-    """Return each quantity's mean over the episodes of each seed."""
+    """Return each quantity's mean over the episodes of each seed, empty cells left out."""
     table = read_episodes(root, agent, seeds)
     others = (name for name in table if name not in KEYS + QUANTITIES)
     return {
-        name: np.array([table[name][table["seed"] == seed].mean() for seed in seeds])
+        name: np.array([_mean(table[name][table["seed"] == seed]) for seed in seeds])
         for name in (*QUANTITIES, *others)
     }
+
+
+def _can_be_empty(column: str) -> bool:
+    return column in MEASURES and MEASURES[column].can_be_empty
+
+
+def _mean(values: Array) -> float:
+    """Return the mean of the values that are not NaN, NaN where all are."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else float("nan")
 
 
 def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, SeedCurve]:

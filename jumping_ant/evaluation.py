@@ -8,15 +8,19 @@ episode:
 | length | control steps until the end | steps |
 | return | sum of the rewards | |
 | peak_height | highest torso height | m |
+| apex | highest torso height in a jump, mean over jumps; without a jump, peak_height | m |
 | mean_height | mean torso height | m |
 | jumps | airborne phases of at least `min_airborne_seconds` | |
 | airborne_seconds | time without any contact | s |
-| smoothness | mean squared change of torque over peak torque, step to step; lower is smoother | |
+| flight | share of control steps that end without any contact, in [0, 1] | |
+| smoothness | torque change: mean squared change of torque over peak torque, step to step | |
+| fluidity | mean spectral arc length of joint velocities while moving; NaN if never moving | |
 | work | mechanical work of the motors: sum of abs(torque x joint velocity) x dt | J |
 | drift | horizontal distance of the torso from its start to its end | m |
 | survived | 1 if the episode reached its time limit, else 0 | |
 
-A state that is not finite ends its episode and is left out of the measures.
+A state that is not finite ends its episode and is left out of the measures. Jumps and fluidity are
+defined in `jumping_ant.motion`.
 """
 
 from typing import Any
@@ -27,7 +31,7 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from jumping_ant import robot, rollout
+from jumping_ant import motion, robot, rollout
 from jumping_ant.params import Params
 from jumping_ant.policies import Policy
 from jumping_ant.rollout import Episode
@@ -37,10 +41,13 @@ QUANTITIES = (
     "length",
     "return",
     "peak_height",
+    "apex",
     "mean_height",
     "jumps",
     "airborne_seconds",
+    "flight",
     "smoothness",
+    "fluidity",
     "work",
     "drift",
     "survived",
@@ -84,6 +91,8 @@ def evaluate(
 def seed_means(table: pd.DataFrame) -> pd.DataFrame:
     """Return the sample of the statistics: each seed's mean of every quantity over its episodes.
 
+    Episodes in which a quantity is not defined (NaN) are left out of its mean.
+
     Args:
         table: Episodes, as `evaluate` returns them.
     """
@@ -91,13 +100,13 @@ def seed_means(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def summarize(table: pd.DataFrame) -> dict[str, float]:
-    """Return the mean over seeds of every quantity.
+    """Return the mean over seeds of every quantity that is defined in an episode at least.
 
     Args:
         table: Episodes, as `evaluate` returns them.
     """
-    by_seed = seed_means(table)
-    return {name: float(by_seed[name].mean()) for name in QUANTITIES}
+    means = seed_means(table)[list(QUANTITIES)].mean().dropna()
+    return {str(name): float(mean) for name, mean in means.items()}
 
 
 def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str, float]:
@@ -110,32 +119,42 @@ def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str
     """
     dt = float(model.opt.timestep) * params.env.frame_skip
     finite = np.isfinite(episode.qpos).all(axis=1) & np.isfinite(episode.qvel).all(axis=1)
-    places = np.concatenate([episode.start_qpos[None, :3], episode.qpos[finite, :3]])
+    positions = np.concatenate([episode.start_qpos[None], episode.qpos[finite]])
+    heights = positions[:, 2]
+    # Contacts of the start are not recorded: it counts as on the ground.
+    airborne = np.concatenate([[False], episode.airborne[finite]])
+    jumps = motion.phases(airborne, params.evaluate.min_airborne_seconds / dt)
     change = np.diff(episode.torques, axis=0)
     return {
         "length": len(episode.rewards),
         "return": float(episode.rewards.sum()),
-        "peak_height": float(places[:, 2].max()),
-        "mean_height": float(places[:, 2].mean()),
-        "jumps": count_phases(episode.airborne, params.evaluate.min_airborne_seconds / dt),
-        "airborne_seconds": float(episode.airborne.sum() * dt),
+        "peak_height": float(heights.max()),
+        "apex": motion.apex(heights, jumps),
+        "mean_height": float(heights.mean()),
+        "jumps": len(jumps),
+        "airborne_seconds": float(airborne.sum() * dt),
+        "flight": float(airborne.sum() / len(episode.rewards)),
         "smoothness": float(np.square(change).mean()) if len(change) else 0.0,
+        "fluidity": motion.fluidity(joint_angles(model, positions), dt),
         "work": float(np.abs(motor_power(model, episode)[finite]).sum() * dt),
-        "drift": float(np.hypot(*(places[-1, :2] - places[0, :2]))),
+        "drift": float(np.hypot(*(positions[-1, :2] - positions[0, :2]))),
         "survived": int(not episode.terminated),
     }
 
 
-def count_phases(mask: NDArray[np.bool_], min_length: float) -> int:
-    """Return how many runs of true values are at least so long.
+def joint_angles(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angle of every motor's joint over the joint's range.
 
     Args:
-        mask: Shape (T,).
-        min_length: [elements]
+        model: The robot.
+        qpos: Positions, shape (num_states, 15).
+
+    Returns:
+        Shape (num_states, 8); 1 is the way from one end of the range to the other.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    lengths = edges[1::2] - edges[::2]
-    return int((lengths >= min_length - 1e-9).sum())
+    joints = model.actuator_trnid[:, 0]
+    low, high = model.jnt_range[joints].T
+    return np.asarray(qpos[:, model.jnt_qposadr[joints]] / (high - low))
 
 
 def motor_power(model: mujoco.MjModel, episode: Episode) -> NDArray[np.float64]:

@@ -45,7 +45,7 @@ BEHAVIOUR = {  # axis labels of the quantities drawn, where they were measured
     "peak_height": "Peak height of the torso [m]",
     "jumps": "Jumps per episode",
     "airborne_seconds": "Time off the ground per episode [s]",
-    "smoothness": "Squared torque change per step (low is smooth)",
+    "smoothness": "Squared torque change per step",
 }
 
 

@@ -12,12 +12,14 @@ class Measure:
         unit: Its unit, empty for pure numbers.
         about: What it is, in a sentence.
         is_better: 1 where more is better, -1 where less is, 0 where neither.
+        can_be_empty: Whether an episode may have none; its cell is empty then.
     """
 
     label: str
     unit: str
     about: str
     is_better: int
+    can_be_empty: bool = False
 
     @property
     def axis(self) -> str:
@@ -28,14 +30,23 @@ class Measure:
 MEASURES = {
     "return": Measure("Return", "", "Sum of the rewards of an episode.", 1),
     "peak_height": Measure("Peak height", "m", "Highest the torso's centre gets.", 1),
+    "apex": Measure("Apex", "m", "Highest the torso's centre gets in a jump, mean over jumps.", 1),
     "mean_height": Measure("Mean height", "m", "Mean height of the torso's centre.", 1),
     "jumps": Measure("Jumps", "", "Times off the ground for long enough.", 0),
     "airborne_seconds": Measure("Airborne", "s", "Time without any contact.", 1),
+    "flight": Measure("Flight", "", "Share of the control steps that end without any contact.", 1),
     "smoothness": Measure(
         "Torque change",
         "",
-        "Mean squared change of torque over peak torque from step to step: low is smooth.",
+        "Mean squared change of torque over peak torque from step to step; none at rest.",
         -1,
+    ),
+    "fluidity": Measure(
+        "Fluidity",
+        "",
+        "Spectral arc length of the joints' velocities while they move: closer to 0 is more fluid.",
+        1,
+        can_be_empty=True,
     ),
     "work": Measure("Work", "J", "Mechanical work of the motors.", -1),
     "drift": Measure("Drift", "m", "Distance of the torso's end from its start, on the floor.", 0),

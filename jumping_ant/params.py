@@ -164,6 +164,8 @@ class OffPolicyParams(Block):
     """[control steps] Training episodes are cut here; null never cuts them."""
     long_episodes: Fraction
     """[-] Share of the environments whose episodes last for `env.max_episode_steps` instead."""
+    tumbled_starts: Fraction
+    """[-] Share of the training episodes that start in the air, in any orientation."""
     num_envs: Count
     """[-] Simulations stepped at once."""
     learning_rate: Positive

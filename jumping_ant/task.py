@@ -12,9 +12,19 @@ Observation, `Box(27,)` float64:
 | 19-26 | angular velocities of the joints, in the order of the angles | rad/s |
 
 Action, `Box(-1, 1, (8,))` float32: torque over peak torque of hip_4, ankle_4, hip_1, ankle_1,
-hip_2, ankle_2, hip_3, ankle_3, the robot's actuator order. With the source's names, 0 and 1 move
-the back right leg, 2 and 3 the front left one, 4 and 5 the front right one, 6 and 7 the back left
-one: 0-3 are one diagonal pair and 4-7 the other.
+hip_2, ankle_2, hip_3, ankle_3, the robot's actuator order. 0-3 move the two front legs, 4-7 the two
+back legs, where x is forward:
+
+| motors | leg in the source | its hip at x, y |
+|---|---|---|
+| 0, 1 | `right_back_leg` | 0.2, -0.2 |
+| 2, 3 | `front_left_leg` | 0.2, 0.2 |
+| 4, 5 | `front_right_leg` | -0.2, 0.2 |
+| 6, 7 | `back_leg` | -0.2, -0.2 |
+
+The source's names of two legs do not fit this; their places do. A positive torque on an ankle
+pushes a front foot down and lifts a back one. So command 3 below pushes all four feet down, command
+4 lifts them, and commands 1 and 2, the same torque on all, tilt the body.
 
 The state's noise, observation and termination are those of Gymnasium's Ant-v5 without contact
 forces, but for the upper height limit, which a jumping Ant must not have.
@@ -31,6 +41,7 @@ from numpy.typing import NDArray
 from jumping_ant.params import ActionParams
 
 NUM_ACTIONS = 8
+DROP_HEIGHT = 1.2  # [m] of a tumbled start: no outstretched leg reaches the floor
 
 # The source article's five commands, one a row, in the actuators' order, as signs of the torques:
 # none, all forward, all backward, front legs forward and back legs backward, and the reverse.
@@ -118,18 +129,27 @@ def observe(qpos: NDArray[np.float64], qvel: NDArray[np.float64]) -> NDArray[np.
 
 
 def start_state(
-    model: mujoco.MjModel, noise_scale: float, generator: np.random.Generator
+    model: mujoco.MjModel,
+    noise_scale: float,
+    generator: np.random.Generator,
+    tumbled: float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Draw a start state, as Ant-v5 draws it.
+    """Draw a start state, as Ant-v5 draws it, or a tumbled one.
 
     Args:
         model: The robot.
         noise_scale: Half width of the positions' uniform noise, and deviation of the velocities'.
         generator: Where the noise comes from; it is advanced by one episode.
+        tumbled: Chance that the robot starts in the air in any orientation, all of them equally
+            likely, so that it lands on its back as often as on its feet.
 
     Returns:
         Positions, shape (15,), and velocities, shape (14,).
     """
     qpos = model.qpos0 + generator.uniform(-noise_scale, noise_scale, model.nq)
     qvel = noise_scale * generator.standard_normal(model.nv)
+    if tumbled > 0 and generator.random() < tumbled:
+        quaternion = generator.standard_normal(4)
+        qpos[3:7] = quaternion / np.linalg.norm(quaternion)
+        qpos[2] = DROP_HEIGHT
     return qpos, qvel

@@ -39,6 +39,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         actions: What a step's actions are, and how many control steps it holds them for.
         episode_steps: Control steps after which each environment's episodes are truncated, shape
             (num_envs,), infinite for never; by default `params.max_episode_steps`.
+        tumbled_starts: Share of the episodes that start tumbled (see `task.start_state`).
 
     Attributes:
         generators: Where each environment's noise comes from.
@@ -57,6 +58,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
         actions: ActionSet | None = None,
         episode_steps: NDArray[np.float64] | None = None,
+        tumbled_starts: float = 0.0,
     ) -> None:
         if autoreset_mode not in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
             raise ValueError(
@@ -79,6 +81,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         self._contacts = self._batch.bind("ncon")
         self.generators = [np.random.default_rng() for _ in range(num_envs)]
         self._num_steps = np.zeros(num_envs, dtype=np.int64)
+        self._tumbled_starts = tumbled_starts
         limit = np.full(num_envs, params.max_episode_steps)
         self._episode_steps = limit if episode_steps is None else episode_steps
 
@@ -205,7 +208,10 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         self._batch.reset(indices, stage=mjtStage.mjSTAGE_NONE)
         for index in indices:
             self.qpos[index], self.qvel[index] = start_state(
-                self.model, self.params.reset_noise_scale, self.generators[index]
+                self.model,
+                self.params.reset_noise_scale,
+                self.generators[index],
+                self._tumbled_starts,
             )
         self._batch.forward(indices)
         self._num_steps[indices] = 0

@@ -62,8 +62,9 @@ def test_summary_follows_its_contract(project):
     assert list(summary["agents"]) == list(AGENTS)
     dqn = summary["agents"]["dqn"]
     assert list(dqn) == [
-        "seeds", "return", "peak_height", "smoothness", "length", "mean_height", "jumps",
-        "airborne_seconds", "work", "drift", "survived", "env_steps", "train_seconds",
+        "seeds", "return", "peak_height", "smoothness", "length", "apex", "mean_height", "jumps",
+        "airborne_seconds", "flight", "fluidity", "work", "drift", "survived", "env_steps",
+        "train_seconds",
     ]  # fmt: skip
     assert (dqn["seeds"], dqn["env_steps"], dqn["train_seconds"]) == (4, 1000, 500.0)
     assert dqn["return"]["iqm"] == pytest.approx(715)  # the middle two of 700 ... 730
@@ -243,6 +244,43 @@ def test_cells_that_are_no_numbers_are_refused(project, cell, said):
     rows[2]["smoothness"] = cell
     write_csv(path, rows)
     with pytest.raises(InputError, match=said):
+        comparison.load(project, PARAMS)
+
+
+def empty_fluidity(project, seed_episodes):
+    """Empty the fluidity of DQN's episodes of these (seed, episode)."""
+    path = project / "results" / "dqn" / "episodes.csv"
+    rows = read_csv(path)
+    for row in rows:
+        if (int(row["seed"]), int(row["episode"])) in seed_episodes:
+            row["fluidity"] = ""
+    write_csv(path, rows)
+
+
+def test_episodes_and_seeds_without_fluidity_are_left_out(project):
+    one, other = SEEDS[:2]
+    empty_fluidity(project, [(one, 0), (one, 1), *((other, episode) for episode in range(3))])
+    results = comparison.load(project, PARAMS)
+    fluidity = results["dqn"].quantities["fluidity"]
+    assert fluidity[0] == pytest.approx(-1000 / 705)  # its last episode returned 705
+    assert np.isnan(fluidity[1])
+    summary = comparison.summarize(results, COMPARE)["agents"]["dqn"]
+    assert summary["fluidity"]["iqm"] == pytest.approx(fluidity[[0, 2, 3]].mean())  # all of three
+    assert fluidity[0] <= summary["fluidity"]["low"] < summary["fluidity"]["iqm"]
+    json.dumps(summary, allow_nan=False)
+
+
+def test_a_quantity_that_no_seed_has_is_left_out(project):
+    empty_fluidity(project, [(seed, episode) for seed in SEEDS for episode in range(3)])
+    agents = summarize(project)["agents"]
+    assert "fluidity" not in agents["dqn"]
+    assert "fluidity" in agents["sac-long"]
+
+
+def test_fluidity_may_be_empty_but_not_infinite(project):
+    path = project / "results" / "dqn" / "episodes.csv"
+    write_csv(path, [row | {"fluidity": "-inf"} for row in read_csv(path)])
+    with pytest.raises(InputError, match="column fluidity holds a cell that is empty or not"):
         comparison.load(project, PARAMS)
 
 

@@ -8,12 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jumping_ant import evaluation, robot, rollout
-from jumping_ant.evaluation import QUANTITIES, count_phases, measure, replay
+from jumping_ant import evaluation, motion, robot, rollout
+from jumping_ant.evaluation import QUANTITIES, measure, replay
 from jumping_ant.params import Params
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.rollout import Episode
 from jumping_ant.trajectory import Trajectory
+
+KINDS = ("hip", "ankle")
 
 
 @pytest.fixture(scope="module")
@@ -56,18 +58,23 @@ def still_episode(steps: int = 4) -> Episode:
 
 
 def test_a_robot_that_does_nothing(model: mujoco.MjModel, known_params: Params) -> None:
-    assert measure(model, known_params, still_episode()) == {
+    expected = {
         "length": 4,
         "return": 0,
         "peak_height": 0.5,
+        "apex": 0.5,
         "mean_height": 0.5,
         "jumps": 0,
         "airborne_seconds": 0,
+        "flight": 0,
         "smoothness": 0,
+        "fluidity": np.nan,
         "work": 0,
         "drift": 0,
         "survived": 1,
     }
+    measured = measure(model, known_params, still_episode())
+    assert measured == pytest.approx(expected, abs=0, nan_ok=True)
 
 
 def test_quantities_by_hand(model: mujoco.MjModel, known_params: Params) -> None:
@@ -92,18 +99,47 @@ def test_quantities_by_hand(model: mujoco.MjModel, known_params: Params) -> None
             "length": 4,
             "return": 6.5,
             "peak_height": 1.5,
+            "apex": 1.5,  # of 0.7 and 1.5; the last step is too short for a jump
             "mean_height": (0.5 + 0.7 + 1.5 + 1.0 + 0.8) / 5,
             "jumps": 1,  # 0.1 s are two control steps
             "airborne_seconds": 3 * 0.05,
+            "flight": 3 / 4,
             "smoothness": sum(changes) / (3 * 8),
+            "fluidity": np.nan,  # shorter than a window
             "work": gear * (1 * 2 + 1 * 3 + 0 + 0.5 * 4 + 0 * 5 + 0.5 * 1) * 0.05,
             "drift": 5.0,
             "survived": 0,
-        }
+        },
+        nan_ok=True,
     )
 
 
-def test_constant_torques_are_perfectly_smooth(model: mujoco.MjModel, known_params: Params) -> None:
+def test_apexes_are_those_of_jumps_alone(model: mujoco.MjModel, known_params: Params) -> None:
+    episode = still_episode(8)
+    episode.qpos[:, 2] = [0.9, 1.2, 2.0, 1.4, 1.1, 0.6, 3.0, 0.5]
+    airborne = np.array([True, True, False, True, True, False, True, False])
+    measured = measure(model, known_params, replace(episode, airborne=airborne))
+    assert measured["jumps"] == 2
+    assert measured["apex"] == pytest.approx((1.2 + 1.4) / 2)
+    assert measured["peak_height"] == 3.0
+
+
+def test_fluidity_is_that_of_all_driven_joints(model: mujoco.MjModel, known_params: Params) -> None:
+    seconds = 0.05 * np.arange(101)
+    swing = 0.5 * np.sin(2 * np.pi * 2.0 * seconds)  # [ranges]
+    ranges = [np.ptp(model.joint(f"{kind}_{leg}").range) for leg in "1234" for kind in KINDS]
+    states = np.concatenate([np.ones((101, 7)), np.outer(swing, ranges)], axis=1)
+    episode = replace(still_episode(100), start_qpos=states[0], qpos=states[1:])
+    expected = motion.fluidity(np.outer(swing, np.ones(8)), 0.05)
+    assert measure(model, known_params, episode)["fluidity"] == pytest.approx(expected)
+    states[-21:] = np.nan  # the second window is whole no more
+    expected = motion.fluidity(np.outer(swing[:41], np.ones(8)), 0.05)
+    assert measure(model, known_params, episode)["fluidity"] == pytest.approx(expected)
+
+
+def test_constant_torques_have_no_torque_change(
+    model: mujoco.MjModel, known_params: Params
+) -> None:
     for steps in (1, 4):
         episode = still_episode(steps)
         episode.torques[:] = np.linspace(-1, 1, 8)
@@ -119,36 +155,11 @@ def test_a_broken_state_is_left_out(
     episode.qpos[1] = 2.0
     episode.qpos[-1] = episode.qvel[-1] = bad
     measured = measure(model, known_params, episode)
+    assert np.isnan(measured.pop("fluidity"))
     assert np.isfinite(list(measured.values())).all()
     assert measured["length"] == 4
     assert measured["peak_height"] == 2.0
     assert measured["drift"] == 0.0  # to the last place there is
-
-
-@pytest.mark.parametrize(
-    ("airborne", "min_length", "count"),
-    [
-        ("", 1, 0),
-        ("....", 1, 0),
-        ("####", 1, 1),
-        ("####", 4, 1),
-        ("####", 5, 0),
-        ("#..#", 1, 2),
-        ("##.#.###", 2, 2),
-        ("##.#.###", 3, 1),
-        ("##.#.###", 2.5, 1),
-        (".#.#.#", 0, 3),
-    ],
-)
-def test_phases_are_counted_by_their_length(airborne: str, min_length: float, count: int) -> None:
-    mask = np.array([sign == "#" for sign in airborne], dtype=np.bool_)
-    assert count_phases(mask, min_length) == count
-
-
-def test_minimal_times_are_not_lost_to_rounding() -> None:
-    mask = np.ones(3, dtype=np.bool_)
-    assert 0.15 / 0.05 < 3 < (0.1 + 0.05) / 0.05  # what division makes of three steps
-    assert count_phases(mask, (0.1 + 0.05) / 0.05) == 1
 
 
 def test_replay_is_the_episode_to_the_last_bit(
@@ -175,7 +186,9 @@ def test_replay_keeps_an_episode_that_broke_down(
     assert episode.terminated
     assert len(episode.rewards) == 1
     assert len(replay(model, 5, episode, 0, 0).qpos) == 6
-    assert np.isfinite(list(measure(model, short, episode).values())).all()
+    measured = measure(model, short, episode)
+    assert np.isnan(measured.pop("fluidity"))
+    assert np.isfinite(list(measured.values())).all()
 
 
 def test_every_policy_meets_the_same_episodes(
@@ -221,3 +234,18 @@ def test_seeds_count_alike_in_the_means() -> None:
     assert by_seed["seed"].tolist() == [3, 5]
     assert by_seed["return"].tolist() == [3.0, 10.0]
     assert evaluation.summarize(table) == dict.fromkeys(QUANTITIES, 6.5)
+
+
+def test_means_leave_out_episodes_without_fluidity() -> None:
+    table = pd.DataFrame({name: 1.0 for name in QUANTITIES} | {"seed": [3, 3, 5, 5, 7]})
+    table["fluidity"] = [-2.0, np.nan, -4.0, -6.0, np.nan]
+    by_seed = evaluation.seed_means(table)
+    np.testing.assert_array_equal(by_seed["fluidity"], [-2.0, -5.0, np.nan])
+    assert evaluation.summarize(table)["fluidity"] == -3.5
+
+
+def test_metrics_leave_out_what_no_episode_has() -> None:
+    table = pd.DataFrame({name: [1.0] for name in QUANTITIES} | {"seed": [3]})
+    table["fluidity"] = np.nan
+    metrics = evaluation.summarize(table)
+    assert metrics == {name: 1.0 for name in QUANTITIES if name != "fluidity"}

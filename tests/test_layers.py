@@ -13,7 +13,18 @@ def top(path) -> str:
 
 LAYERS = [
     {"errors"},
-    {"archive", "events", "files", "gl", "looks", "machine", "measures", "tables", "wording"},
+    {
+        "archive",
+        "events",
+        "files",
+        "gl",
+        "looks",
+        "machine",
+        "measures",
+        "motion",
+        "tables",
+        "wording",
+    },
     {"imports", "params"},
     {"drawing", "params_file", "rewards", "robot", "schema", "statistics", "task", "trajectory"},
     {"env", "vector", "rendering", "recording"},

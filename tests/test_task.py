@@ -1,7 +1,9 @@
 """What the single and the batched environment have in common."""
 
+import mujoco
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from jumping_ant import robot
 from jumping_ant.task import COMMANDS, observe, start_state
@@ -17,6 +19,55 @@ def test_the_five_commands_are_the_articles() -> None:
     ]
     with pytest.raises(ValueError, match="read-only"):
         COMMANDS[0] = 1.0
+
+
+def test_the_first_motors_drive_the_front_legs_and_the_others_the_back_legs(robot_xml: str) -> None:
+    model = robot.load(robot_xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    bodies = model.jnt_bodyid[model.actuator_trnid[:, 0]]
+    ahead = data.xpos[bodies, 0] - data.body("torso").xpos[0]
+    assert (ahead > 0.1).tolist() == [True] * 4 + [False] * 4
+    assert (ahead < -0.1).tolist() == [False] * 4 + [True] * 4
+
+
+def feet_under(command: int, xml: str) -> tuple[NDArray[np.float64], float]:
+    """Hold a command for 0.05 s in zero gravity, ankles in the middle of their ranges before.
+
+    Returns:
+        The fall of the feet's centres in the torso's frame [m], (4,), in the order of the legs'
+        motors, and the tilt of the torso [rad].
+    """
+    model = robot.load(xml)
+    model.opt.gravity[:] = 0
+    data = mujoco.MjData(model)
+    joints = model.actuator_trnid[1::2, 0]  # ankles
+    data.qpos[2] = 10.0
+    data.qpos[model.jnt_qposadr[joints]] = model.jnt_range[joints].mean(axis=1)
+    feet, torso = model.jnt_bodyid[joints], data.body("torso")
+
+    def heights() -> NDArray[np.float64]:
+        mujoco.mj_forward(model, data)
+        return (data.xipos[feet] - torso.xpos) @ torso.xmat.reshape(3, 3)[:, 2]
+
+    before = heights()
+    data.ctrl[:] = COMMANDS[command]
+    mujoco.mj_step(model, data, nstep=5)
+    return before - heights(), float(np.arccos(min(1.0, torso.xmat[8])))
+
+
+def test_command_3_pushes_all_feet_down_and_4_lifts_them(robot_xml: str) -> None:
+    down, _ = feet_under(3, robot_xml)
+    up, _ = feet_under(4, robot_xml)
+    assert (down > 0.01).all()
+    assert (up < -0.01).all()
+
+
+def test_the_same_torque_on_all_tilts_the_body(robot_xml: str) -> None:
+    _, tilt_of_3 = feet_under(3, robot_xml)
+    fall, tilt = feet_under(1, robot_xml)
+    assert (fall[:2] > 0.01).all() and (fall[2:] < -0.01).all()
+    assert tilt > 2 * tilt_of_3
 
 
 def test_observe_shows_zero_for_what_is_not_finite() -> None:

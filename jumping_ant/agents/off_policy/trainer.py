@@ -145,6 +145,7 @@ def make_envs(
         num_threads,
         actions=ActionSet.of(agent.actions),
         episode_steps=episode_steps,
+        tumbled_starts=agent.tumbled_starts,
     )
     return SB3VecEnv(envs, derive_all(seed, "starts", agent.num_envs))
 
