@@ -169,7 +169,9 @@ class OffPolicyParams(Block):
     num_envs: Count
     """[-] Simulations stepped at once."""
     learning_rate: Positive
-    """[-] Of Adam."""
+    """[-] Of Adam, at the start."""
+    final_learning_rate: NonNegative
+    """[-] Of Adam, at the end; linear in between."""
     buffer_size: Count
     """[transitions] Replay memory."""
     learning_starts: Annotated[int, Field(ge=0)]

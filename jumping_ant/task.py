@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 from jumping_ant.params import ActionParams
 
 NUM_ACTIONS = 8
-DROP_HEIGHT = 1.2  # [m] of a tumbled start: no outstretched leg reaches the floor
+DROP_HEIGHT = 1.3  # [m] of a tumbled start: no outstretched leg reaches the floor
 
 # The source article's five commands, one a row, in the actuators' order, as signs of the torques:
 # none, all forward, all backward, front legs forward and back legs backward, and the reverse.

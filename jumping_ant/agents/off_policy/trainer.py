@@ -21,6 +21,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import TrainFreq
+from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
 from jumping_ant.agents.off_policy import state
@@ -71,7 +72,6 @@ class ScaledObservations(BaseFeaturesExtractor):
 
 
 COMMON_SETTINGS = (
-    "learning_rate",
     "buffer_size",
     "learning_starts",
     "batch_size",
@@ -102,6 +102,9 @@ def make_model(envs: VecEnv, agent: DQNParams | SACParams, seed: int) -> LeanDQN
     is_sac = isinstance(agent, SACParams)
     names = COMMON_SETTINGS + (SAC_SETTINGS if is_sac else DQN_SETTINGS)
     settings: dict[str, Any] = {name: getattr(agent, name) for name in names}
+    settings["learning_rate"] = LinearSchedule(
+        agent.learning_rate, agent.final_learning_rate, end_fraction=1.0
+    )
     policy_kwargs = {
         "net_arch": agent.net_arch,
         "features_extractor_class": ScaledObservations,
