@@ -16,9 +16,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from jumping_ant.comparison import AgentResults, LearningCurve
+from jumping_ant.comparison import LearningCurve
 from jumping_ant.files import write_bytes
 from jumping_ant.looks import INK, Look, looks
+from jumping_ant.results import AgentResults
 from jumping_ant.wording import number
 
 STYLE: Any = {  # matplotlib types it by each key's name
@@ -58,7 +59,7 @@ def draw(
     """Draw all figures.
 
     Args:
-        results: What `comparison.load` returns.
+        results: What `results.load` returns.
         curves: What `comparison.learning_curves` returns.
         summary: What `comparison.summarize` returns.
         confidence: Of the intervals, for the titles.

@@ -11,6 +11,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 BASELINE = "#7F7F7F"
 INK = "#333333"
+BASELINES = ("random", "open_loop")  # algorithms that learn nothing
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ def looks(algorithms: Mapping[str, str]) -> dict[str, Look]:
     Args:
         algorithms: What each agent runs, by its name, in the order of `params.yaml`.
     """
-    learners = [name for name, algorithm in algorithms.items() if algorithm != "random"]
+    learners = [name for name, algorithm in algorithms.items() if not is_baseline(algorithm)]
     drawn = {
         name: Look(COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)], "-")
         for i, name in enumerate(learners)
@@ -38,4 +39,9 @@ def looks(algorithms: Mapping[str, str]) -> dict[str, Look]:
 
 def label(name: str, algorithm: str) -> str:
     """Return the name to print: an algorithm's acronym in capitals, other names as given."""
-    return name.upper() if name == algorithm != "random" else name
+    return name.upper() if name == algorithm and not is_baseline(algorithm) else name
+
+
+def is_baseline(algorithm: str) -> bool:
+    """Return whether an algorithm learns nothing."""
+    return algorithm in BASELINES

@@ -346,14 +346,16 @@ class RecordParams(Block):
 
 
 class CompareParams(Block):
-    """Statistics (see `jumping_ant.statistics` and `jumping_ant.comparison`)."""
+    """Statistics (see `jumping_ant.statistics` and `jumping_ant.claims`)."""
 
     confidence: Annotated[float, Field(gt=0, lt=1)]
-    """[-] Of every interval."""
+    """[-] Of every interval; what it lacks to 1 is the level of all claims together."""
+    power: Annotated[float, Field(gt=0, lt=1)]
+    """[-] Chance of a decision that the number of seeds an open claim needs is computed for."""
     bootstrap_samples: Annotated[int, Field(ge=100)]
-    """[-] Resamples behind an interval."""
+    """[-] Resamples behind an interval of a statistic that has no formula."""
     seed: Seed
-    """Of the bootstrap."""
+    """Of resamples and of random arrangements."""
 
 
 class Params(Block):
@@ -379,7 +381,7 @@ class Params(Block):
     record: RecordParams
     """Each agent's median episode, as video and as Rerun recording."""
     compare: CompareParams
-    """Interquartile means over seeds with percentile bootstrap intervals."""
+    """Interquartile means over seeds with their intervals, and tests of the claims."""
 
     @field_validator("agents")
     @classmethod

@@ -1,7 +1,7 @@
 """CSV files that stages have written, read back."""
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 from jumping_ant.errors import InputError
 
 
-def read(path: Path, columns: Iterable[str], stage: str) -> dict[str, NDArray[np.float64]]:
+def read(
+    path: Path, columns: Iterable[str], stage: str, text: Container[str] = ()
+) -> dict[str, NDArray[np.float64]]:
     """Read a CSV file of numbers by column; an empty cell is NaN.
 
     Args:
         path: The file.
         columns: What it must hold; others are read too.
         stage: The stage that writes it, for the messages.
+        text: Columns that hold words, which are left out.
 
     Returns:
-        The columns, each of shape (num_rows,).
+        The columns of numbers, each of shape (num_rows,).
 
     Raises:
         InputError: The file is missing, empty or malformed; the message says what to run.
@@ -33,7 +36,11 @@ def read(path: Path, columns: Iterable[str], stage: str) -> dict[str, NDArray[np
             f"run `dvc repro --force {stage}`"
         )
     try:
-        return {name: np.array([float(row[name] or "nan") for row in rows]) for name in found}
+        return {
+            name: np.array([float(row[name] or "nan") for row in rows])
+            for name in found
+            if name not in text
+        }
     except (TypeError, ValueError) as error:
         raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
 

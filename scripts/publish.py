@@ -72,7 +72,7 @@ def animation() -> bytes:
     labels = {
         name: looks.label(name, agent.algorithm)
         for name, agent in agents.items()
-        if agent.algorithm != "random"
+        if not looks.is_baseline(agent.algorithm)
     }
     films = [clip(PROJECT_ROOT / "media" / f"{name}.mp4", label) for name, label in labels.items()]
     pictures = [beside(row) for row in zip(*films, strict=True)]

@@ -22,6 +22,7 @@ from small_project import (
 from jumping_ant import comparison
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.results import load
 
 AGENTS = {"random": "random", "sac-long": "sac", "dqn": "dqn"}
 SEEDS = [3, 1, 7, 5]  # any numbers in any order
@@ -35,7 +36,7 @@ def project(tmp_path):
 
 
 def summarize(root, params=PARAMS):
-    return comparison.summarize(comparison.load(root, params), COMPARE)
+    return comparison.summarize(load(root, params), COMPARE)
 
 
 def numbers(summary, path=""):
@@ -50,7 +51,7 @@ def numbers(summary, path=""):
 
 
 def test_seeds_are_means_over_their_episodes(project):
-    results = comparison.load(project, PARAMS)
+    results = load(project, PARAMS)
     np.testing.assert_allclose(results["dqn"].quantities["return"], [700, 710, 720, 730])
     np.testing.assert_allclose(results["dqn"].quantities["work"], [1400, 1420, 1440, 1460])
     assert list(results["dqn"].curves) == SEEDS
@@ -64,14 +65,59 @@ def test_summary_follows_its_contract(project):
     assert list(dqn) == [
         "seeds", "return", "peak_height", "smoothness", "length", "apex", "mean_height", "jumps",
         "airborne_seconds", "flight", "fluidity", "work", "drift", "survived", "env_steps",
-        "train_seconds",
+        "train_seconds", "return_at_equal_steps", "return_at_equal_seconds",
     ]  # fmt: skip
     assert (dqn["seeds"], dqn["env_steps"], dqn["train_seconds"]) == (4, 1000, 500.0)
     assert dqn["return"]["iqm"] == pytest.approx(715)  # the middle two of 700 ... 730
-    assert 700 <= dqn["return"]["low"] < 715 < dqn["return"]["high"] <= 730
-    assert dqn["survived"] == {"iqm": 1.0, "low": 1.0, "high": 1.0}
+    assert 690 < dqn["return"]["low"] < 715 < dqn["return"]["high"] < 740
+    assert dqn["return"]["mean"] == pytest.approx(715)
+    assert (dqn["return"]["worst"], dqn["return"]["best"]) == (700, 730)
+    assert set(dqn["survived"].values()) == {1.0}
     assert summary["agents"]["random"]["env_steps"] == 0
     assert summary["agents"]["random"]["train_seconds"] == 0.0
+
+
+def test_learners_are_compared_at_the_smallest_budget(project):
+    # Of 200 control steps and 100 s SAC's; DQN, evaluated at 250, had returned half at 250.
+    summary = summarize(project)
+    assert (summary["equal_steps"], summary["equal_seconds"]) == (200, 100.0)
+    sac, dqn = summary["agents"]["sac-long"], summary["agents"]["dqn"]
+    assert sac["return_at_equal_steps"]["iqm"] == sac["return"]["iqm"]
+    assert sac["return_at_equal_seconds"]["worst"] == pytest.approx(3000)
+    assert (dqn["return_at_equal_steps"], dqn["return_at_equal_seconds"]) == (None, None)
+    assert "return_at_equal_steps" not in summary["agents"]["random"]
+
+
+def test_returns_at_equal_budgets_lie_on_the_learning_curves(project):
+    rows = curve_rows(400, 3000.0)  # evaluated after 100, 200, 300, 400 steps
+    for seed in SEEDS:
+        write_csv(project / "models" / "sac-long" / f"seed-{seed}" / "curve.csv", rows)
+    timing = [
+        {"seed": seed, "env_steps": row["env_steps"], "seconds": 2.0 * row["env_steps"]}
+        for seed in SEEDS
+        for row in rows
+    ]
+    write_csv(project / "results" / "timing" / "sac-long.csv", timing)
+    summary = summarize(project)  # DQN returns half after 250 steps, all of it after 500
+    assert (summary["equal_steps"], summary["equal_seconds"]) == (400, 500.0)
+    sac, dqn = summary["agents"]["sac-long"], summary["agents"]["dqn"]
+    assert dqn["return_at_equal_steps"]["iqm"] == pytest.approx(715 * (0.5 + 0.5 * 150 / 250))
+    assert dqn["return_at_equal_seconds"]["iqm"] == pytest.approx(dqn["return"]["iqm"])
+    assert sac["return_at_equal_seconds"]["iqm"] == pytest.approx(3000)
+
+
+def test_variants_are_read_like_the_policies(project):
+    variants = load(project, PARAMS)["sac-long"].variants
+    assert list(variants) == ["final", "rounded"]
+    np.testing.assert_allclose(variants["rounded"]["return"], [2993, 3003, 3013, 3023])
+    assert load(project, PARAMS)["dqn"].variants == {}
+
+
+def test_variants_of_other_seeds_are_refused(project):
+    path = project / "results" / "variants" / "sac-long.csv"
+    write_csv(path, [row for row in read_csv(path) if row["seed"] != "7"])
+    with pytest.raises(InputError, match="sac-long.csv: holds the seeds 1, 3, 5, but"):
+        load(project, PARAMS)
 
 
 def test_every_ordered_pair_has_a_probability(project):
@@ -119,17 +165,17 @@ def test_neither_the_order_of_rows_nor_that_of_seeds_matters(project):
 def test_a_single_seed_is_compared_without_spread(tmp_path):
     write_project(tmp_path, AGENTS, [0])
     summary = summarize(tmp_path, make_params(AGENTS, [0]))
-    assert summary["agents"]["dqn"]["return"] == {"iqm": 700.0, "low": 700.0, "high": 700.0}
+    assert set(summary["agents"]["dqn"]["return"].values()) == {700.0}
     assert summary["probability_of_improvement"]["dqn>random"]["p"] == 1.0
 
 
 def test_labels_capitalise_acronyms_alone(project):
-    results = comparison.load(project, PARAMS)
+    results = load(project, PARAMS)
     assert [agent.label for agent in results.values()] == ["random", "sac-long", "DQN"]
 
 
 def test_learning_curves_are_means_over_seeds_where_policies_were_evaluated(project):
-    curve = comparison.learning_curves(comparison.load(project, PARAMS), COMPARE)["dqn"]
+    curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["dqn"]
     np.testing.assert_allclose(curve.env_steps, [250, 500, 750, 1000])
     np.testing.assert_allclose(curve.seconds, [125, 250, 375, 500])
     np.testing.assert_allclose(curve.returns.value, [357.5, 715, 715, 715])
@@ -144,13 +190,13 @@ def test_learning_curves_of_unlike_seeds_share_a_grid(project):
     timing = [row for row in read_csv(path) if row["seed"] != "7"]
     timing += [{"seed": 7, "env_steps": row["env_steps"], "seconds": 9} for row in rows]
     write_csv(path, timing)
-    curve = comparison.learning_curves(comparison.load(project, PARAMS), COMPARE)["dqn"]
+    curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["dqn"]
     np.testing.assert_allclose(curve.env_steps, [500, 1000, 1500, 2000])
     np.testing.assert_allclose(curve.returns.value[-1], (700 + 710) / 2)  # 700, 700, 710, 730
 
 
 def test_the_baselines_curve_is_level_over_the_others_budgets(project):
-    curve = comparison.learning_curves(comparison.load(project, PARAMS), COMPARE)["random"]
+    curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["random"]
     np.testing.assert_allclose(curve.env_steps, [50, 1000])  # SAC's first, DQN's last
     np.testing.assert_allclose(curve.seconds, [25, 500])
     np.testing.assert_allclose(curve.returns.value, [345, 345])
@@ -160,7 +206,7 @@ def test_the_baselines_curve_is_level_over_the_others_budgets(project):
 def test_baselines_alone_can_be_compared(tmp_path):
     agents = {"random": "random", "other": "random"}
     write_project(tmp_path, agents, SEEDS)
-    results = comparison.load(tmp_path, make_params(agents, SEEDS))
+    results = load(tmp_path, make_params(agents, SEEDS))
     curves = comparison.learning_curves(results, COMPARE)
     np.testing.assert_allclose(curves["other"].env_steps, [0])
     pair = comparison.summarize(results, COMPARE)["probability_of_improvement"]["random>other"]
@@ -168,7 +214,7 @@ def test_baselines_alone_can_be_compared(tmp_path):
 
 
 def test_tables_are_tidy(project):
-    results = comparison.load(project, PARAMS)
+    results = load(project, PARAMS)
     curves = comparison.learning_curves(results, COMPARE)
     write_csv(project / "curves.csv", comparison.curve_rows(curves))
     (project / "seeds.csv").write_text(comparison.to_csv(comparison.seed_rows(results)))
@@ -205,7 +251,7 @@ def test_missing_and_empty_files_name_the_stage_to_run(project, path, stage, con
     else:
         (project / path).write_text(content)
     with pytest.raises(InputError, match=said) as error:
-        comparison.load(project, PARAMS)
+        load(project, PARAMS)
     assert path in str(error.value)
     assert f"dvc repro {stage}" in str(error.value).replace("--force ", "")
 
@@ -217,7 +263,7 @@ def test_results_of_other_seeds_are_refused(project, path):
     with pytest.raises(
         InputError, match="holds the seeds 1, 3, 5, but params.yaml names 1, 3, 5, 7"
     ):
-        comparison.load(project, PARAMS)
+        load(project, PARAMS)
 
 
 def test_scaling_of_other_seeds_is_refused(tmp_path):
@@ -225,7 +271,7 @@ def test_scaling_of_other_seeds_is_refused(tmp_path):
     write_project(tmp_path, agents, [1, 3])
     write_scaling(tmp_path, agents, [1])
     with pytest.raises(InputError, match="pgpe.csv: holds the seeds 1, but params.yaml names 1, 3"):
-        comparison.load(tmp_path, make_params(agents, [1, 3]))
+        load(tmp_path, make_params(agents, [1, 3]))
 
 
 def test_timing_of_another_training_is_refused(project):
@@ -234,7 +280,7 @@ def test_timing_of_another_training_is_refused(project):
     rows[3]["env_steps"] = "376"
     write_csv(path, rows)
     with pytest.raises(InputError, match="env_steps of seed 3 are not those of"):
-        comparison.load(project, PARAMS)
+        load(project, PARAMS)
 
 
 @pytest.mark.parametrize(("cell", "said"), [("", "empty"), ("inf", "not finite"), ("x", "'x'")])
@@ -244,7 +290,7 @@ def test_cells_that_are_no_numbers_are_refused(project, cell, said):
     rows[2]["smoothness"] = cell
     write_csv(path, rows)
     with pytest.raises(InputError, match=said):
-        comparison.load(project, PARAMS)
+        load(project, PARAMS)
 
 
 def empty_fluidity(project, seed_episodes):
@@ -260,13 +306,13 @@ def empty_fluidity(project, seed_episodes):
 def test_episodes_and_seeds_without_fluidity_are_left_out(project):
     one, other = SEEDS[:2]
     empty_fluidity(project, [(one, 0), (one, 1), *((other, episode) for episode in range(3))])
-    results = comparison.load(project, PARAMS)
+    results = load(project, PARAMS)
     fluidity = results["dqn"].quantities["fluidity"]
     assert fluidity[0] == pytest.approx(-1000 / 705)  # its last episode returned 705
     assert np.isnan(fluidity[1])
     summary = comparison.summarize(results, COMPARE)["agents"]["dqn"]
     assert summary["fluidity"]["iqm"] == pytest.approx(fluidity[[0, 2, 3]].mean())  # all of three
-    assert fluidity[0] <= summary["fluidity"]["low"] < summary["fluidity"]["iqm"]
+    assert summary["fluidity"]["worst"] == pytest.approx(fluidity[0])
     json.dumps(summary, allow_nan=False)
 
 
@@ -281,14 +327,14 @@ def test_fluidity_may_be_empty_but_not_infinite(project):
     path = project / "results" / "dqn" / "episodes.csv"
     write_csv(path, [row | {"fluidity": "-inf"} for row in read_csv(path)])
     with pytest.raises(InputError, match="column fluidity holds a cell that is empty or not"):
-        comparison.load(project, PARAMS)
+        load(project, PARAMS)
 
 
 def test_curves_without_evaluations_are_refused(project):
     path = project / "models" / "dqn" / "seed-5" / "curve.csv"
     write_csv(path, [row | {"evaluation_return_mean": ""} for row in read_csv(path)])
     with pytest.raises(InputError, match="no evaluation in it"):
-        comparison.load(project, PARAMS)
+        load(project, PARAMS)
 
 
 def run_stage(project: Path) -> subprocess.CompletedProcess[str]:
@@ -321,10 +367,12 @@ def test_the_stage_writes_the_same_files_every_time(tmp_path):
     assert written[0] == written[1]
     assert {"plots/learning_curves.csv", "plots/seeds.csv"} <= set(written[0])
     result = json.loads(written[0]["comparison.json"])
-    assert list(result) == ["agents", "probability_of_improvement", "claims"]
+    assert list(result) == [
+        "agents", "equal_steps", "equal_seconds", "probability_of_improvement", "claims"
+    ]  # fmt: skip
     assert list(result["agents"]) == list(agents)
     for claim in result["claims"]:
-        assert list(claim) == ["text", "verdict", "evidence"]
+        assert list(claim)[:4] == ["text", "statement", "verdict", "evidence"]
         assert claim["verdict"] in ("supported", "refuted", "inconclusive")
 
 

@@ -4,6 +4,7 @@ import pytest
 from small_project import COMPARE, make_params, write_project
 
 from jumping_ant import comparison, figures
+from jumping_ant.results import load
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
 
@@ -12,7 +13,7 @@ AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
 def compared(tmp_path_factory):
     root = tmp_path_factory.mktemp("project")
     write_project(root, AGENTS, range(4))
-    results = comparison.load(root, make_params(AGENTS, range(4)))
+    results = load(root, make_params(AGENTS, range(4)))
     curves = comparison.learning_curves(results, COMPARE)
     return results, curves, comparison.summarize(results, COMPARE), COMPARE.confidence
 
@@ -101,7 +102,7 @@ def test_pairs_name_the_better_agent_first(drawn):
 
 def test_a_single_agent_and_seed_can_be_drawn(tmp_path):
     write_project(tmp_path, {"random": "random"}, [0])
-    results = comparison.load(tmp_path, make_params({"random": "random"}, [0]))
+    results = load(tmp_path, make_params({"random": "random"}, [0]))
     curves = comparison.learning_curves(results, COMPARE)
     drawn = figures.draw(results, curves, comparison.summarize(results, COMPARE), 0.9)
     figures.write(tmp_path / "figures", drawn)
@@ -111,7 +112,7 @@ def test_a_single_agent_and_seed_can_be_drawn(tmp_path):
 def test_many_agents_keep_apart_by_colour_and_marker(tmp_path):
     agents = {f"agent-{i}": "dqn" for i in range(12)}
     write_project(tmp_path, agents, [0])
-    results = comparison.load(tmp_path, make_params(agents, [0]))
+    results = load(tmp_path, make_params(agents, [0]))
     curves = comparison.learning_curves(results, COMPARE)
     drawn = figures.draw(results, curves, comparison.summarize(results, COMPARE), 0.95)
     lines = drawn["learning_curves"].axes[0].lines

@@ -27,10 +27,11 @@ LAYERS = [
     },
     {"imports", "params"},
     {"drawing", "params_file", "rewards", "robot", "schema", "statistics", "task", "trajectory"},
-    {"env", "vector", "rendering", "recording"},
-    {"policies"},
+    {"env", "vector", "rendering", "recording", "hypothesis_tests"},
+    {"policies", "sample_sizes"},
     {"agents", "playing", "rollout", "serving"},
-    {"checkpoints", "comparison", "compute", "evaluation", "progress"},
+    {"checkpoints", "compute", "evaluation", "progress", "results"},
+    {"comparison"},
     {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},
 ]
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}

@@ -14,12 +14,14 @@ from playwright.sync_api import Browser
 from small_episode import simulate
 from small_project import make_params, write_project
 
-from jumping_ant import claims, comparison, rendering, robot
+from jumping_ant import comparison, rendering, robot
+from jumping_ant.claims import verdicts
 from jumping_ant.errors import InputError
 from jumping_ant.files import digest, write_bytes, write_json, write_text
 from jumping_ant.params import Params
 from jumping_ant.report import page
 from jumping_ant.report.charts import learning
+from jumping_ant.results import load
 from jumping_ant.tracking import models, pages, store
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
@@ -52,8 +54,8 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
             folder = root / "models" / name / f"seed-{seed}"
             write_bytes(folder / "policy.zip", f"{name} {seed}".encode())
             write_json(folder / "machine.json", machine)
-    results = comparison.load(root, settings)
-    found = claims.check(results, settings.compare)
+    results = load(root, settings)
+    found = verdicts.check(results, settings.compare, settings.training.evaluation_episodes)
     summary = comparison.summarize(results, settings.compare) | {"claims": found}
     write_json(root / "results" / "comparison.json", summary)
     return root
@@ -116,7 +118,7 @@ def test_the_table_shows_the_comparison(html: str, project: Path) -> None:
 
 def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
     found = json.loads((project / "results" / "comparison.json").read_text())["claims"]
-    assert len(found) == 7
+    assert len(found) == 16
     text = " ".join(Reader(html).cells)
     for claim in found:
         assert f"{claim['verdict']}{claim['text']}" in text
@@ -137,7 +139,7 @@ def test_links_lead_to_what_tracking_writes(html: str, project: Path) -> None:
 
 def test_charts_show_the_data(html: str, project: Path, settings: Params) -> None:
     drawn = charts(html)
-    results = comparison.load(project, settings)
+    results = load(project, settings)
     curves = comparison.learning_curves(results, settings.compare)
     lines = {trace["name"]: trace for trace in drawn["learning_steps"]["data"] if "name" in trace}
     assert lines["SAC"]["y"] == curves["sac"].returns.value.tolist()
@@ -163,7 +165,7 @@ def test_many_agents_keep_apart_by_colour_and_marker(tmp_path: Path) -> None:
     agents = {f"agent-{i}": "dqn" for i in range(12)}
     write_project(tmp_path, agents, [0])
     few = make_params(agents, [0])
-    results = comparison.load(tmp_path, few)
+    results = load(tmp_path, few)
     figure = learning(results, comparison.learning_curves(results, few.compare), "env_steps")
     lines = [trace for trace in figure.data if trace.name]
     assert len({(line.line.color, line.marker.symbol) for line in lines}) == 12
@@ -185,7 +187,7 @@ def test_a_lone_agent_of_one_seed_has_a_page(
     write_project(tmp_path, {name: AGENTS[name]}, SEEDS[:1])
     agents = {name: settings.agents[name]}
     alone = settings.model_copy(update={"agents": agents, "seeds": SEEDS[:1]})
-    results = comparison.load(tmp_path, alone)
+    results = load(tmp_path, alone)
     summary = comparison.summarize(results, alone.compare) | {"claims": []}
     write_json(tmp_path / "results" / "comparison.json", summary)
     text = page.build(tmp_path, alone)

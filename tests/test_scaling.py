@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from jumping_ant import comparison, scaling
+from jumping_ant import comparison, results, scaling
 from jumping_ant.params import Params
 
 SEEDS = [0, 5]
@@ -33,5 +33,5 @@ def test_the_table_is_read_back(known_params: Params, robot_xml: str, tmp_path: 
     folder = tmp_path / "results" / "scaling"
     folder.mkdir(parents=True)
     (folder / "pgpe.csv").write_text(comparison.to_csv(rows))
-    read = comparison._read_scaling(tmp_path, "pgpe", SEEDS)
+    read = results._read_scaling(tmp_path, "pgpe", SEEDS)
     assert read[2].tolist() == [row["seconds"] for row in rows if row["threads"] == 2]

@@ -13,9 +13,10 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from jumping_ant.comparison import AgentResults, LearningCurve, steps_to
+from jumping_ant.comparison import LearningCurve
 from jumping_ant.looks import INK, Look, looks
 from jumping_ant.measures import MEASURES
+from jumping_ant.results import AgentResults, steps_to
 from jumping_ant.wording import interval, number
 
 Array = NDArray[np.float64]
@@ -69,7 +70,7 @@ def learning(
     """Draw the return while learning, with its interval.
 
     Args:
-        results: What `comparison.load` returns.
+        results: What `results.load` returns.
         curves: What `comparison.learning_curves` returns.
         against: `env_steps` or `seconds`.
     """
@@ -124,7 +125,7 @@ def episodes(
     """Draw every held-out episode, one measure at a time, chosen from a menu.
 
     Args:
-        results: What `comparison.load` returns.
+        results: What `results.load` returns.
         tables: Columns of each agent's `episodes.csv`, (num_episodes,) each.
     """
     figure = go.Figure()
@@ -169,7 +170,7 @@ def heights(results: Mapping[str, AgentResults], films: Mapping[str, Film]) -> g
     """Draw the torso's height over the time of each agent's film.
 
     Args:
-        results: What `comparison.load` returns.
+        results: What `results.load` returns.
         films: Each agent's film.
     """
     figure = go.Figure()

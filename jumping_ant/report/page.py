@@ -19,13 +19,13 @@ from plotly.offline import get_plotlyjs
 from ruamel.yaml import YAML
 
 from jumping_ant import comparison, robot, trajectory
-from jumping_ant.comparison import AgentResults
 from jumping_ant.errors import InputError
 from jumping_ant.looks import looks
 from jumping_ant.measures import MEASURES
 from jumping_ant.params import Params
 from jumping_ant.report import charts, pictures
 from jumping_ant.report.charts import Film
+from jumping_ant.results import AgentResults, load, read_episodes
 from jumping_ant.wording import estimate, interval, number
 
 FOLDER = Path(__file__).parent
@@ -58,7 +58,7 @@ def build(root: Path, params: Params) -> str:
     Raises:
         InputError: A file is missing or damaged, or nothing draws on this machine.
     """
-    results = comparison.load(root, params)
+    results = load(root, params)
     summary = _read_json(root / "results" / "comparison.json", "compare")
     films = {name: _film(root, params, name) for name in results}
     context = {
@@ -102,7 +102,7 @@ def _charts(
 ) -> dict[str, Any]:
     """Return each chart's JSON by its place in the template, which leaves out what has none."""
     curves = comparison.learning_curves(results, params.compare)
-    tables = {name: comparison.read_episodes(root, name, params.seeds) for name in results}
+    tables = {name: read_episodes(root, name, params.seeds) for name in results}
     model = robot.load(robot.read(root))
     motors = [model.actuator(index).name for index in range(model.nu)]
     figures = {
@@ -146,7 +146,7 @@ def _agents(
 
 
 def _learners(results: Mapping[str, AgentResults]) -> list[str]:
-    return [name for name, agent in results.items() if agent.algorithm != "random"]
+    return [name for name, agent in results.items() if not agent.is_baseline]
 
 
 def _title(results: Mapping[str, AgentResults]) -> str:
