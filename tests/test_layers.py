@@ -13,11 +13,13 @@ def top(path) -> str:
 
 LAYERS = [
     {"errors"},
-    {"archive", "events", "files", "gl", "looks", "machine", "measures", "tables", "wording"},
+    {"archive", "events", "files", "gl", "looks", "machine", "measures", "tables", "wording"}
+    | {"seeding"},
     {"imports", "params"},
-    {"drawing", "params_file", "rewards", "robot", "schema", "statistics", "task", "trajectory"},
-    {"env", "vector", "rendering", "recording"},
-    {"policies"},
+    {"article", "drawing", "params_file", "rewards", "robot", "schema", "statistics", "task"}
+    | {"trajectory"},
+    {"vector", "rendering", "recording"},
+    {"env", "policies"},
     {"agents", "playing", "rollout", "serving"},
     {"checkpoints", "comparison", "compute", "evaluation", "progress"},
     {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},
