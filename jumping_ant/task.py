@@ -12,9 +12,9 @@ Observation, `Box(27,)` float64:
 | 19-26 | angular velocities of the joints, in the order of the angles | rad/s |
 
 Action, `Box(-1, 1, (8,))` float32: torque over peak torque of hip_4, ankle_4, hip_1, ankle_1,
-hip_2, ankle_2, hip_3, ankle_3, the robot's actuator order. With the source's names, 0 and 1 move
-the back right leg, 2 and 3 the front left one, 4 and 5 the front right one, 6 and 7 the back left
-one: 0-3 are one diagonal pair and 4-7 the other.
+hip_2, ankle_2, hip_3, ankle_3, the robot's actuator order. 0-3 move the two legs at x > 0, ahead of
+the torso (`right_back_leg` and `front_left_leg` in the source), 4-7 the two at x < 0 behind it. The
+ankles of the two pairs have opposite signs.
 
 The state's noise, observation and termination are those of Gymnasium's Ant-v5 without contact
 forces, but for the upper height limit, which a jumping Ant must not have.
