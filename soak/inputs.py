@@ -170,7 +170,9 @@ def _bad_values(value: Any, schema: Content) -> list[Any]:
     if isinstance(value, bool):
         return [None, "yes", 2, [], {}]
     if isinstance(value, int):
-        return [*NOT_NUMBERS, 1.5, *_out_of_range(schema)]
+        members = schema.get("anyOf", [schema])
+        bad = [*NOT_NUMBERS, 1.5, *_out_of_range(members[0])]
+        return [one for one in bad if one is not None or {"type": "null"} not in members]
     if isinstance(value, float):
         return [*NOT_NUMBERS, *_out_of_range(schema)]
     if isinstance(value, str):
