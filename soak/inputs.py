@@ -204,7 +204,9 @@ def _own_schema(schema: Content, content: Content, place: Place) -> Content:
         if "discriminator" in part:
             algorithm = content["agents"][place[1]]["algorithm"]
             part = _resolved(schema, {"$ref": part["discriminator"]["mapping"][algorithm]})
-        inside = part.get("properties", {}).get(key, part.get("additionalProperties"))
+        names_alike = next(iter(part.get("patternProperties", {}).values()), None)
+        others = names_alike or part.get("additionalProperties")
+        inside = part.get("properties", {}).get(key, others)
         part = inside if isinstance(inside, dict) else {}
     return _resolved(schema, part)
 
