@@ -110,6 +110,20 @@ class ActionParams(Block):
     """[control steps] Each choice is held for."""
 
 
+class TorqueParams(ActionParams):
+    """The actions of agents that choose any torques."""
+
+    kind: Literal["torques"]
+    """Any torques."""
+
+
+class CommandParams(ActionParams):
+    """The actions of agents that choose among the five commands."""
+
+    kind: Literal["commands"]
+    """One of the five commands (see `jumping_ant.task`)."""
+
+
 class RandomAgentParams(Block):
     """The baseline that draws an action at every decision and learns nothing."""
 
@@ -216,6 +230,8 @@ class DQNParams(OffPolicyParams):
 
     algorithm: Literal["dqn"]
     """What is trained."""
+    actions: CommandParams
+    """What the agent chooses from: commands."""
     target_update_interval: Count
     """[transitions] From one target update to the next."""
     exploration_fraction: Annotated[float, Field(gt=0, le=1)]
@@ -233,6 +249,8 @@ class SACParams(OffPolicyParams):
 
     algorithm: Literal["sac"]
     """What is trained."""
+    actions: TorqueParams
+    """What the agent chooses from: torques."""
     ent_coef: Positive | Literal["auto"]
     """[-] Weight of the policy's entropy, or `auto` to learn it."""
 
@@ -244,7 +262,7 @@ class PGPEParams(Block):
     """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["pgpe"]
     """What it trains."""
-    actions: ActionParams
+    actions: TorqueParams
     """What the policies' outputs become: torques."""
     generations: Count
     """[-] Training budget of a seed."""

@@ -7,9 +7,8 @@ YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
 """
 
 import difflib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -72,11 +71,10 @@ def check(content: Any, where: str = "params.yaml") -> Params:
 
 def _explain(error: ErrorDetails) -> tuple[str, str]:
     """Say one validation error as: key and what was given; what is allowed."""
-    # The discriminator's tag and a union's member names stand in the location too.
-    parts = list(_keys(error["loc"]))
+    parts, kind = _resolve(error["loc"])
     key = ".".join(map(str, parts)) or "the file"
     if error["type"] == "extra_forbidden":
-        names = list(_block_at(error["loc"][:-1]).model_fields)
+        names = list(_resolve(error["loc"][:-1])[1].model_fields)
         close = difflib.get_close_matches(str(parts[-1]), names, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         return f"{key}: unknown key{hint}; allowed: ", ", ".join(names)
@@ -90,7 +88,10 @@ def _explain(error: ErrorDetails) -> tuple[str, str]:
     if error["type"] == "value_error":
         return f"{key}: {error['msg'].removeprefix('Value error, ')}", ""
     plain = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-    return f"{key}: given {_show(error['input'])}, allowed: ", ALLOWED.get(error["type"], plain)
+    allowed = ALLOWED.get(error["type"], plain)
+    if type(None) in get_args(kind):
+        allowed += " or null"
+    return f"{key}: given {_show(error['input'])}, allowed: ", allowed
 
 
 def _show(given: Any) -> str:
@@ -102,21 +103,27 @@ def _show(given: Any) -> str:
     return shown if len(shown) <= 60 else shown[:57] + "..."
 
 
-def _keys(location: tuple[int | str, ...]) -> Iterator[int | str]:
-    """Yield the keys of a location in the file, without the names pydantic puts between them."""
-    for depth, part in enumerate(location):
-        is_tag = depth == 2 and location[0] == "agents"
-        is_union_member = depth == 4 and isinstance(part, str)
-        if not is_tag and not is_union_member and part != "[key]":
-            yield part
+def _resolve(location: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
+    """Follow a location of a validation error through the models.
 
+    Pydantic puts names of its own between the file's keys: the tag of an agent's block, the member
+    of a union that complains, and `[key]` where a key itself is at fault.
 
-def _block_at(location: tuple[int | str, ...]) -> type[Block]:
-    """Return the model of the block at a location of a validation error."""
-    if location[:1] == ("agents",):
-        return ALGORITHMS[str(location[2])]
-    model: type[Block] = Params
+    Returns:
+        The keys in the file, and the type of what should stand there.
+    """
+    keys: list[int | str] = []
+    kind: Any = Params
     for part in location:
-        annotation = model.model_fields[str(part)].annotation
-        model = cast(type[Block], annotation)
-    return model
+        if get_origin(kind) is Annotated:
+            kind = get_args(kind)[0]
+        if isinstance(kind, type) and issubclass(kind, Block):
+            keys.append(part)
+            field = kind.model_fields.get(str(part))
+            kind = field.annotation if field else None
+        elif get_origin(kind) in (dict, list):
+            keys.append(part)
+            kind = get_args(kind)[-1]
+        else:
+            kind = ALGORITHMS.get(str(part))
+    return keys, kind

@@ -317,7 +317,11 @@ def _action_set(header: Header, entries: Entries) -> ActionSet:
     table = to_array(entries[_TABLE]) if _TABLE in entries else None
     if table is not None and (table.ndim != 2 or table.shape[1] != NUM_ACTIONS or not len(table)):
         raise ValueError(f"a table of commands of shape {table.shape}")
-    hold = int(header["hold"])
+    if table is not None and not (np.abs(table) <= 1).all():  # a NaN is no number up to 1
+        raise ValueError("a table of commands beyond the peak torque")
+    hold, amplitude = int(header["hold"]), float(header["amplitude"])
     if hold < 1:
         raise ValueError(f"actions held for {hold} control steps")
-    return ActionSet(table, float(header["amplitude"]), hold)
+    if not 0 < amplitude <= 1:
+        raise ValueError(f"torques of {amplitude} times the peak torque")
+    return ActionSet(table, amplitude, hold)

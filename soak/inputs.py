@@ -170,7 +170,9 @@ def _bad_values(value: Any, schema: Content) -> list[Any]:
     if isinstance(value, bool):
         return [None, "yes", 2, [], {}]
     if isinstance(value, int):
-        return [*NOT_NUMBERS, 1.5, *_out_of_range(schema)]
+        members = schema.get("anyOf", [schema])
+        bad = [*NOT_NUMBERS, 1.5, *_out_of_range(members[0])]
+        return [one for one in bad if one is not None or {"type": "null"} not in members]
     if isinstance(value, float):
         return [*NOT_NUMBERS, *_out_of_range(schema)]
     if isinstance(value, str):
@@ -202,7 +204,9 @@ def _own_schema(schema: Content, content: Content, place: Place) -> Content:
         if "discriminator" in part:
             algorithm = content["agents"][place[1]]["algorithm"]
             part = _resolved(schema, {"$ref": part["discriminator"]["mapping"][algorithm]})
-        inside = part.get("properties", {}).get(key, part.get("additionalProperties"))
+        names_alike = next(iter(part.get("patternProperties", {}).values()), None)
+        others = names_alike or part.get("additionalProperties")
+        inside = part.get("properties", {}).get(key, others)
         part = inside if isinstance(inside, dict) else {}
     return _resolved(schema, part)
 

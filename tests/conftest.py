@@ -13,7 +13,15 @@ from jumping_ant import params_file, robot
 from jumping_ant.params import EnvParams, EvaluateParams, Params, RewardParams, RobotParams
 
 ROBOT = RobotParams(
-    density=2.5, gear=200.0, joint_gear={}, torso_radius=0.25, leg_length=1.0, friction=1.0
+    density=2.5,
+    gear=200.0,
+    joint_gear={},
+    torso_radius=0.25,
+    leg_length=1.0,
+    damping=1.0,
+    friction=1.0,
+    torsional_friction=0.5,
+    rolling_friction=0.5,
 )
 ENV = EnvParams(
     frame_skip=5,

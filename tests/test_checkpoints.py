@@ -16,6 +16,8 @@ SAVED = Saved(
     timing=[(50, 0.75), (100, 1.5)],
     machine=None,
     curve="env_steps\n50\n100\n",
+    best_return=12.5,
+    best=b"best so far",
     content=bytes(range(256)),
 )
 POLICY = replace(SAVED, machine={"cpu": "a"}, content=b"policy")
@@ -48,10 +50,13 @@ def test_the_last_two_are_kept_and_the_newest_is_loaded(tmp_path: Path, said: Li
             checkpoints.save(0, replace(SAVED, env_steps=steps))
         checkpoints.save(1, SAVED)
         assert store(tmp_path, said).load(0) == replace(SAVED, env_steps=1200)
+        checkpoints.save(2, replace(SAVED, best_return=None, best=b""))
+        assert checkpoints.load(2) == replace(SAVED, best_return=None, best=b"")
         assert files(tmp_path) == [
             "sac/key/seed-0.11.checkpoint",
             "sac/key/seed-0.12.checkpoint",
             "sac/key/seed-1.1.checkpoint",
+            "sac/key/seed-2.1.checkpoint",
             "sac/lock",
         ]
     assert said == []
@@ -158,7 +163,7 @@ def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
         "checkpoints = Checkpoints(pathlib.Path(sys.argv[1]), 'sac', 'key', print)\n"
         "with checkpoints.opened([0]):\n"
         "    print('open', flush=True); sys.stdin.read()\n"
-        "    checkpoints.finish(0, Saved(1, 0.0, [], None, '', b'policy'))"
+        "    checkpoints.finish(0, Saved(1, 0.0, [], None, '', None, b'', b'policy'))"
     )
     pipe = subprocess.PIPE
     command = [sys.executable, "-c", program, str(tmp_path)]

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from jumping_ant import params_file, robot
-from jumping_ant.env import DiscreteCommands, JumpingAnt
+from jumping_ant import article, robot
+from jumping_ant.env import Decisions, JumpingAnt
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.params import EnvParams, Params
-from jumping_ant.task import COMMANDS
+from jumping_ant.task import COMMAND_SIGNS, ActionSet
+from jumping_ant.vector import JumpingAntVectorEnv
 
 DRAW = """
 import gymnasium, jumping_ant.env
@@ -155,24 +156,92 @@ def test_returned_observations_share_no_memory(env: JumpingAnt) -> None:
         assert all(not np.shares_memory(one, other) for other in returned[:index])
 
 
-def test_discrete_commands_are_the_torques_of_the_table(env: JumpingAnt) -> None:
-    discrete = DiscreteCommands(env)
-    assert discrete.action_space == gym.spaces.Discrete(5)
-    discrete.reset(seed=0)
+def test_decisions_for_commands_apply_the_torques_of_the_table(env: JumpingAnt) -> None:
+    decisions = Decisions(env, ActionSet(0.5 * COMMAND_SIGNS))
+    assert decisions.action_space == gym.spaces.Discrete(5)
+    decisions.reset(seed=0)
     for number in range(5):
-        discrete.step(number)
-        np.testing.assert_array_equal(env.data.ctrl, COMMANDS[number])
+        decisions.step(number)
+        np.testing.assert_array_equal(env.data.ctrl, 0.5 * COMMAND_SIGNS[number])
 
 
-def test_make_gives_the_robot_and_the_task_of_params_yaml() -> None:
-    told = params_file.load()
-    made = gym.make("JumpingAnt-v0")
-    env: Any = made.unwrapped
-    assert env.params == told.env
-    same = JumpingAnt(robot.build(told.robot), told.env)
+@pytest.mark.parametrize("limit", [1000, 8])
+def test_a_decision_is_so_many_steps_of_the_same_torques(
+    robot_xml: str, known_params: Params, limit: int
+) -> None:
+    """With an episode cut after eight steps, too: in the middle of the third decision."""
+    params = task(known_params, max_episode_steps=limit)
+    single = JumpingAnt(robot_xml, params)
+    decisions = Decisions(JumpingAnt(robot_xml, params), ActionSet(amplitude=0.5, hold=3))
+    np.testing.assert_array_equal(decisions.reset(seed=2)[0], single.reset(seed=2)[0])
+    for number, chosen in enumerate(torques(3)):
+        observation, reward, terminated, truncated, info = decisions.step(chosen)
+        expected = []
+        for _ in range(3):
+            expected.append(single.step(np.float32(0.5) * chosen))
+            if expected[-1][3]:
+                break
+        assert len(expected) == (2 if number == 2 and limit == 8 else 3)
+        np.testing.assert_array_equal(observation, expected[-1][0])
+        assert reward == sum(step[1] for step in expected) == info["reward_height"]
+        assert (terminated, truncated) == expected[-1][2:4] == (False, len(expected) < 3)
+        assert info["torso_height"] == expected[-1][4]["torso_height"]
+
+
+def pinned() -> JumpingAnt:
+    return JumpingAnt(robot.build(article.ROBOT), article.ENV)
+
+
+def test_make_gives_the_articles_robot_and_task() -> None:
+    made, same = gym.make("JumpingAnt-v0"), pinned()
     np.testing.assert_array_equal(made.reset(seed=3)[0], same.reset(seed=3)[0])
-    np.testing.assert_array_equal(made.step(torques(1)[0])[0], same.step(torques(1)[0])[0])
+    for action in torques(30):
+        step, expected = made.step(action), same.step(action)
+        np.testing.assert_array_equal(step[0], expected[0])
+        assert step[1:] == expected[1:]
     made.close()
+
+
+def test_make_vec_gives_a_batch_that_steps_as_make_does() -> None:
+    batch = gym.make_vec("JumpingAnt-v0", num_envs=3)
+    assert isinstance(batch, JumpingAntVectorEnv)
+    singles = [gym.make("JumpingAnt-v0") for _ in range(3)]
+    starts = [single.reset(seed=5 + row)[0] for row, single in enumerate(singles)]
+    np.testing.assert_array_equal(batch.reset(seed=5)[0], starts)
+    rewards = 0.0
+    for actions in np.random.default_rng(0).uniform(-1, 1, (50, 3, 8)).astype(np.float32):
+        steps = [single.step(action) for single, action in zip(singles, actions, strict=True)]
+        outcome = batch.step(actions)
+        for part in range(4):
+            np.testing.assert_array_equal(outcome[part], [step[part] for step in steps])
+        rewards += sum(outcome[1])
+    assert rewards > 0, "nothing was earned: a comparison of zeros"
+    for env in (batch, *singles):
+        env.close()
+
+
+def test_the_pinned_task_has_the_articles_numbers() -> None:
+    """Ant-v4's control step and noise; 0 to 10 for heights from 0.6 to 1.6 m; over below 0.2 m."""
+    env = pinned()
+    assert env.dt == 0.05 and env.params.frame_skip == 5
+    assert env.observation_space.shape == (27,) and env.action_space.shape == (8,)
+    for height, reward, terminated in [
+        (0.19, 0.0, True),
+        (0.21, 0.0, False),
+        (0.6, 0.0, False),
+        (1.1, 5.0, False),
+        (1.6, 10.0, False),
+        (5.0, 10.0, False),
+    ]:
+        env.reset(seed=0)
+        env.model.opt.timestep = 1e-9  # it stays where it is put
+        env.data.qpos[2] = height
+        outcome = env.step(np.zeros(8))
+        assert outcome[1] == pytest.approx(reward, abs=1e-5) and outcome[2] == terminated, height
+    starts = np.array([env.reset()[0] for _ in range(500)])
+    offsets = starts[:, :13] - env.model.qpos0[2:]
+    assert 0.099 < np.abs(offsets).max() < 0.1
+    np.testing.assert_allclose(starts[:, 13:].std(axis=0), 0.1, rtol=0.15)
 
 
 def test_pictures_are_shown_as_fast_as_the_robot_moves(

@@ -13,6 +13,7 @@ from jumping_ant.evaluation import QUANTITIES, measure, replay
 from jumping_ant.params import Params
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.rollout import Episode
+from jumping_ant.task import ActionSet
 from jumping_ant.trajectory import Trajectory
 
 KINDS = ("hip", "ankle")
@@ -38,7 +39,9 @@ def short(known_params: Params) -> Params:
 
 @pytest.fixture(scope="module")
 def evaluated(robot_xml: str, short: Params) -> tuple[pd.DataFrame, Trajectory]:
-    return evaluation.evaluate(robot_xml, short, {4: UniformPolicy(4), 7: UniformPolicy(7)})
+    return evaluation.evaluate(
+        robot_xml, short, {4: UniformPolicy(4, ActionSet()), 7: UniformPolicy(7, ActionSet())}
+    )
 
 
 def still_episode(steps: int = 4) -> Episode:
@@ -165,7 +168,7 @@ def test_a_broken_state_is_left_out(
 def test_replay_is_the_episode_to_the_last_bit(
     model: mujoco.MjModel, robot_xml: str, short: Params
 ) -> None:
-    episode = rollout.run(robot_xml, short.env, UniformPolicy(0), [3, 4, 5], 2)[1]
+    episode = rollout.run(robot_xml, short.env, UniformPolicy(0, ActionSet()), [3, 4, 5], 2)[1]
     skip = short.env.frame_skip
     trajectory = replay(model, skip, episode, 0, 1)
     np.testing.assert_array_equal(trajectory.qpos[0], episode.start_qpos)
@@ -182,7 +185,7 @@ def test_replay_keeps_an_episode_that_broke_down(
     model: mujoco.MjModel, robot_xml: str, short: Params
 ) -> None:
     wild = short.env.model_copy(update={"reset_noise_scale": 1e150})
-    episode = rollout.run(robot_xml, wild, UniformPolicy(0), [3])[0]
+    episode = rollout.run(robot_xml, wild, UniformPolicy(0, ActionSet()), [3])[0]
     assert episode.terminated
     assert len(episode.rewards) == 1
     assert len(replay(model, 5, episode, 0, 0).qpos) == 6
@@ -200,7 +203,7 @@ def test_every_policy_meets_the_same_episodes(
     assert table["episode"].tolist() == [0, 1, 2, 0, 1, 2]
     assert table["episode_seed"].tolist() == [9, 10, 11, 9, 10, 11]
     for seed in (4, 7):
-        ran = rollout.run(robot_xml, short.env, UniformPolicy(seed), [9, 10, 11])
+        ran = rollout.run(robot_xml, short.env, UniformPolicy(seed, ActionSet()), [9, 10, 11])
         returns = [float(episode.rewards.sum()) for episode in ran]
         assert table.loc[table["seed"] == seed, "return"].tolist() == returns
 
@@ -212,14 +215,14 @@ def test_the_trajectory_is_that_of_the_median_return(
     row = table.sort_values("return").iloc[2]  # the lower one of the middle two
     assert trajectory.episode_return == row["return"]
     assert (trajectory.seed, trajectory.episode) == (row["seed"], row["episode"])
-    one_seed, of_three = evaluation.evaluate(robot_xml, short, {4: UniformPolicy(4)})
+    one_seed, of_three = evaluation.evaluate(robot_xml, short, {4: UniformPolicy(4, ActionSet())})
     assert of_three.episode_return == one_seed["return"].median()
 
 
 def test_no_number_depends_on_threads(
     evaluated: tuple[pd.DataFrame, Trajectory], robot_xml: str, short: Params
 ) -> None:
-    policies: Any = {4: UniformPolicy(4), 7: UniformPolicy(7)}
+    policies: Any = {4: UniformPolicy(4, ActionSet()), 7: UniformPolicy(7, ActionSet())}
     table, trajectory = evaluation.evaluate(robot_xml, short, policies, num_threads=2)
     pd.testing.assert_frame_equal(table, evaluated[0], check_exact=True)
     np.testing.assert_array_equal(trajectory.qpos, evaluated[1].qpos)

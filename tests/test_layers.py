@@ -13,22 +13,13 @@ def top(path) -> str:
 
 LAYERS = [
     {"errors"},
-    {
-        "archive",
-        "events",
-        "files",
-        "gl",
-        "looks",
-        "machine",
-        "measures",
-        "motion",
-        "tables",
-        "wording",
-    },
+    {"archive", "events", "files", "gl", "looks", "machine", "measures", "motion", "seeding"}
+    | {"tables", "wording"},
     {"imports", "params"},
-    {"drawing", "params_file", "rewards", "robot", "schema", "statistics", "task", "trajectory"},
-    {"env", "vector", "rendering", "recording", "hypothesis_tests"},
-    {"policies", "sample_sizes"},
+    {"article", "drawing", "params_file", "rewards", "robot", "schema", "statistics", "task"}
+    | {"trajectory"},
+    {"hypothesis_tests", "vector", "rendering", "recording"},
+    {"env", "policies", "sample_sizes"},
     {"agents", "playing", "rollout", "serving"},
     {"checkpoints", "compute", "evaluation", "progress", "results"},
     {"comparison"},

@@ -1,6 +1,9 @@
 """Against Stable-Baselines3's own classes, from the same state and with the same random numbers."""
 
 import copy
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,15 +21,16 @@ from jumping_ant.agents.off_policy.mlp import MLP
 from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer
 
 PARAMS = params_file.load()
-ENV = PARAMS.env.model_copy(update={"max_episode_steps": 30})  # the buffer holds ends of episodes
+ENV = PARAMS.env.model_copy(update={"max_episode_steps": 45})
 STOCK = {"LeanDQN": DQN, "LeanSAC": SAC}
 
 
 def filled_model(xml: str, name: str, **changes: object) -> OffPolicyAlgorithm:
     """Return a model whose buffer is filled by random actions, not yet trained."""
     small = {"num_envs": 4, "learning_starts": 10**6, "batch_size": 64, "net_arch": [48, 32]}
+    small |= {"episode_steps": 30, "long_episodes": 0.5}  # the buffer holds ends of episodes
     agent = PARAMS.agents[name].model_copy(update=small | changes)
-    model = trainer.make_model(trainer.make_envs(xml, ENV, agent), agent, seed=0)
+    model = trainer.make_model(trainer.make_envs(xml, ENV, agent, seed=0), agent, seed=0)
     model.set_logger(Logger(folder=None, output_formats=[]))
     model.learn(400)
     return model
@@ -69,6 +73,41 @@ def test_updates_are_those_of_sb3(
     assert {key for key in theirs if key != "train/ent_coef_loss"} == set(lean.logger.name_to_value)
     for key, value in lean.logger.name_to_value.items():
         assert value == pytest.approx(theirs[key], rel=1e-3), key
+
+
+@pytest.mark.parametrize("epsilon", [0.0, 0.5, 1.0])
+def test_one_environment_explores_as_in_sb3(robot_xml: str, epsilon: float) -> None:
+    model = filled_model(robot_xml, "dqn", num_envs=1)
+    model.exploration_rate = epsilon
+    observations = np.random.default_rng(0).normal(0, 1, (100, 1, 27)).astype(np.float32)
+    choices = []
+    for predict in (model.predict, partial(DQN.predict, model)):
+        np.random.seed(3)
+        model.action_space.seed(4)
+        choices.append([predict(observation)[0].tolist() for observation in observations])
+        choices[-1].append([np.random.rand()])  # as many coins were tossed
+    assert choices[0] == choices[1]
+    greedy = [model.predict(observation, deterministic=True)[0] for observation in observations]
+    others = np.mean(np.array(choices[0][:-1]) != greedy)
+    assert others == pytest.approx(0.8 * epsilon, abs=0.15), "one of five is the greedy one"
+
+
+def test_each_environment_tosses_a_coin_of_its_own(robot_xml: str) -> None:
+    """SB3 tosses one for all: either every environment explores or none does."""
+    model = filled_model(robot_xml, "dqn", num_envs=4)
+    model.exploration_rate = 0.5
+    observation = np.random.default_rng(0).normal(0, 1, (4, 27)).astype(np.float32)
+    greedy = model.predict(observation, deterministic=True)[0]
+
+    def between_environments(predict: Callable[..., Any]) -> float:
+        np.random.seed(3)
+        model.action_space.seed(4)
+        explored = np.array([predict(observation)[0] != greedy for _ in range(1000)])
+        np.testing.assert_allclose(explored.mean(axis=0), 0.4, atol=0.07)
+        return float(np.corrcoef(explored.T)[np.triu_indices(4, 1)].mean())
+
+    assert abs(between_environments(model.predict)) < 0.05
+    assert between_environments(partial(DQN.predict, model)) > 0.5
 
 
 def test_sb3_sees_the_state_of_the_optimizers(robot_xml: str) -> None:

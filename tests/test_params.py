@@ -49,6 +49,7 @@ def test_the_real_file_is_accepted_with_its_numbers() -> None:
     ("agent", "numbers", "budget"),
     [
         ("random", {}, 0),
+        ("metronome", {"half_periods": [2, 5], "episodes": 3, "episode_steps": 10}, 60),
         ("dqn", {"total_steps": 500, "num_envs": 2}, 500),
         ("sac", {"total_steps": 400, "num_envs": 1}, 400),
         ("pgpe", {"generations": 3, "population_size": 4, "episode_steps": 50}, 600),
@@ -69,8 +70,14 @@ def test_budgets_are_counted_in_control_steps(
         # Keys.
         ("env.frameskip", 5, "unknown key (did you mean 'frame_skip'?); allowed: " + KEYS_OF_ENV),
         ("env.xyz", 5, "unknown key; allowed: " + KEYS_OF_ENV),
-        ("agents.random.gamma", 0.9, "unknown key; allowed: trainer, algorithm"),
-        ("agents.random.a\nb", 1, "unknown key; allowed: trainer, algorithm"),
+        ("agents.random.gamma", 0.9, "unknown key; allowed: trainer, algorithm, actions"),
+        ("agents.random.a\nb", 1, "unknown key; allowed: trainer, algorithm, actions"),
+        (
+            "agents.sac.actions.hod",
+            1,
+            "unknown key (did you mean 'hold'?); allowed: kind, amplitude, hold",
+        ),
+        ("agents.random.actions.hold", MISSING, "missing; it must be given"),
         ("env.frame_skip", MISSING, "missing; it must be given"),
         ("compare", MISSING, "missing; it must be given"),
         # Types.
@@ -86,6 +93,14 @@ def test_budgets_are_counted_in_control_steps(
         ("robot.joint_gear", "x" * 99, f"given '{'x' * 56}..., allowed: a block of keys"),
         ("agents.pgpe.observation_normalization", 1, "given 1, allowed: true or false"),
         ("agents.sac.ent_coef", "automatic", "given 'automatic', allowed: number or 'auto'"),
+        ("agents.sac.episode_steps", "long", "given 'long', allowed: integer or null"),
+        ("agents.dqn.actions.hold", 1.5, "given 1.5, allowed: integer"),
+        ("agents.dqn.actions", "commands", "given 'commands', allowed: a block of keys"),
+        # Actions that an algorithm cannot take.
+        ("agents.dqn.actions.kind", "torques", "given 'torques', allowed: 'commands'"),
+        ("agents.sac.actions.kind", "commands", "given 'commands', allowed: 'torques'"),
+        ("agents.pgpe.actions.kind", "commands", "given 'commands', allowed: 'torques'"),
+        ("agents.random.actions.kind", "all", "given 'all', allowed: 'torques' or 'commands'"),
         # Ranges.
         ("robot.density", 0, "given 0, allowed: greater than 0"),
         ("robot.density", -2.5, "given -2.5, allowed: greater than 0"),
@@ -95,6 +110,13 @@ def test_budgets_are_counted_in_control_steps(
         ("agents.dqn.gamma", 1.5, "given 1.5, allowed: less than or equal to 1"),
         ("agents.dqn.net_arch", [], "given [], allowed: at least one"),
         ("agents.sac.ent_coef", -1, "given -1, allowed: greater than 0 or 'auto'"),
+        ("agents.dqn.actions.hold", 0, "given 0, allowed: greater than or equal to 1"),
+        ("agents.sac.actions.amplitude", 1.5, "given 1.5, allowed: less than or equal to 1"),
+        ("agents.random.actions.amplitude", 0, "given 0, allowed: greater than 0"),
+        ("agents.metronome.amplitude", 2, "given 2, allowed: less than or equal to 1"),
+        ("agents.metronome.half_periods", [], "given [], allowed: at least one"),
+        ("agents.dqn.long_episodes", 1.1, "given 1.1, allowed: less than or equal to 1"),
+        ("agents.dqn.episode_steps", 0, "given 0, allowed: greater than or equal to 1 or null"),
         ("agents.pgpe.population_size", 7, "given 7, allowed: a multiple of 2"),
         ("record.width", 65, "given 65, allowed: a multiple of 2"),
         ("compare.confidence", 1, "given 1, allowed: less than 1"),
@@ -125,12 +147,17 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
         (
             "agents.dqn.algorithm",
             "ppo",
-            "agents.dqn.algorithm: given 'ppo', allowed: random, dqn, sac, pgpe",
+            "agents.dqn.algorithm: given 'ppo', allowed: random, open_loop, dqn, sac, pgpe",
         ),
         (
             "agents.dqn.algorithm",
             MISSING,
-            "agents.dqn.algorithm: missing; allowed: random, dqn, sac, pgpe",
+            "agents.dqn.algorithm: missing; allowed: random, open_loop, dqn, sac, pgpe",
+        ),
+        (
+            "agents.metronome.half_periods",
+            [2, 0],
+            "agents.metronome.half_periods.1: given 0, allowed: greater than or equal to 1",
         ),
         ("seeds", [0, -1], "seeds.1: given -1, allowed: greater than or equal to 0"),
         (
@@ -140,8 +167,15 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
         ),
         (
             "agents.dqn",
-            CONTENT["agents"]["dqn"] | {"total_steps": 15, "num_envs": 8, "train_freq": 2},
-            "agents.dqn: total_steps is 15, but one round of num_envs x train_freq takes 16",
+            CONTENT["agents"]["dqn"]
+            | {
+                "total_steps": 31,
+                "num_envs": 8,
+                "train_freq": 2,
+                "actions": {"kind": "commands", "amplitude": 0.5, "hold": 2},
+            },
+            "agents.dqn: total_steps is 31, but one round of num_envs x train_freq x actions.hold "
+            "takes 32",
         ),
     ],
 )

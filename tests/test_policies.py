@@ -4,6 +4,7 @@ import io
 import json
 import pickle
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +16,33 @@ from stable_baselines3 import DQN, SAC
 from jumping_ant import policies
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_file
 from jumping_ant.archive import pack, unpack
+from jumping_ant.env import Decisions, JumpingAnt
 from jumping_ant.errors import InputError
 from jumping_ant.params import Params
-from jumping_ant.policies import GaussianActor, GreedyCommands, LinearPolicy, UniformPolicy
-from jumping_ant.task import COMMANDS
+from jumping_ant.policies import (
+    GaussianActor,
+    GreedyCommands,
+    LinearPolicy,
+    OpenLoopPolicy,
+    UniformPolicy,
+)
+from jumping_ant.task import COMMAND_SIGNS, ActionSet
 
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
+COMMANDS = ActionSet(0.5 * COMMAND_SIGNS, hold=3)
 SB3 = {"sac": (SAC, GaussianActor), "dqn": (DQN, GreedyCommands)}
 
 
-def linear_policy() -> LinearPolicy:
+def linear_policy(actions: ActionSet = ActionSet()) -> LinearPolicy:  # noqa: B008 - it is frozen
     generator = np.random.default_rng(1)
     return LinearPolicy(
         weight=generator.normal(0, 0.1, (8, 27)).astype(np.float32),
         bias=generator.normal(0, 0.1, 8).astype(np.float32),
         mean=generator.normal(0, 1, 27).astype(np.float32),
         stdev=generator.uniform(0.5, 2, 27).astype(np.float32),
+        weight_spread=generator.uniform(0.1, 0.2, (8, 27)).astype(np.float32),
+        bias_spread=generator.uniform(0.1, 0.2, 8).astype(np.float32),
+        actions=actions,
     )
 
 
@@ -38,20 +50,23 @@ def linear_policy() -> LinearPolicy:
 def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params) -> Any:
     """An untrained model of Stable-Baselines3 and its policy file, written twice."""
     small = {"net_arch": [16, 8], "buffer_size": 10, "num_envs": 1, "velocity_scale": 0.3}
-    agent = known_params.agents[request.param].model_copy(update=small)
-    model = make_model(make_envs(robot_xml, known_params.env, agent), agent, seed=5)
+    agent = known_params.agents[request.param]
+    actions = agent.actions.model_copy(update={"amplitude": 0.75, "hold": 2})
+    agent = agent.model_copy(update=small | {"actions": actions})
+    model = make_model(make_envs(robot_xml, known_params.env, agent, seed=5), agent, seed=5)
     return request.param, model, policy_file(model, agent), policy_file(model, agent)
 
 
 def sb3_torques(algorithm: str, model: Any) -> np.ndarray:
     actions, _ = model.predict(OBSERVATIONS.astype(np.float32), deterministic=True)
-    return actions if algorithm == "sac" else COMMANDS[actions]
+    return 0.75 * (actions if algorithm == "sac" else COMMAND_SIGNS[actions])
 
 
 def test_networks_act_as_in_stable_baselines3(network: Any) -> None:
     algorithm, model, content, _ = network
     policy = policies.load(content)
     assert isinstance(policy, SB3[algorithm][1])
+    assert policy.actions.hold == 2
     torques = policy.act(OBSERVATIONS)
     np.testing.assert_allclose(torques, sb3_torques(algorithm, model), rtol=0, atol=1e-5)
     assert len(np.unique(torques, axis=0)) > 1  # it does look at what it sees
@@ -64,6 +79,26 @@ def test_stable_baselines3_loads_the_same_file(network: Any) -> None:
     np.testing.assert_array_equal(sb3_torques(algorithm, loaded), sb3_torques(algorithm, model))
 
 
+@pytest.mark.filterwarnings("ignore:.n_steps=")
+def test_stable_baselines3_plays_a_policy_file_as_the_project_does(
+    network: Any, robot_xml: str, known_params: Params
+) -> None:
+    """`SAC.load` and `DQN.load`, in an environment whose steps are the agent's decisions."""
+    algorithm, _, content, _ = network
+    ours, theirs = policies.load(content), SB3[algorithm][0].load(io.BytesIO(content), device="cpu")
+    env = JumpingAnt(robot_xml, known_params.env)
+    decisions = Decisions(env, ours.actions)
+    assert decisions.action_space == theirs.action_space
+    played = []
+    for observation in OBSERVATIONS:
+        decisions.reset(seed=0)
+        choice, _ = theirs.predict(observation, deterministic=True)
+        decisions.step(choice)
+        played.append(env.data.ctrl.copy())
+    np.testing.assert_allclose(played, ours.act(OBSERVATIONS), rtol=0, atol=1e-5)
+    assert np.ptp(played, axis=0).max() > 0.1, "the choices differ from state to state"
+
+
 def test_networks_saved_again_are_the_same_bytes(network: Any) -> None:
     _, _, content, again = network
     assert content == again
@@ -71,13 +106,24 @@ def test_networks_saved_again_are_the_same_bytes(network: Any) -> None:
         assert {entry.date_time[0] for entry in archive.infolist()} == {1980}
 
 
-@pytest.mark.parametrize("policy", [linear_policy(), UniformPolicy(3)], ids=["linear", "uniform"])
+NUMBERS = {
+    "linear": linear_policy(ActionSet(amplitude=0.25, hold=4)),
+    "uniform": UniformPolicy(3, ActionSet(amplitude=0.25, hold=4)),
+    "uniform commands": UniformPolicy(3, COMMANDS),
+    "open loop": OpenLoopPolicy(ActionSet(COMMAND_SIGNS[[3, 4]], hold=3)),
+}
+
+
+@pytest.mark.parametrize("policy", NUMBERS.values(), ids=NUMBERS.keys())
 def test_files_are_the_same_bytes_and_act_the_same(policy: Any, tmp_path: Path) -> None:
     content = policy.to_bytes()
     (tmp_path / "policy.zip").write_bytes(content)
     loaded: Any = policies.load_file(tmp_path / "policy.zip")
     assert type(loaded) is type(policy)
     assert loaded.to_bytes() == content == policy.to_bytes()
+    mine, read = policy.actions, loaded.actions
+    assert (read.hold, read.amplitude) == (mine.hold, mine.amplitude)
+    assert np.array_equal(read.table, mine.table) and (read.table is None) == (mine.table is None)
     for one in (policy, loaded):
         one.start(range(50))
     np.testing.assert_array_equal(loaded.act(OBSERVATIONS), policy.act(OBSERVATIONS))
@@ -90,14 +136,17 @@ def test_linear_policy_by_hand() -> None:
     mean, stdev = np.full(27, 1.0, np.float32), np.full(27, 2.0, np.float32)
     observation = np.ones((1, 27))
     observation[0, 0], observation[0, 26] = 2.0, 1.5  # normalised: 0.5 and 0.25, the others 0
-    torques = LinearPolicy(weight, bias, mean, stdev).act(observation)
+    policy = LinearPolicy(weight, bias, mean, stdev, weight, bias, ActionSet())
+    torques = policy.act(observation)
     assert torques.tolist() == [[0.25, -0.25, 1.0, -1.0, 0, 0, 0, 0.125]]
+    weaker = replace(policy, actions=ActionSet(amplitude=0.5)).act(observation)
+    assert weaker.tolist() == [[0.125, -0.125, 0.5, -0.5, 0, 0, 0, 0.0625]]
     assert torques.dtype == np.float64
 
 
 def test_random_torques_depend_on_seed_and_episode_alone() -> None:
     def torques(seed: int, episodes: list[int]) -> dict[int, np.ndarray]:
-        policy = UniformPolicy(seed)
+        policy = UniformPolicy(seed, ActionSet())
         policy.start(episodes)
         drawn = [policy.act(OBSERVATIONS[: len(episodes)]) for _ in range(20)]
         return dict(zip(episodes, np.stack(drawn, axis=1), strict=True))
@@ -112,15 +161,37 @@ def test_random_torques_depend_on_seed_and_episode_alone() -> None:
     np.testing.assert_allclose(everything.std(axis=0), 1 / np.sqrt(3), atol=0.03)
 
 
+def test_the_open_loop_plays_its_table_in_a_circle() -> None:
+    policy = OpenLoopPolicy(ActionSet(COMMAND_SIGNS[[3, 4, 0]]))
+    for _ in range(2):  # each episode begins with the first row
+        policy.start([1, 2])
+        drawn = np.array([policy.act(OBSERVATIONS[:2]) for _ in range(5)])
+        expected = COMMAND_SIGNS[[3, 4, 0, 3, 4]]
+        np.testing.assert_array_equal(drawn, np.stack([expected, expected], axis=1))
+
+
+def test_neighbours_are_drawn_around_the_centre() -> None:
+    policy = linear_policy()
+    generator = np.random.default_rng(0)
+    drawn = [policy.sample(generator) for _ in range(2000)]
+    for name in ("weight", "bias"):
+        center, spread = getattr(policy, name), getattr(policy, f"{name}_spread")
+        found = (np.array([getattr(one, name) for one in drawn]) - center) / spread
+        np.testing.assert_allclose(found.mean(axis=0), 0, atol=0.1)
+        np.testing.assert_allclose(found.std(axis=0), 1, atol=0.1)
+    assert all(np.array_equal(one.mean, policy.mean) for one in drawn)
+
+
 def test_velocities_are_scaled_and_positions_are_not() -> None:
     factors = policies.velocity_factors(0.1)
     assert factors[:13].tolist() == [1.0] * 13
     np.testing.assert_allclose(factors[13:], [0.1] * 14, rtol=1e-6)
 
 
-def archive(kind: Any, **entries: bytes) -> bytes:
-    header = json.dumps({"format": 1, "kind": kind, "velocity_scale": 1.0}).encode()
-    return pack({"policy.json": header, **entries})
+def archive(kind: Any, /, table: Any = None, hold: Any = 1, **entries: bytes) -> bytes:
+    header = {"format": 2, "kind": kind, "velocity_scale": 1.0, "amplitude": 1.0, "hold": hold}
+    tables = {} if table is None else {"commands.npy": npy(table)}
+    return pack({"policy.json": json.dumps(header | {"seed": 0}).encode(), **tables, **entries})
 
 
 def npy(array: Any) -> bytes:
@@ -139,6 +210,14 @@ def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
     return tensors(**{f"{prefix}.weight": np.ones(outputs), f"{prefix}.bias": np.ones(bias)})
 
 
+def with_amplitude(amplitude: Any) -> bytes:
+    header = {"kind": "uniform", "seed": 0, "hold": 1, "amplitude": amplitude}
+    return pack({"policy.json": json.dumps(header).encode()})
+
+
+NETWORK_OF_FIVE = one_layer("q_net.q_net.0", (5, 27), 5)
+NETWORK_OF_NINE = one_layer("q_net.q_net.0", (9, 27), 9)
+OPEN_LOOP = unpack(NUMBERS["open loop"].to_bytes())
 LINEAR = linear_policy().to_bytes()
 ARRAYS = unpack(LINEAR)
 DAMAGED = {
@@ -160,15 +239,45 @@ DAMAGED = {
     "no network": archive("sac", **{"policy.pth": tensors()}),
     "other network": archive("sac", **{"policy.pth": one_layer("actor.mu", (8, 26), 8)}),
     "flat network": archive("sac", **{"policy.pth": one_layer("actor.mu", 27, 1)}),
-    "too many commands": archive("dqn", **{"policy.pth": one_layer("q_net.q_net.0", (9, 27), 9)}),
-    "torn tensors": archive("dqn", **{"policy.pth": one_layer("q_net.q_net.0", (5, 27), 5)[:-50]}),
+    "too many commands": archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_NINE}),
+    "commands without a table": archive("dqn", **{"policy.pth": NETWORK_OF_FIVE}),
+    "torn tensors": archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE[:-50]}),
+    "open loop without a table": archive("open_loop"),
+    "table without rows": archive("open_loop", COMMAND_SIGNS[:0]),
+    "table of other width": archive("open_loop", COMMAND_SIGNS[:, :7]),
+    "flat table": archive("open_loop", COMMAND_SIGNS[0]),
+    "table of text": archive("open_loop", np.full((2, 8), "up")),
+    "table of infinities": archive("open_loop", np.full((2, 8), np.inf)),
+    "table beyond the peak torque": archive("open_loop", np.full((2, 8), 1.5)),
+    "torn table": pack(OPEN_LOOP | {"commands.npy": OPEN_LOOP["commands.npy"][:-5]}),
+    "held for no time": archive("uniform", hold=0),
+    "held backwards": archive("uniform", hold=-3),
+    "held for a word": archive("uniform", hold="long"),
+    "held for half a step": archive("uniform", hold=0.5),
+    "amplitude missing": pack({"policy.json": b'{"kind": "uniform", "seed": 0, "hold": 1}'}),
+    "amplitude no number": with_amplitude("loud"),
+    "amplitude not finite": with_amplitude(float("nan")),
+    "amplitude beyond the peak torque": with_amplitude(2.0),
 }
 
 
 @pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED.keys())
 def test_damaged_and_foreign_files_are_refused(content: bytes) -> None:
-    with pytest.raises(InputError, match="policy file: .*allowed: "):
+    with pytest.raises(InputError, match="policy file: .*allowed: ") as caught:
         policies.load(content)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_damage_is_all_that_is_wrong() -> None:
+    """What the damaged files above are made of is accepted."""
+    for content in (
+        archive("uniform", hold=3),
+        archive("open_loop", COMMAND_SIGNS),
+        archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE}),
+        with_amplitude(0.5),
+        pack(OPEN_LOOP),
+    ):
+        assert policies.load(content).actions.hold >= 1
 
 
 class Payload:

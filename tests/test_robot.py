@@ -7,14 +7,23 @@ import mujoco
 import numpy as np
 import pytest
 
-from jumping_ant import robot
+import presets
+from jumping_ant import article, params_file, robot
 from jumping_ant.errors import InputError
-from jumping_ant.files import write_text
+from jumping_ant.files import PROJECT_ROOT, write_text
 from jumping_ant.params import Params, RobotParams
 
 # The source's own values: with these, nothing is edited.
 UNEDITED = RobotParams(
-    density=5.0, gear=150.0, joint_gear={}, torso_radius=0.25, leg_length=1.0, friction=1.0
+    density=5.0,
+    gear=150.0,
+    joint_gear={},
+    torso_radius=0.25,
+    leg_length=1.0,
+    damping=1.0,
+    friction=1.0,
+    torsional_friction=0.5,
+    rolling_friction=0.5,
 )
 MOTORS = ["hip_4", "ankle_4", "hip_1", "ankle_1", "hip_2", "ankle_2", "hip_3", "ankle_3"]
 
@@ -98,14 +107,70 @@ def test_longer_legs_reach_farther(source: mujoco.MjModel) -> None:
     assert reach(edited(leg_length=1.5)) == pytest.approx(1.5 * 0.8 * np.sqrt(2))
 
 
+ARTICLES = {
+    "params.yaml": params_file.load().robot,
+    "presets/article": presets.apply(PROJECT_ROOT / "presets" / "article").robot,
+    "JumpingAnt-v0": article.ROBOT,
+}
+
+
+@pytest.fixture(scope="module", params=ARTICLES.values(), ids=ARTICLES.keys())
+def articles(request: pytest.FixtureRequest) -> mujoco.MjModel:
+    return robot.load(robot.build(request.param))
+
+
+def test_the_articles_robot_weighs_three_fifths(
+    articles: mujoco.MjModel, source: mujoco.MjModel
+) -> None:
+    """3 kg/m^3 instead of 5, torso included."""
+    np.testing.assert_allclose(articles.body_mass, source.body_mass * 3 / 5, rtol=1e-12)
+    np.testing.assert_allclose(articles.body_inertia, source.body_inertia * 3 / 5, rtol=1e-12)
+    torso = 4 / 3 * np.pi * 0.25**3
+    # Capsules of radius 0.08; eight are as long as the diagonal of 0.2 m, four of 0.4 m.
+    lengths = np.repeat([0.2, 0.4], [8, 4]) * np.sqrt(2)
+    legs = sum(np.pi * 0.08**2 * length + 4 / 3 * np.pi * 0.08**3 for length in lengths)
+    assert articles.body("torso").mass[0] == pytest.approx(3 * torso)
+    assert articles.body_subtreemass[0] == pytest.approx(3 * (torso + legs))
+
+
+def test_the_articles_motors_joints_and_contacts(articles: mujoco.MjModel) -> None:
+    assert gears(articles) == dict.fromkeys(MOTORS, 300.0)
+    hinges = articles.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    assert hinges.sum() == 8
+    np.testing.assert_array_equal(articles.dof_damping, np.repeat([0.0, 0.5], [6, 8]))
+    np.testing.assert_array_equal(articles.jnt_dofadr[hinges], range(6, 14))
+    assert articles.ngeom == 14  # the floor, too
+    np.testing.assert_array_equal(articles.geom_friction, [[0.6, 0.3, 0.3]] * 14)
+    assert (articles.geom_condim == 3).all()
+
+
+def test_the_articles_robot_is_gymnasiums_but_for_that(
+    articles: mujoco.MjModel, source: mujoco.MjModel
+) -> None:
+    for name in ("geom_size", "geom_pos", "body_pos", "jnt_range", "dof_armature", "geom_margin"):
+        np.testing.assert_array_equal(getattr(articles, name), getattr(source, name), err_msg=name)
+    assert articles.opt.timestep == source.opt.timestep == 0.01
+    assert articles.opt.integrator == source.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.5])
+def test_damping_brakes_the_hinges_alone(damping: float) -> None:
+    model = edited(damping=damping)
+    data = mujoco.MjData(model)
+    data.qpos[2], data.qvel[:] = 5.0, 2.0
+    mujoco.mj_forward(model, data)
+    np.testing.assert_array_equal(data.qfrc_damper, np.repeat([0.0, -2.0 * damping], [6, 8]))
+
+
 @pytest.mark.parametrize("friction", [0.1, 3.0])
 def test_friction_is_that_of_the_contacts(friction: float) -> None:
-    model = edited(friction=friction)
+    model = edited(friction=friction, torsional_friction=0.2, rolling_friction=0.1)
     data = mujoco.MjData(model)
     data.qpos[2] = 0.05  # torso and feet in the floor
     mujoco.mj_forward(model, data)
     assert data.ncon > 0
     np.testing.assert_array_equal(data.contact.friction[:, :2], friction)
+    np.testing.assert_array_equal(data.contact.friction[:, 2:], [[0.2, 0.1, 0.1]] * data.ncon)
 
 
 def test_without_edits_the_dynamics_are_the_sources_to_the_last_bit(source: mujoco.MjModel) -> None:

@@ -8,8 +8,9 @@ import pytest
 from jumping_ant import rollout
 from jumping_ant.env import JumpingAnt
 from jumping_ant.params import EnvParams, Params
-from jumping_ant.policies import UniformPolicy
+from jumping_ant.policies import LinearPolicy, UniformPolicy
 from jumping_ant.rollout import Episode
+from jumping_ant.task import ActionSet
 
 SEEDS = [11, 5, 8]
 
@@ -22,7 +23,7 @@ def task(known_params: Params) -> EnvParams:
 
 @pytest.fixture(scope="module")
 def episodes(robot_xml: str, task: EnvParams) -> list[Episode]:
-    return rollout.run(robot_xml, task, UniformPolicy(4), SEEDS)
+    return rollout.run(robot_xml, task, UniformPolicy(4, ActionSet()), SEEDS)
 
 
 def assert_same(one: Episode, other: Episode) -> None:
@@ -35,7 +36,7 @@ def test_episodes_are_those_of_a_plain_loop(
 ) -> None:
     env = JumpingAnt(robot_xml, task)
     for seed, episode in zip(SEEDS, episodes, strict=True):
-        policy = UniformPolicy(4)
+        policy = UniformPolicy(4, ActionSet())
         policy.start([seed])
         observation, _ = env.reset(seed=seed)
         np.testing.assert_array_equal(episode.start_qpos, env.data.qpos)
@@ -65,8 +66,29 @@ def test_both_ends_occur(episodes: list[Episode], task: EnvParams) -> None:
 def test_nothing_depends_on_threads_or_company(
     robot_xml: str, task: EnvParams, episodes: list[Episode], seeds: list[int], num_threads: int
 ) -> None:
-    ran = rollout.run(robot_xml, task, UniformPolicy(4), seeds, num_threads)
+    ran = rollout.run(robot_xml, task, UniformPolicy(4, ActionSet()), seeds, num_threads)
     expected = dict(zip(SEEDS, episodes, strict=True))
     for seed, episode in zip(seeds, ran, strict=True):
         if seed in expected:
             assert_same(episode, expected[seed])
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+def test_a_choice_is_held_as_long_as_the_policy_says(
+    robot_xml: str, task: EnvParams, hold: int
+) -> None:
+    """The policy sees the state at each of its decisions, and no state in between."""
+    generator = np.random.default_rng(0)
+    weight = generator.normal(0, 0.05, (8, 27)).astype(np.float32)
+    zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
+    actions = ActionSet(amplitude=0.5, hold=hold)
+    policy = LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], actions)
+    (episode,) = rollout.run(robot_xml, task, policy, [3])
+    states = np.concatenate([episode.qpos[:, 2:], episode.qvel], axis=1)
+    first = np.concatenate([episode.start_qpos[2:], episode.start_qvel])
+    seen = np.vstack([first, states[:-1]])
+    chosen = np.concatenate([policy.act(seen[step][None]) for step in range(0, len(seen), hold)])
+    expected = np.repeat(chosen, hold, axis=0)[: len(seen)]
+    np.testing.assert_array_equal(episode.torques, expected)
+    assert len(np.unique(chosen, axis=0)) == len(chosen) > 5
+    assert np.abs(episode.torques).max() <= 0.5

@@ -22,7 +22,7 @@ def test_each_seed_is_timed_on_one_thread_up_to_all(known_params: Params, robot_
 
 
 def test_agents_without_a_population_are_not_timed(known_params: Params, robot_xml: str) -> None:
-    for agent in ("random", "dqn", "sac"):
+    for agent in ("random", "metronome", "dqn", "sac"):
         settings = known_params.agent(agent)
         assert scaling.measure(robot_xml, known_params.env, settings, SEEDS) == []
 

@@ -17,9 +17,10 @@ from mlflow.entities import Run, ViewType
 from ruamel.yaml import YAML
 
 from benchmarks.checkout import copy_project, with_tools
+from jumping_ant import params_file
 
 ROOT = Path(__file__).resolve().parents[1]
-AGENTS = ["random", "dqn", "sac", "pgpe"]
+AGENTS = list(params_file.load().agents)
 
 
 class Project:
@@ -65,7 +66,8 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
 def test_everything_is_there_and_up_to_date(project: Project) -> None:
     for agent in AGENTS:
         for seed in (0, 1):
-            assert (project.folder / "models" / agent / f"seed-{seed}" / "policy.zip").is_file()
+            folder = project.folder / "models" / agent / f"seed-{seed}"
+            assert (folder / "policy.zip").is_file() and (folder / "final.zip").is_file()
         frames = iio.imread(project.folder / "media" / f"{agent}.mp4")
         assert frames.shape[1:] == (120, 160, 3)
         assert frames.std() > 5 and (frames[0] != frames[-1]).any()
@@ -226,5 +228,5 @@ def test_bad_input_ends_before_any_training(
 def test_an_unknown_agent_is_refused(project: Project, stage: str) -> None:
     done = project.run(sys.executable, "-m", f"stages.{stage}", "nobody", check=False)
     assert done.returncode == 2
-    assert "given 'nobody', allowed: random, dqn, sac, pgpe" in done.stderr
+    assert f"given 'nobody', allowed: {', '.join(AGENTS)}" in done.stderr
     assert "Traceback" not in done.stderr

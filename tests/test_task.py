@@ -1,16 +1,26 @@
 """What the single and the batched environment have in common."""
 
+from typing import Literal
+
+import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from jumping_ant import robot
-from jumping_ant.task import COMMANDS, observe, start_state
+from jumping_ant.params import ActionParams
+from jumping_ant.task import COMMAND_SIGNS, ActionSet, observe, start_state
+
+
+def action_set(kind: Literal["torques", "commands"], amplitude: float, hold: int = 1) -> ActionSet:
+    return ActionSet.of(ActionParams(kind=kind, amplitude=amplitude, hold=hold))
 
 
 def test_the_five_commands_are_the_articles() -> None:
-    assert COMMANDS.tolist() == [
+    actions = action_set("commands", 0.5)
+    assert actions.space() == gym.spaces.Discrete(5)
+    assert actions.torques(np.arange(5)).tolist() == [
         [0, 0, 0, 0, 0, 0, 0, 0],
         [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5],
         [-0.5, -0.5, -0.5, -0.5, -0.5, -0.5, -0.5, -0.5],
@@ -18,7 +28,33 @@ def test_the_five_commands_are_the_articles() -> None:
         [-0.5, -0.5, -0.5, -0.5, 0.5, 0.5, 0.5, 0.5],
     ]
     with pytest.raises(ValueError, match="read-only"):
-        COMMANDS[0] = 1.0
+        COMMAND_SIGNS[0] = 1.0
+
+
+def test_commands_have_the_amplitude_told() -> None:
+    torques = action_set("commands", 0.75).torques(np.array([3, 0]))
+    assert torques.tolist() == [[0.75] * 4 + [-0.75] * 4, [0] * 8]
+
+
+def test_torques_are_scaled_by_the_amplitude() -> None:
+    actions = action_set("torques", 0.25, hold=4)
+    assert actions.space() == gym.spaces.Box(-1, 1, (8,), np.float32)
+    assert actions.hold == 4
+    chosen = np.linspace(-1, 1, 16, dtype=np.float32).reshape(2, 8)
+    assert actions.torques(chosen).tolist() == (chosen / 4).tolist()
+    assert action_set("torques", 1.0).torques(chosen) is chosen
+
+
+def test_random_choices_cover_the_set() -> None:
+    generator = np.random.default_rng(0)
+    commands = action_set("commands", 0.5)
+    drawn = [tuple(commands.sample(generator)) for _ in range(1000)]
+    counts = [drawn.count(tuple(row)) for row in commands.torques(np.arange(5))]
+    assert sum(counts) == 1000 and min(counts) > 150
+    some = action_set("torques", 0.25)
+    torques = np.array([some.sample(generator) for _ in range(1000)])
+    assert 0.24 < torques.max() <= 0.25 and -0.25 <= torques.min() < -0.24
+    np.testing.assert_allclose(torques.mean(axis=0), 0, atol=0.025)
 
 
 def test_the_first_motors_drive_the_front_legs_and_the_others_the_back_legs(robot_xml: str) -> None:
@@ -51,7 +87,7 @@ def feet_under(command: int, xml: str) -> tuple[NDArray[np.float64], float]:
         return (data.xipos[feet] - torso.xpos) @ torso.xmat.reshape(3, 3)[:, 2]
 
     before = heights()
-    data.ctrl[:] = COMMANDS[command]
+    data.ctrl[:] = COMMAND_SIGNS[command]
     mujoco.mj_step(model, data, nstep=5)
     return before - heights(), float(np.arccos(min(1.0, torso.xmat[8])))
 

@@ -1,5 +1,8 @@
+"""The driver of training: files, validation, kills, and which policy is published."""
+
 import csv
 import hashlib
+import importlib
 import json
 import os
 import re
@@ -7,24 +10,36 @@ import shutil
 import signal
 import threading
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import psutil
 import pytest
 
-from jumping_ant import machine, params_file, training
+from jumping_ant import machine, params_file, policies, rollout, training
 from jumping_ant.checkpoints import Saved
 from jumping_ant.errors import InputError, StoppedError
-from jumping_ant.events import Checkpoint
+from jumping_ant.events import Checkpoint, Snapshot
 from jumping_ant.params import ComputeParams, Params
 
 SMALL = {
-    "dqn": {"total_steps": 640, "learning_starts": 100, "net_arch": [16], "log_interval": 160},
-    "sac": {"total_steps": 240, "num_envs": 4, "net_arch": [16], "log_interval": 60},
-    "pgpe": {"generations": 3, "population_size": 4, "episode_steps": 20},
+    "dqn": {"total_steps": 960, "learning_starts": 100, "net_arch": [16], "log_interval": 80},
+    "sac": {
+        "total_steps": 240,
+        "num_envs": 4,
+        "learning_starts": 20,
+        "batch_size": 16,
+        "net_arch": [16],
+        "log_interval": 30,
+    },
+    "pgpe": {"generations": 6, "population_size": 4, "episode_steps": 20},
 }
+RHYTHMS = {"half_periods": [2, 3], "episodes": 2, "episode_steps": 20}
+BASELINES = {"random": {}, "random-commands": {}, "metronome": RHYTHMS}
+SMALL_OF_ALL = SMALL | BASELINES
 
 
 def small_params(workers: int) -> Params:
@@ -33,7 +48,7 @@ def small_params(workers: int) -> Params:
     settings["env"]["max_episode_steps"] = 40
     settings["training"]["evaluations"] = 2
     settings["compute"]["workers"] = workers
-    for name, changes in SMALL.items():
+    for name, changes in SMALL_OF_ALL.items():
         settings["agents"][name] |= changes
     return params_file.check(settings)
 
@@ -62,11 +77,14 @@ def test_workers_change_no_byte(project: Path) -> None:
     """Inline and on Ray: models and curves are the same files."""
     runs = []
     for workers in (1, 2):
-        for agent in SMALL:
+        for agent in SMALL_OF_ALL:
             training.train(project, small_params(workers), agent)
         runs.append(digests(project / "models"))
     assert runs[0] == runs[1]
-    assert len(runs[0]) == len(SMALL) * 2 * 3
+    names = {"curve.csv", "final.zip", "machine.json", "policy.zip"}
+    assert set(runs[0]) == {
+        f"{agent}/seed-{seed}/{name}" for agent in SMALL_OF_ALL for seed in (0, 5) for name in names
+    }
 
 
 def test_no_older_policy_stands_by_a_new_curve(
@@ -79,7 +97,7 @@ def test_no_older_policy_stands_by_a_new_curve(
     with monkeypatch.context() as patch, pytest.raises(KillError):
         interrupt(patch, 0, 1)
         training.train(project, often, "pgpe")
-    assert not list((project / "models").rglob("policy.zip"))
+    assert not list((project / "models").rglob("*.zip"))
 
 
 class KillError(Exception):
@@ -139,7 +157,7 @@ def test_threads_change_nothing_across_a_checkpoint(robot_xml: str, agent: str) 
     first = run(num_threads=2, stop_after=2)
     assert isinstance(first[-1].event, Checkpoint)
     at = first[-1].event
-    saved = Saved(at.env_steps, first[-1].seconds, [], None, "", at.content)
+    saved = Saved(at.env_steps, first[-1].seconds, [], None, "", None, b"", at.content)
     rest = run(num_threads=1, saved=saved)
     told = [repr(report.event) for report in first[:-1] + rest]  # a NaN equals no other
     assert told == [repr(report.event) for report in whole]
@@ -285,15 +303,101 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
         assert seconds == sorted(seconds) and seconds[-1] > 0
 
 
-def test_the_baseline_is_there_at_once(project: Path) -> None:
-    training.train(project, small_params(2), "random")
-    curve = rows(project / "models" / "random" / "seed-5" / "curve.csv")
+@pytest.mark.parametrize("agent", ["random", "random-commands"])
+def test_a_baseline_is_there_at_once(project: Path, agent: str) -> None:
+    training.train(project, small_params(2), agent)
+    curve = rows(project / "models" / agent / "seed-5" / "curve.csv")
     assert [row["env_steps"] for row in curve] == ["0"]
     assert float(curve[0]["evaluation_return_mean"]) >= 0
 
 
+def with_training(**changes: Any) -> Params:
+    settings = small_params(1)
+    return settings.model_copy(update={"training": settings.training.model_copy(update=changes)})
+
+
+def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[bytes, float]:
+    """Return each snapshot of a run and its mean return in the validation episodes."""
+    xml = (project / "assets" / "jumping_ant.xml").read_text()
+    rules = settings.training
+    seeds = [rules.evaluation_seed + i for i in range(rules.evaluation_episodes)]
+    block = settings.agents[agent]
+    trainer = importlib.import_module(f"jumping_ant.agents.{block.trainer}.trainer")
+    events = trainer.train(xml, settings.env, block, seed, rules.evaluations)
+    policy_files = [event.policy for event in events if isinstance(event, Snapshot)]
+    assert len(policy_files) == rules.evaluations
+    means = {}
+    for content in policy_files:
+        episodes = rollout.run(xml, settings.env, policies.load(content), seeds)
+        means[content] = float(np.mean([episode.rewards.sum() for episode in episodes]))
+    return means
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_the_best_snapshot_in_validation_is_published(project: Path, agent: str) -> None:
+    """And the last policy beside it."""
+    settings = with_training(evaluations=3)
+    training.train(project, settings, agent)
+    for seed in settings.seeds:
+        folder = project / "models" / agent / f"seed-{seed}"
+        means = snapshots(project, settings, agent, seed)
+        best = max(means, key=means.__getitem__)
+        assert len(means) == 3, "each snapshot differs: it learned"
+        assert (folder / "policy.zip").read_bytes() == best
+        assert (folder / "final.zip").read_bytes() == list(means)[-1]
+        curve = rows(folder / "curve.csv")
+        told = [float(row["evaluation_return_mean"] or "nan") for row in curve]
+        assert np.nanmax(told) == means[best]
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_the_last_policy_is_published_if_asked_for(project: Path, agent: str) -> None:
+    settings = with_training(evaluations=3, publish="final")
+    training.train(project, settings, agent)
+    for seed in settings.seeds:
+        folder = project / "models" / agent / f"seed-{seed}"
+        last = list(snapshots(project, settings, agent, seed))[-1]
+        assert (folder / "policy.zip").read_bytes() == (folder / "final.zip").read_bytes() == last
+
+
+def test_of_equal_snapshots_the_first_is_published(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And a later one that is worse never is, whatever came in between a kill and a resume."""
+    settings = with_training(evaluations=4)
+    settings = settings.model_copy(
+        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
+    )
+    scores = iter([5.0, 9.0, 9.0, 2.0] * 2 + [0.0] * 4)  # the first seed's come first
+    seen = []
+    original = training._Seed.write
+
+    def write(self: Any, report: training.Report) -> None:
+        if isinstance(report.event, Snapshot):
+            seen.append((self.number, report.event.policy))
+            report = replace(report, returns=(next(scores),))
+        original(self, report)
+        if isinstance(report.event, Checkpoint) and len(seen) == 3 and not stopped:
+            stopped.append(True)
+            raise KillError
+
+    stopped: list[bool] = []
+    monkeypatch.setattr(training._Seed, "write", write)
+    agent = "pgpe"
+    with pytest.raises(KillError):
+        training.train(project, settings, agent)
+    assert len(seen) == 3 and not list((project / "models").rglob("*.zip"))
+    training.train(project, settings, agent)
+    folder = project / "models" / agent / "seed-0"
+    ours = [policy for number, policy in seen if number == 0]
+    assert len(set(ours)) == 4
+    assert (folder / "policy.zip").read_bytes() == ours[1]
+    assert (folder / "final.zip").read_bytes() == ours[3]
+
+
 def test_unknown_agent_is_refused(project: Path) -> None:
-    with pytest.raises(InputError, match="given 'nobody', allowed: random, dqn, sac, pgpe"):
+    names = ", ".join(small_params(1).agents)
+    with pytest.raises(InputError, match=f"given 'nobody', allowed: {names}$"):
         training.train(project, small_params(1), "nobody")
     assert not (project / "models").exists()
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
-from jumping_ant.env import JumpingAnt
+from jumping_ant.env import Decisions, JumpingAnt
 from jumping_ant.params import Params
-from jumping_ant.task import COMMANDS
-from jumping_ant.vector import DiscreteCommandsVector, JumpingAntVectorEnv
+from jumping_ant.task import COMMAND_SIGNS, ActionSet
+from jumping_ant.vector import JumpingAntVectorEnv
 
 STILL = np.zeros((3, 8))
 
@@ -23,10 +23,12 @@ def make(robot_xml: str, known_params: Params) -> Any:
         num_threads: int = 1,
         mode: AutoresetMode = AutoresetMode.SAME_STEP,
         xml: str = robot_xml,
+        actions: ActionSet | None = None,
+        episode_steps: Any = None,
         **task: Any,
     ) -> JumpingAntVectorEnv:
         params = known_params.env.model_copy(update=task)
-        return JumpingAntVectorEnv(xml, params, num_envs, num_threads, mode)
+        return JumpingAntVectorEnv(xml, params, num_envs, num_threads, mode, actions, episode_steps)
 
     return make_envs
 
@@ -189,15 +191,107 @@ def test_what_is_returned_does_not_change_later(make: Any) -> None:
         assert str(array) == str(as_it_was)
 
 
-def test_discrete_commands_are_the_torques_of_the_table(make: Any) -> None:
+def test_commands_are_the_torques_of_the_table(make: Any) -> None:
+    table = 0.5 * COMMAND_SIGNS
     commands = np.array([[0, 1, 2], [3, 4, 0], [2, 2, 2]])
-    discrete, continuous = DiscreteCommandsVector(make()), make()
+    discrete, continuous = make(actions=ActionSet(table)), make()
     assert discrete.single_action_space == gym.spaces.Discrete(5)
     assert discrete.action_space.contains(commands[0])
     discrete.reset(seed=0)
     continuous.reset(seed=0)
     for row in commands:
-        np.testing.assert_array_equal(discrete.step(row)[0], continuous.step(COMMANDS[row])[0])
+        np.testing.assert_array_equal(discrete.step(row)[0], continuous.step(table[row])[0])
+
+
+HELD = {
+    "torques": ActionSet(amplitude=0.5, hold=3),
+    "commands": ActionSet(0.5 * COMMAND_SIGNS, hold=3),
+}
+
+
+@pytest.mark.parametrize("actions", HELD.values(), ids=HELD.keys())
+def test_a_decision_is_so_many_steps_of_the_same_torques(make: Any, actions: ActionSet) -> None:
+    """To the last bit, with ends of both kinds in the middle of decisions."""
+    task = {"max_episode_steps": 50, "min_torso_height": 0.3}
+    held = make(num_threads=2, actions=actions, **task)
+    plain = make(mode=AutoresetMode.DISABLED, **task)
+    held.reset(seed=4)
+    plain.reset(seed=4)
+    ends = set()
+    held.action_space.seed(1)
+    for _ in range(150):
+        choices = held.action_space.sample()
+        observations, rewards, terminations, truncations, infos = held.step(choices)
+        torques_of_all = actions.torques(choices)
+        alive, earned = np.ones(3, dtype=bool), np.zeros(3)
+        final: list[Any] = [None] * 3
+        for step in range(3):
+            seen, reward, terminated, truncated, info = plain.step(torques_of_all)
+            for row in np.flatnonzero(alive):
+                final[row] = seen[row], terminated[row], truncated[row], info["torso_height"][row]
+                earned[row] += reward[row]
+                if terminated[row] or truncated[row]:
+                    ends.add((step, bool(terminated[row])))
+            alive &= ~(terminated | truncated)
+            if not alive.any():
+                break
+        expected = np.array([row[0] for row in final])
+        done = ~alive
+        last = infos["final_info"] if done.any() else {}
+        if done.any():
+            assert infos["_final_obs"].tolist() == done.tolist()
+            for row in np.flatnonzero(done):
+                np.testing.assert_array_equal(infos["final_obs"][row], expected[row])
+                assert last["torso_height"][row] == final[row][3]
+                assert last["reward_height"][row] == earned[row]
+            expected[done] = plain.reset(options={"reset_mask": done})[0][done]
+        np.testing.assert_array_equal(observations, expected)
+        np.testing.assert_array_equal(rewards, earned)
+        np.testing.assert_array_equal(infos["reward_height"], earned)
+        assert terminations.tolist() == [bool(row[1]) for row in final]
+        assert truncations.tolist() == [bool(row[2]) for row in final]
+        np.testing.assert_array_equal(infos["torso_height"], [row[3] for row in final])
+    assert {(0, True), (1, True)} & ends, "falls before a decision is over"
+    assert (1, False) in ends, "a limit of 50 steps within a decision of 3"
+
+
+@pytest.mark.parametrize("actions", HELD.values(), ids=HELD.keys())
+def test_single_decisions_are_those_of_the_batch(
+    make: Any, robot_xml: str, actions: ActionSet
+) -> None:
+    batch = make(2, actions=actions, max_episode_steps=40, min_torso_height=0.3)
+    singles = [Decisions(JumpingAnt(robot_xml, batch.params), actions) for _ in range(2)]
+    batch.reset(seed=6)
+    for row, single in enumerate(singles):
+        single.reset(seed=6 + row)
+    batch.action_space.seed(2)
+    ends = {"fall": 0, "limit": 0}
+    for _ in range(100):
+        choices = batch.action_space.sample()
+        observations, rewards, terminations, truncations, infos = batch.step(choices)
+        for row, single in enumerate(singles):
+            seen, reward, terminated, truncated, info = single.step(choices[row])
+            if terminated or truncated:
+                ends["fall" if terminated else "limit"] += 1
+                np.testing.assert_array_equal(infos["final_obs"][row], seen)
+                seen = single.reset()[0]
+            np.testing.assert_array_equal(observations[row], seen)
+            assert (rewards[row], terminations[row], truncations[row]) == (
+                reward,
+                terminated,
+                truncated,
+            )
+            assert infos["torso_height"][row] == info["torso_height"]
+            assert infos["reward_height"][row] == info["reward_height"]
+    assert min(ends.values()) > 0, ends
+
+
+def test_each_environment_has_an_episode_length_of_its_own(make: Any) -> None:
+    envs = make(episode_steps=np.array([4, 6, np.inf]), max_episode_steps=2, min_torso_height=0.0)
+    envs.reset(seed=0)
+    cut = [envs.step(STILL)[3] for _ in range(24)]
+    ends = [np.flatnonzero(column) + 1 for column in np.transpose(cut)]
+    assert [row.tolist() for row in ends] == [[4, 8, 12, 16, 20, 24], [6, 12, 18, 24], []]
 
 
 def test_spaces_are_those_of_the_single_environment(make: Any, robot_xml: str) -> None:

@@ -24,6 +24,7 @@ from jumping_ant.params import Params
 from jumping_ant.playing import play
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.recording.live import LiveRecording, Step
+from jumping_ant.task import ActionSet
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -42,7 +43,7 @@ def project(tmp_path: Path, robot_xml: str) -> Path:
     for seed in (0, 5):
         folder = tmp_path / "models" / "random" / f"seed-{seed}"
         folder.mkdir(parents=True)
-        (folder / "policy.zip").write_bytes(UniformPolicy(seed).to_bytes())
+        (folder / "policy.zip").write_bytes(UniformPolicy(seed, ActionSet()).to_bytes())
     (tmp_path / "results" / "seeds").mkdir(parents=True)
     (tmp_path / "results" / "seeds" / "random.csv").write_text("seed,return\n0,10.0\n5,20.5\n")
     return tmp_path
@@ -92,7 +93,7 @@ def test_a_policy_plays_in_real_time(robot_xml: str, known_params: Params) -> No
     short = known_params.env.model_copy(update={"max_episode_steps": 4})
     env = JumpingAnt(robot_xml, short)
     begin = time.monotonic()
-    steps = list(play(env, UniformPolicy(0), first_seed=9, num_episodes=2))
+    steps = list(play(env, UniformPolicy(0, ActionSet()), first_seed=9, num_episodes=2))
     assert time.monotonic() - begin >= 8 * 0.05
     assert len(steps) == 8
     env.reset(seed=10)

@@ -22,6 +22,7 @@ from jumping_ant import serving
 from jumping_ant.errors import InputError
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.policies import UniformPolicy
+from jumping_ant.task import ActionSet
 from jumping_ant.tracking import live, models
 
 
@@ -77,7 +78,7 @@ def test_a_server_gets_all_and_serves_the_champion(
 
 
 def test_a_served_policy_begins_new_episodes_with_a_batch_of_another_size(tmp_path: Path) -> None:
-    (tmp_path / "policy.zip").write_bytes(UniformPolicy(seed=7).to_bytes())
+    (tmp_path / "policy.zip").write_bytes(UniformPolicy(7, ActionSet()).to_bytes())
     context = PythonModelContext({"policy": str(tmp_path / "policy.zip")}, None)
     model = serving.ServedPolicy()
     model.load_context(context)

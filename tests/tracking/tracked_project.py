@@ -19,6 +19,7 @@ from ruamel.yaml import YAML
 
 from jumping_ant.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.policies import LinearPolicy
+from jumping_ant.task import ActionSet
 from jumping_ant.tracking import records
 from jumping_ant.tracking.mirror import track
 
@@ -33,7 +34,8 @@ def policy_content(value: float) -> bytes:
     def full(*shape: int) -> np.ndarray:
         return np.full(shape, value, np.float32)
 
-    return LinearPolicy(full(8, 27), full(8), full(27), full(27)).to_bytes()
+    weight, bias = full(8, 27), full(8)
+    return LinearPolicy(weight, bias, full(27), full(27), weight, bias, ActionSet()).to_bytes()
 
 
 def curve_lines(seed: int, steps: tuple[int, ...] = STEPS) -> str:
