@@ -70,6 +70,50 @@ def evaluate(
         trajectory of the episode of median return (the lower one of an even number).
     """
     model = robot.load(xml)
+    table, episodes = _play(xml, model, params, policies, num_threads)
+    median = int(table["return"].argsort(kind="stable").iloc[(len(table) - 1) // 2])
+    row = table.iloc[median]
+    trajectory = replay(
+        model, params.env.frame_skip, episodes[median], int(row["seed"]), int(row["episode"])
+    )
+    return table, trajectory
+
+
+def evaluate_variants(
+    xml: str, params: Params, variants: dict[int, dict[str, Policy]], num_threads: int = 1
+) -> pd.DataFrame:
+    """Run the held-out episodes of other versions of an agent's policies.
+
+    Args:
+        xml: The robot as MJCF text.
+        params: All parameters.
+        variants: The versions of each seed's policy (see `jumping_ant.variants`).
+        num_threads: Threads that step the simulations; results do not depend on it.
+
+    Returns:
+        Means over episodes: one row for each seed and variant (columns `seed`, `variant`, then
+        `QUANTITIES`).
+    """
+    model = robot.load(xml)
+    names = dict.fromkeys(name for own in variants.values() for name in own)
+    tables = []
+    for name in names:
+        policies = {seed: own[name] for seed, own in variants.items()}
+        table, _ = _play(xml, model, params, policies, num_threads)
+        means = seed_means(table)
+        means.insert(1, "variant", name)
+        tables.append(means)
+    return pd.concat(tables, ignore_index=True)
+
+
+def _play(
+    xml: str,
+    model: mujoco.MjModel,
+    params: Params,
+    policies: dict[int, Policy],
+    num_threads: int,
+) -> tuple[pd.DataFrame, list[Episode]]:
+    """Run the held-out episodes of each seed's policy, and measure them."""
     episode_seeds = [params.evaluate.seed + i for i in range(params.evaluate.episodes)]
     rows: list[dict[str, Any]] = []
     episodes: list[Episode] = []
@@ -79,13 +123,7 @@ def evaluate(
             ids = {"seed": seed, "episode": number, "episode_seed": episode_seed}
             rows.append(ids | measure(model, params, episode))
         episodes += ran
-    table = pd.DataFrame(rows)
-    median = int(table["return"].argsort(kind="stable").iloc[(len(table) - 1) // 2])
-    row = table.iloc[median]
-    trajectory = replay(
-        model, params.env.frame_skip, episodes[median], int(row["seed"]), int(row["episode"])
-    )
-    return table, trajectory
+    return pd.DataFrame(rows), episodes
 
 
 def seed_means(table: pd.DataFrame) -> pd.DataFrame:

@@ -99,6 +99,13 @@ class EnvParams(Block):
     """The reward per control step: scale * clip((height - floor) / span, 0, 1)."""
 
 
+class AgentBlock(Block):
+    """What all agents have in common."""
+
+    robot: Literal["edited", "unedited"]
+    """Which robot it moves: the one of `robot`, or Gymnasium's Ant as it comes."""
+
+
 class ActionParams(Block):
     """What an agent chooses from at each decision, and how long a choice lasts."""
 
@@ -124,7 +131,7 @@ class CommandParams(ActionParams):
     """One of the five commands (see `jumping_ant.task`)."""
 
 
-class RandomAgentParams(Block):
+class RandomAgentParams(AgentBlock):
     """The baseline that draws an action at every decision and learns nothing."""
 
     trainer: Literal["random"]
@@ -140,7 +147,7 @@ class RandomAgentParams(Block):
         return 0
 
 
-class OpenLoopParams(Block):
+class OpenLoopParams(AgentBlock):
     """The sceptic's baseline: a square wave between two commands, blind to the state."""
 
     trainer: Literal["open_loop"]
@@ -162,7 +169,7 @@ class OpenLoopParams(Block):
         return len(self.half_periods) * self.episodes * self.episode_steps
 
 
-class OffPolicyParams(Block):
+class OffPolicyParams(AgentBlock):
     """What DQN and SAC have in common, named as in Stable-Baselines3.
 
     A transition is a decision: with actions held for several control steps it takes as many.
@@ -255,7 +262,7 @@ class SACParams(OffPolicyParams):
     """[-] Weight of the policy's entropy, or `auto` to learn it."""
 
 
-class PGPEParams(Block):
+class PGPEParams(AgentBlock):
     """Policy gradients with parameter-based exploration (Sehnke et al. 2010), with ClipUp."""
 
     trainer: Literal["evolution"]

@@ -188,7 +188,7 @@ def _seed_means(table: Mapping[str, Array], seeds: Sequence[int]) -> dict[str, A
 
 def _read_variants(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, dict[str, Array]]:
     """Return the quantities of each variant of the policies, as those of the policies."""
-    path, stage = root / "results" / "variants" / f"{agent}.csv", f"variants@{agent}"
+    path, stage = root / "results" / "variants" / f"{agent}.csv", f"evaluate@{agent}"
     rows = tables.read_rows(path, stage)
     if not rows:
         return {}

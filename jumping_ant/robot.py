@@ -8,7 +8,7 @@ on a `mujoco.MjSpec`, by element name.
 import hashlib
 import importlib.metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium
 import mujoco
@@ -19,6 +19,7 @@ from jumping_ant.params import RobotParams
 SOURCE_PATH = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / "ant.xml"
 TORSO = "torso"
 FLOOR = "floor"
+FILES = {"edited": "jumping_ant.xml", "unedited": "ant.xml"}  # in assets/
 
 
 def build(params: RobotParams) -> str:
@@ -47,16 +48,27 @@ def build(params: RobotParams) -> str:
     return spec.to_xml()
 
 
-def read(root: Path) -> str:
-    """Return the edited robot of a project, as MJCF text.
+def unedited() -> str:
+    """Return Gymnasium's Ant as it comes, as MJCF; its actuators get names alone."""
+    spec = mujoco.MjSpec.from_file(str(SOURCE_PATH))
+    spec.compiler.savecompiled = spec.compiler.savecanonical = False
+    for actuator in spec.actuators:
+        actuator.name = actuator.target
+    spec.compile()
+    return spec.to_xml()
+
+
+def read(root: Path, kind: Literal["edited", "unedited"] = "edited") -> str:
+    """Return a robot of a project, as MJCF text.
 
     Args:
         root: The project's folder.
+        kind: The jumping Ant, or Gymnasium's.
 
     Raises:
         InputError: The robot has not been built.
     """
-    path = root / "assets" / "jumping_ant.xml"
+    path = root / "assets" / FILES[kind]
     try:
         return path.read_text()
     except OSError as error:

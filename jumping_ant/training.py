@@ -79,7 +79,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         OSError: A file cannot be written, as on a full disk; what was there before is as it was.
     """
     agent = params.agent(agent_name)
-    xml = robot.read(root)
+    xml = robot.read(root, agent.robot)
     with ExitStack() as stack:
         display = TrainingProgress(agent_name, params.seeds, agent.max_env_steps)
         stack.enter_context(display)

@@ -44,7 +44,13 @@ def main() -> None:
     policy = load_policy(PROJECT_ROOT, options.agent, seed)
     name = f"{options.agent}, seed {seed}"
     show = _in_window if has_screen() else _in_browser
-    show(robot.read(PROJECT_ROOT), settings, policy, name, options.episodes)
+    show(
+        robot.read(PROJECT_ROOT, settings.agent(name).robot),
+        settings,
+        policy,
+        name,
+        options.episodes,
+    )
 
 
 def run() -> None:

@@ -2,7 +2,8 @@
 
 Usage: python -m stages.build
 Reads: params `robot`; `ant.xml` of the installed Gymnasium.
-Writes: assets/jumping_ant.xml, assets/jumping_ant.json (masses and torques before and after).
+Writes: assets/jumping_ant.xml, assets/ant.xml (without the edits), assets/jumping_ant.json (masses
+    and torques before and after).
 """
 
 from jumping_ant import params_file, robot
@@ -13,7 +14,8 @@ from stages import run
 def main() -> None:
     """Run the stage."""
     xml = robot.build(params_file.load().robot)
-    write_text(PROJECT_ROOT / "assets" / "jumping_ant.xml", xml)
+    write_text(PROJECT_ROOT / "assets" / robot.FILES["edited"], xml)
+    write_text(PROJECT_ROOT / "assets" / robot.FILES["unedited"], robot.unedited())
     write_json(PROJECT_ROOT / "assets" / "jumping_ant.json", robot.summarize(xml))
 
 

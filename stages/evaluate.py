@@ -1,11 +1,13 @@
 """Run an agent's policies on the held-out episodes.
 
 Usage: python -m stages.evaluate AGENT
-Reads: params `seeds`, `env`, `evaluate`; assets/jumping_ant.xml, models/AGENT/seed-N/policy.zip.
-Writes: results/AGENT/ (episodes.csv, metrics.json, trajectories.npz), results/seeds/AGENT.csv.
+Reads: params `seeds`, `env`, `evaluate`, `training.evaluation_seed`, the agent's `robot`; the robot
+    in assets/, models/AGENT/seed-N/policy.zip and final.zip.
+Writes: results/AGENT/ (episodes.csv, metrics.json, trajectories.npz), results/seeds/AGENT.csv,
+    results/variants/AGENT.csv.
 """
 
-from jumping_ant import evaluation, machine, policies, robot
+from jumping_ant import evaluation, machine, policies, robot, variants
 from jumping_ant.files import PROJECT_ROOT, write_json, write_text
 from stages import parse_agent, run
 
@@ -13,17 +15,31 @@ from stages import parse_agent, run
 def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
-    xml = robot.read(PROJECT_ROOT)
-    models = PROJECT_ROOT / "models" / agent
-    trained = {
-        seed: policies.load_file(models / f"seed-{seed}" / "policy.zip") for seed in settings.seeds
+    xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
+    models = {seed: PROJECT_ROOT / "models" / agent / f"seed-{seed}" for seed in settings.seeds}
+    trained = {seed: policies.load_file(folder / "policy.zip") for seed, folder in models.items()}
+    num_threads = machine.num_cores()
+    episodes, median = evaluation.evaluate(xml, settings, trained, num_threads)
+    others = {
+        seed: variants.make(
+            xml,
+            settings.env,
+            trained[seed],
+            policies.load_file(folder / "final.zip"),
+            seed,
+            settings.training.evaluation_seed,
+            num_threads,
+        )
+        for seed, folder in models.items()
     }
-    episodes, median = evaluation.evaluate(xml, settings, trained, machine.num_cores())
+    table = evaluation.evaluate_variants(xml, settings, others, num_threads)
     folder = PROJECT_ROOT / "results" / agent
     write_text(folder / "episodes.csv", episodes.to_csv(index=False, lineterminator="\n"))
     means = evaluation.seed_means(episodes)
     sample = PROJECT_ROOT / "results" / "seeds" / f"{agent}.csv"
     write_text(sample, means.to_csv(index=False, lineterminator="\n"))
+    versions = PROJECT_ROOT / "results" / "variants" / f"{agent}.csv"
+    write_text(versions, table.to_csv(index=False, lineterminator="\n"))
     write_json(folder / "metrics.json", evaluation.summarize(episodes))
     median.save(folder / "trajectories.npz")
 

@@ -15,7 +15,9 @@ from stages import run
 def main() -> None:
     """Run the stage."""
     settings = params_file.load()
-    xml = robot.read(PROJECT_ROOT)
+    robots = {
+        name: robot.read(PROJECT_ROOT, agent.robot) for name, agent in settings.agents.items()
+    }
     episodes = {
         agent: trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")
         for agent in settings.agents
@@ -24,7 +26,7 @@ def main() -> None:
         agent: story.read(PROJECT_ROOT, settings, agent, episode)
         for agent, episode in episodes.items()
     }
-    write_bytes(PROJECT_ROOT / "media" / "lineup.rrd", lineup.record(xml, episodes, stories))
+    write_bytes(PROJECT_ROOT / "media" / "lineup.rrd", lineup.record(robots, episodes, stories))
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from stages import parse_agent, run
 def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
-    xml = robot.read(PROJECT_ROOT)
+    xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
     states = trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")
     told = story.read(PROJECT_ROOT, settings, agent, states)
     film = rendering.film(xml, states, settings.record)

@@ -1,8 +1,8 @@
-"""Time how the evaluation of an agent's population speeds up with threads.
+"""Time how an agent's training speeds up with threads.
 
 Usage: python -m stages.scaling AGENT
-Reads: params `seeds`, `env`, `agents.AGENT`; assets/jumping_ant.xml.
-Writes: results/scaling/AGENT.csv, without rows for an agent that has no population.
+Reads: params `seeds`, `env`, `agents.AGENT`; the robot in assets/.
+Writes: results/scaling/AGENT.csv, without rows for an agent that does not train.
 """
 
 from jumping_ant import robot, scaling
@@ -13,7 +13,7 @@ from stages import parse_agent, run
 def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
-    xml = robot.read(PROJECT_ROOT)
+    xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
     rows = scaling.measure(xml, settings.env, settings.agent(agent), settings.seeds)
     lines = [",".join(scaling.COLUMNS)]
     lines += [",".join(str(row[column]) for column in scaling.COLUMNS) for row in rows]

@@ -21,8 +21,19 @@ def test_each_seed_is_timed_on_one_thread_up_to_all(known_params: Params, robot_
     assert all(0 < row["seconds"] < 60 for row in rows)
 
 
-def test_agents_without_a_population_are_not_timed(known_params: Params, robot_xml: str) -> None:
-    for agent in ("random", "metronome", "dqn", "sac"):
+def test_learners_that_update_one_policy_are_timed_too(
+    known_params: Params, robot_xml: str
+) -> None:
+    for name in ("dqn", "sac"):
+        small_net = {"net_arch": [16], "batch_size": 8, "num_envs": 2, "gradient_steps": 64}
+        agent = known_params.agent(name).model_copy(update=small_net)
+        rows = scaling.measure(robot_xml, known_params.env, agent, [3], cores=2)
+        assert [(row["seed"], row["threads"]) for row in rows] == [(3, 1), (3, 2)]
+        assert all(0 < row["seconds"] < 60 for row in rows)
+
+
+def test_agents_that_do_not_train_are_not_timed(known_params: Params, robot_xml: str) -> None:
+    for agent in ("random", "metronome"):
         settings = known_params.agent(agent)
         assert scaling.measure(robot_xml, known_params.env, settings, SEEDS) == []
 

@@ -10,7 +10,7 @@ Entities, over `sim_time` [s] and `control_step`:
 | /about | a page of text; always there | |
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import mujoco
 import rerun as rr
@@ -28,32 +28,36 @@ STRIDE = 2  # simulation steps from one recorded state to the next; all would do
 OPENING_SECONDS = 20.0  # the highest jump up to here plays at first
 
 
-def record(xml: str, trajectories: Mapping[str, Trajectory], stories: Mapping[str, Story]) -> bytes:
+def record(
+    robots: Mapping[str, str],
+    trajectories: Mapping[str, Trajectory],
+    stories: Mapping[str, Story],
+) -> bytes:
     """Return the agents' episodes as the content of one `.rrd` file (see `file.write`).
 
     It plays the highest jump of the first seconds again and again.
 
     Args:
-        xml: The robot.
+        robots: Each agent's robot, as MJCF text.
         trajectories: An episode of each agent.
         stories: What is told of each.
 
     Raises:
         InputError: The XML is not the robot, or has a shape that is not drawn.
     """
-    model = robot.load(xml)
+    models = {agent: robot.load(xml) for agent, xml in robots.items()}
     colors = _colors(stories)
     found = {
-        agent: states.derive(model, trajectory, trajectory.rows(STRIDE))
+        agent: states.derive(models[agent], trajectory, trajectory.rows(STRIDE))
         for agent, trajectory in trajectories.items()
     }
     ends = [int(own.times[-1]) for own in found.values()]
     end = min(int(OPENING_SECONDS * 1e9), max(ends))
-    peak = _time_of_peak(model, found.values(), end)
+    peak = _time_of_peak(models, found, end)
 
     def log(stream: rr.RecordingStream) -> None:
         for agent, own in found.items():
-            color = colors[agent]
+            color, model = colors[agent], models[agent]
             scene = Scene(stream, model, f"{agent}/", torso_color=color, trail_color=color)
             scene.log_shapes()
             scene.log_states(own)
@@ -67,12 +71,14 @@ def record(xml: str, trajectories: Mapping[str, Trajectory], stories: Mapping[st
     return write("lineup", "All agents", opened, log)
 
 
-def _time_of_peak(model: mujoco.MjModel, episodes: Iterable[States], until: int) -> int:
+def _time_of_peak(
+    models: Mapping[str, mujoco.MjModel], episodes: Mapping[str, States], until: int
+) -> int:
     """Return when the highest of all torsos is highest [ns], up to a time [ns]."""
     peaks = []
-    for own in episodes:
-        time = time_of_peak(model, own, until)
-        peaks.append((float(torso_heights(model, own)[own.times == time][0]), time))
+    for agent, own in episodes.items():
+        time = time_of_peak(models[agent], own, until)
+        peaks.append((float(torso_heights(models[agent], own)[own.times == time][0]), time))
     return max(peaks)[1]
 
 
