@@ -4,14 +4,16 @@ Each seed is a thin line in its agent's colour (see `jumping_ant.looks`), what w
 one. The same numbers give the same bytes.
 """
 
+import io
 from collections.abc import Mapping
 
 import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 
-from jumping_ant.figures import STYLES
+from jumping_ant.figures import STYLES, render
 from jumping_ant.looks import INK, Look, label
 from jumping_ant.reproduction import Reproduction, Trace
 
@@ -20,6 +22,7 @@ PANELS = {
     "fitness_best": "Best of the population",
     "fitness_median": "Median of the population",
 }
+NUM_COLOURS = 48
 
 
 def draw(reproduction: Reproduction, looks: Mapping[str, Look]) -> dict[str, Figure]:
@@ -38,6 +41,15 @@ def draw(reproduction: Reproduction, looks: Mapping[str, Look]) -> dict[str, Fig
             for agent, trace in reproduction.totals.items()
         }
         return figures | {"pgpe": _draw_fitness(reproduction.fitness, looks["pgpe"])}
+
+
+def picture(figure: Figure) -> bytes:
+    """Return a figure as a PNG of few colours, which is small enough for git."""
+    with Image.open(io.BytesIO(render(figure, "png"))) as image:
+        few = image.convert("RGB").quantize(NUM_COLOURS, dither=Image.Dither.NONE)
+    content = io.BytesIO()
+    few.save(content, format="PNG", optimize=True)
+    return content.getvalue()
 
 
 def _draw_totals(agent: str, trace: Trace, look: Look) -> Figure:

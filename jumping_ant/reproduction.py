@@ -177,17 +177,15 @@ def place(value: float, ours: Array) -> dict[str, Any]:
         ours: Shape (num_seeds,).
 
     Returns:
-        `value`, `ours`, their `median` and the ends of their central 95 %, `low` and `high`; the
-        `percentile` of the value, and whether it is `reproduced`, None with too few seeds.
+        `value` and `ours`; the `percentile` of the value, and whether it is `reproduced`, None with
+        too few seeds; the `median` of ours, and the ends of their central 95 %, `low` and `high`.
     """
     percentile = percentile_among(value, ours)
-    edge = (100.0 - CENTRAL) / 2
-    is_inside = edge < percentile < 100.0 - edge
     return {
         "value": value,
         "ours": ours.tolist(),
         "percentile": percentile,
-        "reproduced": is_inside if len(ours) >= MIN_SEEDS else None,
+        "reproduced": _is_central(percentile) if len(ours) >= MIN_SEEDS else None,
     } | _spread(ours)
 
 
@@ -196,11 +194,15 @@ def percentile_among(value: float, ours: Array) -> float:
     return float(100.0 * (np.mean(ours < value) + np.mean(ours == value) / 2))
 
 
+def _is_central(percentile: float) -> bool:
+    edge = (100.0 - CENTRAL) / 2
+    return edge < percentile < 100.0 - edge
+
+
 def _spread(ours: Array) -> dict[str, float]:
-    """Return the median and the ends of the central 95 %, both of them values that occurred."""
-    edge = (1.0 - CENTRAL / 100.0) / 2
-    low, high = np.quantile(ours, [edge, 1.0 - edge], method="inverted_cdf")
-    return {"median": float(np.median(ours)), "low": float(low), "high": float(high)}
+    """Return the median, and the least and the largest of the values in the central 95 %."""
+    central = [float(value) for value in ours if _is_central(percentile_among(value, ours))]
+    return {"median": float(np.median(ours)), "low": min(central), "high": max(central)}
 
 
 def _agent(params: Params, name: str) -> Any:

@@ -92,7 +92,8 @@ def animation() -> bytes:
 
 def clip(path: Path, label: str) -> list[Image.Image]:
     """Return the pictures of a film that the animation shows, small and labelled."""
-    with imageio.get_reader(path, format="FFMPEG") as reader:
+    reader: Any = imageio.get_reader(path, format="FFMPEG")  # of FFMPEG's type, unlike declared
+    with reader:
         fps = reader.get_meta_data()["fps"]
         numbers = [round((START + i / FPS) * fps) for i in range(round(SECONDS * FPS))]
         pictures = [Image.fromarray(reader.get_data(number)) for number in numbers]
