@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from evotorch.algorithms import PGPE
 from evotorch.optimizers import ClipUp
@@ -14,12 +15,13 @@ from stable_baselines3 import DQN, SAC
 
 from benchmarks.checkout import Checkout, renew_project
 from jumping_ant import article, article_figures, params_file, presets, reproduction, robot
-from jumping_ant.errors import InputError, WorkerError
+from jumping_ant.errors import InputError, StoppedError, WorkerError
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.looks import looks
 from jumping_ant.params import Params
 from jumping_ant.training import train
 from scripts import article as command
+from scripts import publish
 
 ROBOT = {
     "density": 3,
@@ -301,6 +303,21 @@ def test_the_contract_of_the_results(reproduced: reproduction.Reproduction) -> N
     assert all(len(own) == 2 and min(own) > 0 for own in seconds.values())
 
 
+def test_the_table_of_printed_values_tells_what_came_out() -> None:
+    ours = reproduction.place(9.0, np.arange(8.0))
+    few = reproduction.place(200.0, np.array([100.0, 300.0]))
+    printed = {"dqn": ours, "sac": few, "pgpe": ours | {"film": few}}
+    *_, dqn, sac, _, film = publish.printed_table(printed).splitlines()
+    assert dqn == "| DQN's test, total of 1,000 steps | 9 | 3.5 [0, 7] | 100 % | no |"
+    assert sac.endswith("| 200 | 200 [100, 300] | 50 % | too few seeds |")
+    assert film.startswith("| PGPE's film, ") and film.endswith("| too few seeds |")
+
+
+def test_the_document_has_a_place_for_the_table() -> None:
+    text = (publish.DOCS / "article.md").read_text()
+    assert text.index("<!-- printed -->\n") < text.index("<!-- end of printed -->")
+
+
 def test_figures_show_each_seed_and_what_was_printed(
     reproduced: reproduction.Reproduction,
 ) -> None:
@@ -383,20 +400,33 @@ def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: P
     assert {(copy / name).read_text() for name in kept} == {"kept"}
 
 
-@pytest.mark.parametrize("status", [0, 3])
+def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
+    """Have copies find a shell script in place of DVC."""
+    (folder / "dvc").write_text(f"#!/bin/sh\n{script}\n")
+    (folder / "dvc").chmod(0o755)
+    monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
+
+
 def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
-    status: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tools = tmp_path / "tools"
-    tools.mkdir()
-    (tools / "dvc").write_text(f'#!/bin/sh\necho "$PWD $@" > called\nexit {status}\n')
-    (tools / "dvc").chmod(0o755)
-    monkeypatch.setattr(Checkout, "environment", {"PATH": f"{tools}:/bin:/usr/bin"})
+    replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
     params, copy = presets.load("article"), tmp_path / "copy"
-    if status:
-        with pytest.raises(WorkerError, match="ended with status 3; .* `make article` goes on"):
-            command.run(copy, params)
-    else:
-        command.run(copy, params)
+    command.run(copy, params)
     assert (copy / "called").read_text() == f"{copy} repro\n"
     assert params_file.load(copy / "params.yaml") == params
+
+
+def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace_dvc(monkeypatch, tmp_path, "exit 3")
+    with pytest.raises(WorkerError, match="ended with status 3; .* `make article` goes on"):
+        command.run(tmp_path / "copy", presets.load("article"))
+
+
+def test_an_interrupt_waits_for_the_pipeline_to_save(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_dvc(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
+    with pytest.raises(StoppedError, match="goes on from the last checkpoints"):
+        command.run(tmp_path / "copy", presets.load("article"))
+    assert (tmp_path / "copy" / "saved").exists()
