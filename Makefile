@@ -18,7 +18,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro test test-parts test-whole bench soak ui view watch schema lock clean
+.PHONY: help install repro article test test-parts test-whole bench soak ui view watch schema lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -43,6 +43,9 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg ## install what is mi
 
 repro: install ## rerun what a change to params.yaml or to the code touches
 	dvc repro
+
+article: install ## reproduce what the article printed, into results/article.json (2.5 hours on 2 cores)
+	python -m scripts.article
 
 test: install .venv/.browser ## check style, types and behaviour
 	ruff check

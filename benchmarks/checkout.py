@@ -1,4 +1,4 @@
-"""A throw-away copy of the project, in which benchmarks run its commands."""
+"""A copy of the project, in which its commands run apart from it; benchmarks throw theirs away."""
 
 import os
 import shlex
@@ -7,7 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,8 @@ from ruamel.yaml import YAML
 
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.params import Params
+
+RESULTS = ("assets", "dvc.lock", "media", "models", "results")  # what runs leave
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,32 @@ def checkout() -> Iterator[Checkout]:
 
 def copy_project(folder: Path) -> None:
     """Make a repository of what git tracks or would track."""
+    _copy(_names(), folder)
+    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
+
+
+def renew_project(folder: Path) -> None:
+    """Make a repository of the project's code, or renew the code of one made before.
+
+    What its runs left stays: DVC reruns the stages that the new code touches, and trainings go on
+    from their checkpoints where these fit.
+    """
+    names = [name for name in _names() if name.split("/")[0] not in RESULTS]
+    for top in {name.split("/")[0] for name in names if "/" in name and not name.startswith(".")}:
+        shutil.rmtree(folder / top, ignore_errors=True)  # with what is there no longer
+    _copy(names, folder)
+    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
+
+
+def _names() -> list[str]:
+    """Return what git tracks or would track, as paths from the project's root."""
     listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(listing, cwd=PROJECT_ROOT, text=True, capture_output=True, check=True)
-    for name in filter(None, names.stdout.split("\0")):
-        if (PROJECT_ROOT / name).is_file():  # not deleted since
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(PROJECT_ROOT / name, folder / name)
-    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
+    listed = filter(None, names.stdout.split("\0"))
+    return [name for name in listed if (PROJECT_ROOT / name).is_file()]  # not deleted since
+
+
+def _copy(names: Iterable[str], folder: Path) -> None:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(PROJECT_ROOT / name, folder / name)

@@ -23,7 +23,7 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
 # Names of results/, and of media/ the last.
-RESERVED_NAMES = {"figures", "plots", "scaling", "seeds", "timing", "lineup"}
+RESERVED_NAMES = {"article", "figures", "plots", "scaling", "seeds", "timing", "lineup"}
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 
 

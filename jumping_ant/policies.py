@@ -31,6 +31,7 @@ FIRST_VELOCITY = 13  # observations before it are positions, from it on velociti
 Array = NDArray[np.float64]
 Header = Mapping[str, Any]
 Entries = Mapping[str, bytes]
+Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inputs), bias (outputs,)
 
 
 class Policy(Protocol):
@@ -183,7 +184,7 @@ class _Network:
 
     velocity_scale: float
     actions: ActionSet
-    layers: list[tuple[NDArray[np.float32], NDArray[np.float32]]] = field(repr=False)
+    layers: list[Layer] = field(repr=False)
 
     # Where Stable-Baselines3 keeps the layers, given in subclasses: prefixes of parameter names.
     PREFIXES: ClassVar[tuple[str, ...]] = ()
@@ -193,42 +194,76 @@ class _Network:
 
     def _forward(self, observations: Array) -> NDArray[np.float32]:
         """Return the outputs of the last layer, shape (n, outputs)."""
-        values: NDArray[Any] = observations.astype(np.float32)
-        values = values * velocity_factors(self.velocity_scale)
-        for weight, bias in self.layers[:-1]:
-            values = np.maximum(values @ weight.T + bias, 0.0)
-        weight, bias = self.layers[-1]
-        return np.asarray(values @ weight.T + bias, dtype=np.float32)
+        return _affine(self._hidden(observations), self.layers[-1])
+
+    def _hidden(self, observations: Array) -> NDArray[np.float32]:
+        """Return the outputs of the last hidden layer, shape (n, units)."""
+        values = observations.astype(np.float32) * velocity_factors(self.velocity_scale)
+        for layer in self.layers[:-1]:
+            values = np.maximum(_affine(values, layer), np.float32(0.0))
+        return values
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> Self:
         """Build the policy from a policy file's entries; tensors are all that is read."""
-        import torch  # takes seconds, which whoever reads no network need not wait for
-
-        state = torch.load(io.BytesIO(entries["policy.pth"]), map_location="cpu", weights_only=True)
-        names = [
-            name.removesuffix(".weight")
-            for name in state
-            if name.startswith(cls.PREFIXES) and name.endswith(".weight")
-        ]
-        pairs = [(state[f"{name}.weight"], state[f"{name}.bias"]) for name in names]
-        layers = [(weight.numpy(), bias.numpy()) for weight, bias in pairs]
+        state = _tensors(entries)
+        layers = _layers(state, cls.PREFIXES)
         actions = _action_set(header, entries)
         expected = NUM_ACTIONS if actions.table is None else len(actions.table)
         if (outputs := layers[-1][0].shape[0]) != expected:
             raise ValueError(f"a network of {outputs} outputs instead of {expected}")
-        return cls(float(header["velocity_scale"]), actions, layers)
+        return cls(float(header["velocity_scale"]), actions, layers, **cls._heads(state))
+
+    @classmethod
+    def _heads(cls, state: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the fields that a subclass adds, from the tensors by name."""
+        return {}
 
 
+@dataclass(frozen=True)
 class GaussianActor(_Network):
-    """SAC's actor, acting by the mean of its squashed Gaussian (Haarnoja et al. 2018)."""
+    """SAC's actor (Haarnoja et al. 2018): torques are the tanh of a Gaussian.
+
+    Attributes:
+        log_stdev: Weight (8, units) and bias (8,) of the layer that gives the logarithm of the
+            Gaussian's deviations.
+    """
+
+    log_stdev: Layer = field(repr=False)
 
     PREFIXES = ("actor.latent_pi.", "actor.mu.")
+    LOG_STDEV_PREFIX = "actor.log_std."
+    LOG_STDEV_RANGE = (-20.0, 2.0)  # as Stable-Baselines3 clips it
 
     def act(self, observations: Array) -> Array:
-        """Return torques, shape (n, 8)."""
+        """Return the torques of the Gaussian's mean, shape (n, 8)."""
         choices = np.tanh(self._forward(observations)).astype(np.float64)
         return self.actions.torques(choices)
+
+    def explore(self, observations: Array, generators: Sequence[np.random.Generator]) -> Array:
+        """Draw torques as in training, shape (n, 8).
+
+        Args:
+            observations: Shape (n, 27).
+            generators: Where each row's noise comes from, n of them.
+        """
+        mean, stdev = self.gaussian(observations)
+        noise = [generator.standard_normal(NUM_ACTIONS, np.float32) for generator in generators]
+        return self.actions.torques(np.tanh(mean + stdev * noise).astype(np.float64))
+
+    def gaussian(self, observations: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return mean and deviation of what tanh makes torques of, shape (n, 8) each."""
+        hidden = self._hidden(observations)
+        log_stdev = np.clip(_affine(hidden, self.log_stdev), *self.LOG_STDEV_RANGE)
+        return _affine(hidden, self.layers[-1]), np.exp(log_stdev)
+
+    @classmethod
+    def _heads(cls, state: Mapping[str, Any]) -> dict[str, Any]:
+        (layer,) = _layers(state, (cls.LOG_STDEV_PREFIX,))
+        (mean,) = _layers(state, ("actor.mu.",))
+        if layer[0].shape != mean[0].shape:
+            raise ValueError(f"deviations {layer[0].shape} of means {mean[0].shape}")
+        return {"log_stdev": layer}
 
 
 class GreedyCommands(_Network):
@@ -238,8 +273,50 @@ class GreedyCommands(_Network):
 
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, 8)."""
+        return self._torques(np.argmax(self._forward(observations), axis=1))
+
+    def explore(
+        self, observations: Array, generators: Sequence[np.random.Generator], epsilon: float
+    ) -> Array:
+        """Return the torques of the best command, or now and then of any, shape (n, 8).
+
+        Args:
+            observations: Shape (n, 27).
+            generators: Where each row's draws come from, n of them.
+            epsilon: Chance of a command drawn uniformly.
+        """
         choices = np.argmax(self._forward(observations), axis=1)
+        for row, generator in enumerate(generators):
+            if generator.random() < epsilon:
+                choices[row] = generator.integers(self.layers[-1][0].shape[0])
+        return self._torques(choices)
+
+    def _torques(self, choices: NDArray[np.int64]) -> Array:
         return self.actions.torques(choices).astype(np.float64)
+
+
+def _affine(inputs: NDArray[np.float32], layer: Layer) -> NDArray[np.float32]:
+    weight, bias = layer
+    return np.asarray(inputs @ weight.T + bias, dtype=np.float32)
+
+
+def _tensors(entries: Entries) -> dict[str, Any]:
+    """Return the tensors of a Stable-Baselines3 archive, by name."""
+    import torch  # takes seconds, which whoever reads no network need not wait for
+
+    content = io.BytesIO(entries["policy.pth"])
+    state: dict[str, Any] = torch.load(content, map_location="cpu", weights_only=True)
+    return state
+
+
+def _layers(state: Mapping[str, Any], prefixes: tuple[str, ...]) -> list[Layer]:
+    """Return the layers whose parameters' names begin with one of the prefixes, in order."""
+    names = [
+        name.removesuffix(".weight")
+        for name in state
+        if name.startswith(prefixes) and name.endswith(".weight")
+    ]
+    return [(state[f"{name}.weight"].numpy(), state[f"{name}.bias"].numpy()) for name in names]
 
 
 KINDS: dict[str, Any] = {

@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-Purpose = Literal["starts", "learner", "replay", "actions", "search", "samples"]
+Purpose = Literal["starts", "learner", "replay", "actions", "search", "samples", "test"]
 _PURPOSES = get_args(Purpose)  # their order is part of every result: add new ones at the end
 
 

@@ -3,7 +3,9 @@
 Usage: python scripts/publish.py PRESET
 
 Writes the section of that preset in docs/results.md. With the preset `default` it writes the
-pictures of the README as well: docs/images/, and README.md's table of claims.
+pictures of the README as well: docs/images/, and README.md's table of claims. With `article` it
+takes what `make article` left in .article/ and results/article.json, and writes the table of
+printed values in docs/article.md.
 """
 
 import argparse
@@ -16,13 +18,14 @@ from typing import Any
 import imageio.v2 as imageio
 from PIL import Image, ImageDraw, ImageFont
 
-from jumping_ant import looks, params_file
+from jumping_ant import looks, params_file, wording
 from jumping_ant.errors import InputError, reported
 from jumping_ant.files import PROJECT_ROOT, write_bytes, write_text
 from jumping_ant.tracking import descriptions
 
 DOCS = PROJECT_ROOT / "docs"
 RESULTS = PROJECT_ROOT / "results"
+FOLDERS = {"default": PROJECT_ROOT, "article": PROJECT_ROOT / ".article"}
 FIGURES = ("learning_curves", "final_return")
 SIDE = 300  # [pixels] of an agent in the animation
 SECONDS = 6.0  # of the films that the animation shows
@@ -34,9 +37,9 @@ FONT = ImageFont.load_default(20)
 def main() -> None:
     """Parse the command line and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("preset", choices=["default", "article"])
+    parser.add_argument("preset", choices=list(FOLDERS))
     preset = parser.parse_args().preset
-    results = json.loads((RESULTS / "comparison.json").read_text())
+    results = json.loads((FOLDERS[preset] / "results" / "comparison.json").read_text())
     replace_section(DOCS / "results.md", preset, descriptions.comparison(results))
     if preset == "default":
         replace_section(PROJECT_ROOT / "README.md", "claims", claim_table(results))
@@ -44,6 +47,9 @@ def main() -> None:
             content = (RESULTS / "figures" / f"{name}.png").read_bytes()
             write_bytes(DOCS / "images" / f"{name}.png", content)
         write_bytes(DOCS / "images" / "jumping.webp", animation())
+    else:
+        printed = json.loads((RESULTS / "article.json").read_text())["printed"]
+        replace_section(DOCS / "article.md", "printed", printed_table(printed))
 
 
 def replace_section(path: Path, name: str, content: str) -> None:
@@ -64,6 +70,29 @@ def claim_table(results: dict[str, Any]) -> str:
     """Return the claims and their verdicts as Markdown."""
     rows = [f"| {claim['text']} | {claim['verdict']} |" for claim in results["claims"]]
     return "\n".join(["| claim | verdict |", "|---|---|", *rows])
+
+
+def printed_table(printed: dict[str, Any]) -> str:
+    """Return the article's printed values beside ours, as Markdown.
+
+    Args:
+        printed: What stands under that key in `results/article.json`.
+    """
+    values = {
+        "DQN's test, total of 1,000 steps": printed["dqn"],
+        "SAC's test, total of 1,000 steps": printed["sac"],
+        "PGPE, mean fitness at generation 100": printed["pgpe"],
+        "PGPE's film, return of 1,000 steps": printed["pgpe"]["film"],
+    }
+    verdicts = {True: "yes", False: "no", None: "too few seeds"}
+    rows = [
+        f"| {name} | {wording.number(own['value'])} | "
+        f"{wording.estimate(own['median'], own['low'], own['high'], len(own['ours']))} | "
+        f"{wording.number(own['percentile'])} % | {verdicts[own['reproduced']]} |"
+        for name, own in values.items()
+    ]
+    head = "| value | printed | ours, median of the seeds | of ours below it | reproduced |"
+    return "\n".join([head, "|---|---|---|---|---|", *rows])
 
 
 def animation() -> bytes:
@@ -92,7 +121,8 @@ def animation() -> bytes:
 
 def clip(path: Path, label: str) -> list[Image.Image]:
     """Return the pictures of a film that the animation shows, small and labelled."""
-    with imageio.get_reader(path, format="FFMPEG") as reader:
+    reader: Any = imageio.get_reader(path, format="FFMPEG")  # of FFMPEG's type, unlike declared
+    with reader:
         fps = reader.get_meta_data()["fps"]
         numbers = [round((START + i / FPS) * fps) for i in range(round(SECONDS * FPS))]
         pictures = [Image.fromarray(reader.get_data(number)) for number in numbers]

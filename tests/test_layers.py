@@ -20,7 +20,7 @@ LAYERS = [
     | {"trajectory"},
     {"hypothesis_tests", "vector", "rendering", "recording"},
     {"env", "policies", "sample_sizes"},
-    {"agents", "playing", "rollout", "serving"},
+    {"agents", "playing", "presets", "rollout", "serving"},
     {"checkpoints", "compute", "evaluation", "progress", "results"},
     {"comparison"},
     {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},

@@ -1,0 +1,106 @@
+"""Train as the article does, over several seeds, and see whether its printed values come out.
+
+Usage: python -m scripts.article [--measure] [--folder FOLDER]
+
+Runs the whole pipeline with `presets/article` in a copy of the project, `.article/`, which takes
+hours: a run that was stopped goes on from its checkpoints, and the project's own results stay as
+they are. Then tests the trained agents as the article did, which takes a minute, and writes
+results/article.json and results/article/*.png.
+"""
+
+import argparse
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+from benchmarks.checkout import Checkout, renew_project
+from jumping_ant import article_figures, machine, params_file, presets, reproduction
+from jumping_ant.errors import InputError, StoppedError, WorkerError, reported
+from jumping_ant.files import PROJECT_ROOT, write_bytes, write_json
+from jumping_ant.looks import looks
+from jumping_ant.params import Params
+
+FOLDER = PROJECT_ROOT / ".article"
+RESULTS = PROJECT_ROOT / "results"
+
+
+def main() -> None:
+    """Parse the command line, run and measure."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--measure", action="store_true", help="only measure what is trained")
+    parser.add_argument("--folder", type=Path, default=FOLDER, help="where the trained agents are")
+    options = parser.parse_args()
+    if not options.measure:
+        run(options.folder, presets.load("article"))
+    started = time.perf_counter()
+    content = measure(options.folder)
+    hours = content["training"]["hours_on_2_cores"]
+    print(
+        f"training took {hours:.2g} hours on 2 cores (the measured seconds of all seeds, halved), "
+        f"measuring {time.perf_counter() - started:.0f} s"
+    )
+
+
+def run(folder: Path, params: Params) -> None:
+    """Run the pipeline in a copy of the project, from where it stands.
+
+    Args:
+        folder: Of the copy.
+        params: Its parameters.
+
+    Raises:
+        StoppedError: A signal asked for an end.
+        WorkerError: The pipeline failed; its own message stands above.
+    """
+    renew_project(folder)
+    copy = Checkout(folder)
+    copy.write_params(params)
+    process = subprocess.Popen(["dvc", "repro"], cwd=folder, env=copy.environment)
+    try:
+        status = process.wait()
+    except KeyboardInterrupt:  # it heard that, too, and saves a last checkpoint
+        process.wait()
+        raise StoppedError("`make article` goes on from the last checkpoints") from None
+    if status:
+        raise WorkerError(
+            f"`dvc repro` in {folder} ended with status {status}; what it said stands above, and "
+            "`make article` goes on from there"
+        )
+
+
+def measure(folder: Path) -> dict[str, Any]:
+    """Measure the trained agents of a project, and write the results into this one.
+
+    Args:
+        folder: Of the project that trained them.
+
+    Returns:
+        The content of `results/article.json`.
+
+    Raises:
+        InputError: Nothing is trained there.
+    """
+    if not (folder / "params.yaml").exists():
+        raise InputError(f"{folder}: given no project, allowed: what `make article` has trained")
+    params = params_file.load(folder / "params.yaml")
+    measured = reproduction.reproduce(folder, params)
+    content = measured.summary() | {
+        "article_settings": _settings(params) == _settings(presets.load("article")),
+        "machine": machine.describe() | {"cores": machine.num_cores()},
+    }
+    write_json(RESULTS / "article.json", content)
+    own = looks({name: agent.algorithm for name, agent in params.agents.items()})
+    for name, figure in article_figures.draw(measured, own).items():
+        write_bytes(RESULTS / "article" / f"{name}.png", article_figures.picture(figure))
+    return content
+
+
+def _settings(params: Params) -> list[Any]:
+    """Return all parameters that the trained agents depend on, but the seeds."""
+    return [params.robot, params.env, *(params.agent(name) for name in reproduction.AGENTS)]
+
+
+if __name__ == "__main__":
+    with reported():
+        main()

@@ -1,0 +1,432 @@
+"""The article's settings, its printed values, and the command that reproduces them."""
+
+import inspect
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from evotorch.algorithms import PGPE
+from evotorch.optimizers import ClipUp
+from ruamel.yaml import YAML
+from stable_baselines3 import DQN, SAC
+
+from benchmarks.checkout import Checkout, renew_project
+from jumping_ant import article, article_figures, params_file, presets, reproduction, robot
+from jumping_ant.errors import InputError, StoppedError, WorkerError
+from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.looks import looks
+from jumping_ant.params import Params
+from jumping_ant.training import train
+from scripts import article as command
+from scripts import publish
+
+ROBOT = {
+    "density": 3,
+    "gear": 300,
+    "joint_gear": {},
+    "torso_radius": 0.25,
+    "leg_length": 1.0,
+    "damping": 0.5,
+    "friction": 0.6,
+    "torsional_friction": 0.3,
+    "rolling_friction": 0.3,
+}
+ENV = {
+    "frame_skip": 5,
+    "reset_noise_scale": 0.1,
+    "max_episode_steps": 1000,
+    "min_torso_height": 0.2,
+    "reward.floor": 0.6,
+    "reward.span": 1.0,
+    "reward.scale": 10.0,
+}
+DQN_SETTINGS = {
+    "actions.kind": "commands",
+    "actions.amplitude": 0.5,
+    "actions.hold": 1,
+    "total_steps": 1_000_000,
+    "episode_steps": None,
+    "long_episodes": 0,
+    "num_envs": 1,
+    "learning_rate": 0.005,
+    "buffer_size": 1_000_000,
+    "learning_starts": 50_000,
+    "batch_size": 32,
+    "tau": 1.0,
+    "gamma": 0.99,
+    "n_steps": 1,
+    "train_freq": 4,
+    "gradient_steps": 1,
+    "target_update_interval": 10_000,
+    "exploration_fraction": 0.2,
+    "exploration_initial_eps": 1.0,
+    "exploration_final_eps": 0.05,
+    "max_grad_norm": 10.0,
+    "net_arch": [64, 64],
+    "velocity_scale": 1.0,
+}
+SAC_SETTINGS = {
+    "actions.kind": "torques",
+    "actions.amplitude": 1.0,
+    "actions.hold": 1,
+    "total_steps": 100_000,
+    "episode_steps": None,
+    "long_episodes": 0,
+    "num_envs": 1,
+    "learning_rate": 0.005,
+    "buffer_size": 1_000_000,
+    "learning_starts": 100,
+    "batch_size": 256,
+    "tau": 0.005,
+    "gamma": 0.99,
+    "n_steps": 1,
+    "train_freq": 1,
+    "gradient_steps": 1,
+    "ent_coef": 0.005,
+    "net_arch": [256, 256],
+    "velocity_scale": 1.0,
+}
+PGPE_SETTINGS = {
+    "actions.kind": "torques",
+    "actions.amplitude": 1.0,
+    "actions.hold": 1,
+    "generations": 100,
+    "population_size": 20,
+    "episode_steps": 200,
+    "center_learning_rate": 0.005,
+    "stdev_learning_rate": 0.1,
+    "stdev_init": 0.1,
+    "max_speed": 0.015,
+    "momentum": 0.9,
+    "decrease_rewards_by": 1.0,
+    "observation_normalization": True,
+}
+BLOCKS = {
+    "robot": ROBOT,
+    "env": ENV,
+    "agents.dqn": DQN_SETTINGS,
+    "agents.sac": SAC_SETTINGS,
+    "agents.pgpe": PGPE_SETTINGS,
+}
+# What says who trains and how often the curve gets a row, on which no result depends.
+ASIDE = {"trainer", "algorithm", "log_interval"}
+
+
+def flat(block: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return a block's values by dotted key."""
+    values: dict[str, Any] = {}
+    for key, value in block.items():
+        nested = isinstance(value, dict) and key != "joint_gear"
+        values |= flat(value, f"{prefix}{key}.") if nested else {prefix + key: value}
+    return values
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_the_preset_sets_every_value_as_the_article_did(name: str) -> None:
+    """Whatever params.yaml says: what the preset leaves out is found missing here."""
+    given = presets.overrides("article")
+    own = {
+        key.removeprefix(f"{name}."): value
+        for key, value in given.items()
+        if key.startswith(f"{name}.") and not key.endswith("log_interval")
+    }
+    assert own == BLOCKS[name]
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_the_preset_leaves_no_setting_to_params_yaml(name: str) -> None:
+    block: Any = presets.load("article").model_dump()
+    for part in name.split("."):
+        block = block[part]
+    settings = {key: value for key, value in flat(block).items() if key not in ASIDE}
+    assert settings == BLOCKS[name]
+
+
+def test_the_article_trains_eight_seeds_and_tests_the_final_models() -> None:
+    given = presets.overrides("article")
+    assert given["seeds"] == [0, 1, 2, 3, 4, 5, 6, 7]
+    assert given["training.publish"] == "final"
+
+
+def test_the_pinned_environment_is_that_of_the_preset() -> None:
+    params = presets.load("article")
+    assert (params.robot, params.env) == (article.ROBOT, article.ENV)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "settings", "given"),
+    [
+        # learning_starts was 50,000 in Stable-Baselines3 2.0.0, and 100 in later versions
+        (DQN, DQN_SETTINGS, {"learning_rate", "exploration_fraction", "learning_starts"}),
+        (SAC, SAC_SETTINGS, {"learning_rate", "ent_coef"}),
+        (ClipUp, PGPE_SETTINGS, {"max_speed"}),
+    ],
+)
+def test_what_the_article_does_not_set_is_the_librarys_default(
+    algorithm: Any, settings: dict[str, Any], given: set[str]
+) -> None:
+    parameters = inspect.signature(algorithm).parameters
+    shared = (set(settings) & set(parameters)) - given
+    assert len(shared) >= 1
+    assert {name: parameters[name].default for name in shared} == {
+        name: settings[name] for name in shared
+    }
+
+
+def test_pgpe_is_evotorchs_by_default() -> None:
+    """Our trainer leaves these to EvoTorch, as the article does."""
+    parameters = inspect.signature(PGPE).parameters
+    expected = {"ranking_method": "centered", "symmetric": True, "stdev_max_change": 0.2}
+    assert {name: parameters[name].default for name in expected} == expected
+
+
+def test_printed_totals_never_fall() -> None:
+    """Rewards are in [0, 10] a control step."""
+    for totals in (article.DQN_TOTALS, article.SAC_TOTALS):
+        steps, values = list(totals), list(totals.values())
+        assert steps == [1, *range(100, 1001, 100)]
+        assert values == sorted(values)
+        rises = [high - low for low, high in zip(values, values[1:], strict=False)]
+        assert max(rises) <= 1000
+
+
+def test_printed_fitness_is_in_order() -> None:
+    mean, best, median = (article.PGPE_TRACES[f"fitness_{n}"] for n in ("mean", "best", "median"))
+    for generation in (20, 40, 60, 80, 100):
+        assert -200 < median[generation] < best[generation] < 1800
+        assert mean[generation] < best[generation]
+
+
+def test_a_preset_that_is_not_there_names_those_that_are() -> None:
+    with pytest.raises(InputError, match="preset: given 'artcle', allowed: article, .*smoke"):
+        presets.load("artcle")
+
+
+def test_a_preset_overrides_only_what_there_is(tmp_path: Path) -> None:
+    (tmp_path / "presets").mkdir()
+    (tmp_path / "params.yaml").write_text((PROJECT_ROOT / "params.yaml").read_text())
+    (tmp_path / "presets" / "odd").write_text("-S agents.dqn.gama=0.5\n")
+    with pytest.raises(InputError, match="presets/odd: given agents.dqn.gama, allowed"):
+        presets.load("odd", tmp_path)
+
+
+TINY: dict[str, dict[str, Any]] = {
+    "dqn": {"total_steps": 300, "learning_starts": 100, "buffer_size": 300, "net_arch": [8]},
+    "sac": {"total_steps": 160, "learning_starts": 60, "buffer_size": 200, "net_arch": [8]},
+    "pgpe": {"population_size": 2, "episode_steps": 3},
+}
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Params]:
+    """A project with the article's agents, each trained for moments on two seeds."""
+    root = tmp_path_factory.mktemp("project")
+    params = presets.load("article")
+    agents = {name: params.agent(name).model_copy(update=TINY[name]) for name in TINY}
+    training = params.training.model_copy(update={"evaluations": 1, "evaluation_episodes": 1})
+    params = params.model_copy(
+        update={
+            "seeds": [3, 5],
+            "agents": agents,
+            "training": training,
+            "env": params.env.model_copy(update={"max_episode_steps": 20}),
+        }
+    )
+    with (root / "params.yaml").open("w") as file:
+        YAML().dump(params.model_dump(), file)
+    (root / "assets").mkdir()
+    (root / "assets" / "jumping_ant.xml").write_text(robot.build(params.robot))
+    for name in agents:
+        train(root, params, name)
+    return root, params
+
+
+@pytest.fixture(scope="module")
+def reproduced(tiny: tuple[Path, Params]) -> reproduction.Reproduction:
+    return reproduction.reproduce(*tiny)
+
+
+def test_tests_of_trained_agents_are_as_long_as_the_articles(
+    reproduced: reproduction.Reproduction,
+) -> None:
+    for trace in reproduced.totals.values():
+        assert trace.ours.shape == (2, 1000)
+        rewards = trace.ours[:, 1:] - trace.ours[:, :-1]
+        assert rewards.min() > -1e-9 and rewards.max() < 10 + 1e-9
+        assert trace.ours[0, -1] != trace.ours[1, -1]
+    for trace in reproduced.fitness.values():
+        assert trace.ours.shape == (2, 100)
+
+
+def test_fitness_is_that_of_the_generations_in_the_curve(
+    tiny: tuple[Path, Params], reproduced: reproduction.Reproduction
+) -> None:
+    lines = (tiny[0] / "models" / "pgpe" / "seed-5" / "curve.csv").read_text().splitlines()
+    rows = [dict(zip(lines[0].split(","), line.split(","), strict=True)) for line in lines[1:]]
+    (row,) = [row for row in rows if row["updates"] == "60"]
+    point = reproduced.fitness["fitness_median"].places()[2]
+    assert (point["at"], point["ours"][1]) == (60, float(row["fitness_median"]))
+
+
+def test_the_same_models_are_tested_alike(
+    tiny: tuple[Path, Params], reproduced: reproduction.Reproduction
+) -> None:
+    again = reproduction.reproduce(*tiny)
+    assert again.summary() == reproduced.summary()
+
+
+def test_the_contract_of_the_results(reproduced: reproduction.Reproduction) -> None:
+    content = json.loads(json.dumps(reproduced.summary()))
+    printed = content["printed"]
+    assert {name: own["value"] for name, own in printed.items()} == {
+        "dqn": 527.5, "sac": 8311.7, "pgpe": 110.4,
+    }  # fmt: skip
+    for own in printed.values():
+        assert len(own["ours"]) == 2
+        assert own["percentile"] in (0, 50, 100)
+        assert own["reproduced"] is None  # two seeds decide nothing
+    assert len(printed["dqn"]["points"]) == len(printed["sac"]["points"]) == 11
+    assert printed["dqn"]["points"][-1]["ours"] == printed["dqn"]["ours"]
+    assert [point["at"] for point in printed["pgpe"]["traces"]["fitness_best"]] == [
+        20, 40, 60, 80, 100,
+    ]  # fmt: skip
+    assert printed["pgpe"]["film"]["value"] == 5276.6  # 50,741.5 + 11,865 in 11,865 steps
+    assert len(printed["pgpe"]["trained_normalizer"]["ours"]) == 2
+    assert content["seeds"] == [3, 5]
+    seconds = content["training"]["seconds"]
+    assert content["training"]["hours_on_2_cores"] == pytest.approx(
+        sum(sum(own) for own in seconds.values()) / 7200
+    )
+    assert all(len(own) == 2 and min(own) > 0 for own in seconds.values())
+
+
+def test_the_table_of_printed_values_tells_what_came_out() -> None:
+    ours = reproduction.place(9.0, np.arange(8.0))
+    few = reproduction.place(200.0, np.array([100.0, 300.0]))
+    printed = {"dqn": ours, "sac": few, "pgpe": ours | {"film": few}}
+    *_, dqn, sac, _, film = publish.printed_table(printed).splitlines()
+    assert dqn == "| DQN's test, total of 1,000 steps | 9 | 3.5 [0, 7] | 100 % | no |"
+    assert sac.endswith("| 200 | 200 [100, 300] | 50 % | too few seeds |")
+    assert film.startswith("| PGPE's film, ") and film.endswith("| too few seeds |")
+
+
+def test_the_document_has_a_place_for_the_table() -> None:
+    text = (publish.DOCS / "article.md").read_text()
+    assert text.index("<!-- printed -->\n") < text.index("<!-- end of printed -->")
+
+
+def test_figures_show_each_seed_and_what_was_printed(
+    reproduced: reproduction.Reproduction,
+) -> None:
+    drawn = article_figures.draw(reproduced, looks({name: name for name in TINY}))
+    assert list(drawn) == ["dqn", "sac", "pgpe"]
+    (axes,) = drawn["sac"].axes
+    *seeds, printed = axes.lines
+    assert [line.get_ydata()[-1] for line in seeds] == reproduced.totals["sac"].last()["ours"]
+    assert list(printed.get_xdata()) == list(article.SAC_TOTALS)
+    assert list(printed.get_ydata()) == list(article.SAC_TOTALS.values())
+    assert printed.get_linewidth() > 2 * seeds[0].get_linewidth()
+    assert [len(panel.lines) for panel in drawn["pgpe"].axes] == [3, 3, 3]
+    for figure in drawn.values():
+        content = article_figures.picture(figure)
+        assert content.startswith(b"\x89PNG") and len(content) < 100_000
+
+
+def test_measuring_writes_into_the_project(
+    tiny: tuple[Path, Params],
+    reproduced: reproduction.Reproduction,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(command, "RESULTS", tmp_path)
+    monkeypatch.setattr(sys, "argv", ["article", "--measure", "--folder", str(tiny[0])])
+    command.main()
+    content = json.loads((tmp_path / "article.json").read_text())
+    assert content["printed"] == json.loads(json.dumps(reproduced.summary()["printed"]))
+    assert content["article_settings"] is False
+    assert content["machine"]["cores"] >= 1 and content["machine"]["versions"]["mujoco"]
+    assert sorted(path.name for path in (tmp_path / "article").iterdir()) == [
+        "dqn.png", "pgpe.png", "sac.png",
+    ]  # fmt: skip
+    assert "hours on 2 cores" in capsys.readouterr().out
+
+
+def test_measuring_nothing_says_so(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="given no project, allowed: what `make article`"):
+        command.measure(tmp_path)
+
+
+def test_an_agent_that_is_not_trained_is_named(tiny: tuple[Path, Params]) -> None:
+    root, params = tiny
+    with pytest.raises(InputError, match=r"dqn/seed-9/final.zip: No such file"):
+        reproduction.reproduce(root, params.model_copy(update={"seeds": [3, 9]}))
+
+
+def test_another_algorithm_under_an_articles_name_is_refused(tiny: tuple[Path, Params]) -> None:
+    root, params = tiny
+    agents = params.agents | {"sac": params.agent("pgpe")}
+    with pytest.raises(InputError, match="agents.sac.algorithm: given pgpe, allowed: sac"):
+        reproduction.reproduce(root, params.model_copy(update={"agents": agents}))
+
+
+def test_a_shorter_evolution_is_refused(tiny: tuple[Path, Params], tmp_path: Path) -> None:
+    content = (tiny[0] / "models" / "pgpe" / "seed-3" / "curve.csv").read_text()
+    short = tmp_path / "models" / "pgpe" / "seed-3" / "curve.csv"
+    short.parent.mkdir(parents=True)
+    short.write_text("".join(content.splitlines(keepends=True)[:51]))
+    with pytest.raises(InputError, match="given 50 generations, allowed: 100 or more"):
+        reproduction._fitness(tmp_path, [3])
+
+
+def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    renew_project(copy)
+    code = copy / "jumping_ant" / "article.py"
+    assert code.read_text() == (PROJECT_ROOT / "jumping_ant" / "article.py").read_text()
+    assert not (copy / "results").exists() and not (copy / "dvc.lock").exists()
+    kept = [".checkpoints/sac/a", "models/sac/policy.zip", "results/a.json", "dvc.lock"]
+    for name in kept:
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        (copy / name).write_text("kept")
+    code.write_text("old")
+    (copy / "jumping_ant" / "gone.py").write_text("old")
+    renew_project(copy)
+    assert code.read_text() == (PROJECT_ROOT / "jumping_ant" / "article.py").read_text()
+    assert not (copy / "jumping_ant" / "gone.py").exists()
+    assert {(copy / name).read_text() for name in kept} == {"kept"}
+
+
+def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
+    """Have copies find a shell script in place of DVC."""
+    (folder / "dvc").write_text(f"#!/bin/sh\n{script}\n")
+    (folder / "dvc").chmod(0o755)
+    monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
+
+
+def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
+    params, copy = presets.load("article"), tmp_path / "copy"
+    command.run(copy, params)
+    assert (copy / "called").read_text() == f"{copy} repro\n"
+    assert params_file.load(copy / "params.yaml") == params
+
+
+def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace_dvc(monkeypatch, tmp_path, "exit 3")
+    with pytest.raises(WorkerError, match="ended with status 3; .* `make article` goes on"):
+        command.run(tmp_path / "copy", presets.load("article"))
+
+
+def test_an_interrupt_waits_for_the_pipeline_to_save(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_dvc(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
+    with pytest.raises(StoppedError, match="goes on from the last checkpoints"):
+        command.run(tmp_path / "copy", presets.load("article"))
+    assert (tmp_path / "copy" / "saved").exists()
