@@ -1,8 +1,10 @@
 """Presets: lists of overrides of `params.yaml`, in `presets/`.
 
-`dvc exp run $(cat presets/NAME)` runs one of them in place; `load` gives the same parameters.
+`dvc exp run $(cat presets/NAME)` runs one of them in place; `load` gives the same parameters. A key
+that begins with `+`, as Hydra has it, adds what is not there yet.
 """
 
+import re
 import shlex
 from functools import reduce
 from pathlib import Path
@@ -30,10 +32,11 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
     yaml = YAML(typ="safe")
     content = yaml.load((root / "params.yaml").read_text())
     for key, value in overrides(name, root).items():
-        *parents, last = key.split(".")
+        *parents, last = key.removeprefix("+").split(".")
         try:
             block = reduce(lambda outer, part: outer[part], parents, content)
-            block[last]  # an override changes what there is
+            if not key.startswith("+"):
+                block[last]  # an override changes what there is
         except (KeyError, TypeError) as error:
             raise InputError(
                 f"presets/{name}: given {key}, allowed: the keys of params.yaml"
@@ -59,4 +62,9 @@ def overrides(name: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
         names = sorted(preset.name for preset in path.parent.iterdir())
         raise InputError(f"preset: given {name!r}, allowed: {', '.join(names)}") from error
     pairs = [word.partition("=") for word in words if word != "-S"]
-    return {key: YAML(typ="safe").load(value) for key, _, value in pairs}
+    return {key: YAML(typ="safe").load(_spaced(value)) for key, _, value in pairs}
+
+
+def _spaced(value: str) -> str:
+    """Return a value in Hydra's words as YAML: `{a:1,b:2}` needs spaces there."""
+    return re.sub(r"(?<=[\w-]):(?=\S)", ": ", value)

@@ -21,9 +21,10 @@ LAYERS = [
     {"hypothesis_tests", "vector", "rendering", "recording"},
     {"env", "policies", "sample_sizes"},
     {"agents", "playing", "presets", "rollout", "serving"},
-    {"checkpoints", "compute", "evaluation", "progress", "results"},
+    {"checkpoints", "compute", "evaluation", "progress", "reproduction", "results", "variants"},
     {"comparison"},
     {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},
+    {"article_figures"},
 ]
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
 MODULES = sorted((ROOT / "jumping_ant").rglob("*.py"))

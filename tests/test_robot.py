@@ -7,10 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-import presets
-from jumping_ant import article, params_file, robot
+from jumping_ant import article, presets, robot
 from jumping_ant.errors import InputError
-from jumping_ant.files import PROJECT_ROOT, write_text
+from jumping_ant.files import write_text
 from jumping_ant.params import Params, RobotParams
 
 # The source's own values: with these, nothing is edited.
@@ -108,8 +107,7 @@ def test_longer_legs_reach_farther(source: mujoco.MjModel) -> None:
 
 
 ARTICLES = {
-    "params.yaml": params_file.load().robot,
-    "presets/article": presets.apply(PROJECT_ROOT / "presets" / "article").robot,
+    "presets/article": presets.load("article").robot,
     "JumpingAnt-v0": article.ROBOT,
 }
 
