@@ -1,7 +1,7 @@
 """Presets: lists of overrides of `params.yaml`, in `presets/`.
 
-`dvc exp run $(cat presets/NAME)` runs one of them in place; `load` gives the same parameters. A key
-that begins with `+`, as Hydra has it, adds what is not there yet.
+`dvc exp run $(cat presets/NAME)` runs one of them in place; `load` gives the same parameters. As
+Hydra has it, `+key=value` adds what is not there yet, and `~key` takes something away.
 """
 
 import re
@@ -32,16 +32,17 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
     yaml = YAML(typ="safe")
     content = yaml.load((root / "params.yaml").read_text())
     for key, value in overrides(name, root).items():
-        *parents, last = key.removeprefix("+").split(".")
+        *parents, last = key.lstrip("+~").split(".")
         try:
             block = reduce(lambda outer, part: outer[part], parents, content)
             if not key.startswith("+"):
-                block[last]  # an override changes what there is
+                del block[last]  # what is overridden or taken away is there
         except (KeyError, TypeError) as error:
             raise InputError(
                 f"presets/{name}: given {key}, allowed: the keys of params.yaml"
             ) from error
-        block[last] = value
+        if not key.startswith("~"):
+            block[last] = value
     return params_file.check(content, f"presets/{name}")
 
 

@@ -1,8 +1,11 @@
 """`dvc.yaml` against the code: every stage depends on all it imports, and on no more."""
 
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
+from dvc.utils.hydra import apply_overrides
 from ruamel.yaml import YAML
 
 from jumping_ant import imports, params_file, presets
@@ -53,6 +56,20 @@ def test_every_stage_depends_on_the_locked_versions(name: str) -> None:
     assert "requirements.lock" in STAGES[name].get("do", STAGES[name])["deps"]
 
 
-@pytest.mark.parametrize("preset", sorted(path.name for path in (ROOT / "presets").iterdir()))
-def test_presets_change_what_there_is(preset: str) -> None:
-    assert presets.load(preset) != params_file.load()
+PRESETS = sorted(path.name for path in (ROOT / "presets").iterdir())
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_presets_change_what_dvc_makes_of_them(preset: str, tmp_path: Path) -> None:
+    file = Path(shutil.copy(ROOT / "params.yaml", tmp_path))
+    words = shlex.split((ROOT / "presets" / preset).read_text())
+    assert set(words[::2]) == {"-S"}
+    apply_overrides(file, words[1::2])
+    assert params_file.load() != presets.load(preset) == params_file.load(file)
+
+
+def test_ablations_leave_one_thing_out_each() -> None:
+    default, agents = params_file.load().agents, presets.load("ablations").agents
+    assert agents["sac-unedited"] == default["sac"].model_copy(update={"robot": "unedited"})
+    without = default["pgpe"].model_copy(update={"decrease_rewards_by": 0.0})
+    assert agents["pgpe-plain"] == without

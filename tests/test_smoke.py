@@ -17,10 +17,10 @@ from mlflow.entities import Run, ViewType
 from ruamel.yaml import YAML
 
 from benchmarks.checkout import copy_project, with_tools
-from jumping_ant import params_file
+from jumping_ant import presets
 
 ROOT = Path(__file__).resolve().parents[1]
-AGENTS = list(params_file.load().agents)
+AGENTS = list(presets.load("smoke").agents)
 
 
 class Project:
