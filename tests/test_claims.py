@@ -8,7 +8,7 @@ from small_project import COMPARE
 
 from jumping_ant.claims import verdicts
 from jumping_ant.claims.field import lacks_constant, out_of_luck, robot_of
-from jumping_ant.params import PGPEParams
+from jumping_ant.params import ALGORITHMS, CommandParams
 from jumping_ant.results import AgentResults, SeedCurve
 
 LOW, MIDDLE, HIGH = (np.linspace(start, 1.1 * start, 8) for start in (300.0, 700.0, 3000.0))
@@ -31,11 +31,9 @@ def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block)
         )
         for seed, value in enumerate(returns)
     }
-    settings = SimpleNamespace(algorithm=algorithm, **block)
     if algorithm == "pgpe":
-        settings = PGPEParams.model_construct(
-            algorithm="pgpe", **{"population_size": 20, "decrease_rewards_by": 1.0, **block}
-        )
+        block = {"population_size": 20, "decrease_rewards_by": 1.0} | block
+    settings = ALGORITHMS[algorithm].model_construct(algorithm=algorithm, **block)
     quantities = dict.fromkeys(("flight", "apex", "fluidity"), np.linspace(1.0, 1.2, len(returns)))
     quantities |= {"return": np.array(returns, dtype=float)}
     return AgentResults(name, settings, quantities, curves, episode_returns=LOW)
@@ -110,6 +108,16 @@ def test_sceptics_ask_for_more_than_open_loop(algorithm, returns, verdict):
     claim = the_claim(OPEN_LOOP, learner, worse, METRONOME)
     assert (claim["verdict"], claim["statement"]) == (verdict, None)
     assert "more than metronome" in claim["text"]  # the better one
+
+
+def test_a_metronome_is_no_stronger_than_the_learner():
+    commands = CommandParams(kind="commands", amplitude=0.5, hold=3)
+    dqn = agent("dqn", "dqn", LOW, actions=commands)
+    weak = agent("weak", "open_loop", LOW / 10, amplitude=0.5)
+    strong = agent("strong", "open_loop", HIGH, amplitude=1.0)
+    assert "more than weak" in the_claim(OPEN_LOOP, dqn, weak, strong)["text"]
+    assert "more than strong" in the_claim(OPEN_LOOP, agent("sac", "sac"), weak, strong)["text"]
+    assert not [c for c in check(dqn, strong) if OPEN_LOOP in c["text"]]
 
 
 @pytest.mark.parametrize(
@@ -265,6 +273,14 @@ def test_robots_are_compared_within_an_algorithm():
     found = check(plain, edited, agent("dqn", "dqn"))
     assert [claim["verdict"] for claim in found if LIGHTER in claim["text"]] == ["supported"]
     assert sum("sac-plain" in claim["text"] for claim in found) == 1  # it stands for nothing else
+
+
+def test_agents_that_differ_by_more_than_their_robot_are_not_compared():
+    plain = agent("plain", "open_loop", amplitude=1.0, robot="unedited")
+    like = agent("like", "open_loop", amplitude=1.0, robot="edited")
+    weaker = agent("weaker", "open_loop", amplitude=0.5, robot="edited")
+    texts = [claim["text"] for claim in check(plain, like, weaker) if LIGHTER in claim["text"]]
+    assert len(texts) == 1 and "like gets higher" in texts[0]
 
 
 def test_claims_without_their_agents_are_left_out():

@@ -38,6 +38,11 @@ class Field:
         """Return those that stand for an algorithm that learns."""
         return [*self.dqn, *self.sac, *self.pgpe]
 
+    def metronome(self, learner: AgentResults) -> AgentResults | None:
+        """Return the best open-loop agent whose torques are no stronger than a learner's."""
+        weak = [agent for agent in self.open_loop if amplitude(agent) <= amplitude(learner)]
+        return max(weak, key=lambda agent: agent.quantities["return"].mean(), default=None)
+
     def _that_run(self, algorithm: str) -> list[AgentResults]:
         return [agent for agent in self.all if agent.algorithm == algorithm]
 
@@ -49,8 +54,22 @@ def robot_of(agent: AgentResults) -> str:
 
 def lacks_constant(agent: AgentResults, other: AgentResults) -> bool:
     """Return whether the other is the same PGPE but that it takes nothing off the reward."""
-    (own, own_rest), (others, others_rest) = _taken_off(agent), _taken_off(other)
+    (own, own_rest), (others, others_rest) = (
+        _apart(each, "decrease_rewards_by") for each in (agent, other)
+    )
     return own != 0 and others == 0 and own_rest == others_rest
+
+
+def differs_by_robot(agent: AgentResults, other: AgentResults) -> bool:
+    """Return whether the other is the same agent but on the unedited robot."""
+    (_, own), (_, others) = _apart(agent, "robot"), _apart(other, "robot")
+    return (robot_of(agent), robot_of(other)) == ("edited", "unedited") and own == others
+
+
+def amplitude(agent: AgentResults) -> float:
+    """Return the largest torque over peak torque that an agent may choose."""
+    own = getattr(agent.block, "actions", agent.block)
+    return float(getattr(own, "amplitude", 1.0))
 
 
 def out_of_luck(random: AgentResults, num_episodes: int) -> float:
@@ -90,7 +109,7 @@ def drawn_actions(agent: AgentResults) -> str:
     return str(getattr(getattr(agent.block, "actions", None), "kind", "torques"))
 
 
-def _taken_off(agent: AgentResults) -> tuple[float, dict[str, Any]]:
-    """Return what a PGPE agent takes off the reward, and the rest of its block."""
+def _apart(agent: AgentResults, key: str) -> tuple[Any, dict[str, Any]]:
+    """Return one setting of an agent's block, None where it has none, and the others."""
     rest = agent.block.model_dump()
-    return rest.pop("decrease_rewards_by"), rest
+    return rest.pop(key, None), rest

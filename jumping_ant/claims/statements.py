@@ -12,7 +12,13 @@ from itertools import product
 from typing import Literal
 
 from jumping_ant.claims import findings
-from jumping_ant.claims.field import Field, drawn_actions, effort, speed_up
+from jumping_ant.claims.field import (
+    Field,
+    differs_by_robot,
+    drawn_actions,
+    effort,
+    speed_up,
+)
 from jumping_ant.claims.findings import Finding, Sample
 from jumping_ant.params import CompareParams
 from jumping_ant.results import AgentResults
@@ -38,9 +44,9 @@ def claims(field: Field) -> Iterator[Claim]:
     by_commands = [agent for agent in field.random if drawn_actions(agent) == "commands"]
     for dqn, random in product(field.dqn, (by_commands or field.random)[:1]):
         yield _learns_to_jump(dqn, random)
-    by_return = sorted(field.open_loop, key=lambda agent: agent.quantities["return"].mean())
-    for learner, metronome in product(field.learners, by_return[-1:]):
-        yield _beats_open_loop(learner, metronome)
+    for learner in field.learners:
+        if metronome := field.metronome(learner):
+            yield _beats_open_loop(learner, metronome)
     for sac, dqn in product(field.sac, field.dqn):
         yield _less_fluid(sac, dqn)
         yield _longer_training(sac, dqn)
@@ -61,8 +67,8 @@ def claims(field: Field) -> Iterator[Claim]:
             yield _centre_is_best(pgpe)
     for pgpe, plain in field.constants:
         yield _steadier(pgpe, plain)
-    for agent, plain in product(field.learners, field.unedited):
-        if agent.algorithm == plain.algorithm:
+    for agent, plain in product([*field.learners, *field.open_loop], field.unedited):
+        if differs_by_robot(agent, plain):
             yield _jumps_higher(agent, plain)
 
 
