@@ -12,6 +12,7 @@ from jumping_ant.task import COMMAND_SIGNS
 
 AGENT = OpenLoopParams(
     trainer="open_loop",
+    robot="edited",
     algorithm="open_loop",
     amplitude=0.75,
     half_periods=[1, 4, 2],
