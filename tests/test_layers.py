@@ -21,8 +21,8 @@ LAYERS = [
     {"hypothesis_tests", "vector", "rendering", "recording"},
     {"env", "policies", "sample_sizes"},
     {"agents", "playing", "rollout", "serving"},
-    {"checkpoints", "compute", "evaluation", "progress", "results"},
-    {"comparison"},
+    {"checkpoints", "compute", "evaluation", "progress", "results", "variants"},
+    {"claim_panels", "comparison"},
     {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},
 ]
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
