@@ -15,7 +15,6 @@ from jumping_ant.wording import p_value
 COLUMNS = 2
 WIDTH = 62  # [characters] of a panel's title
 PAIR = "#B0B0B0"  # of the lines between values of the same seed
-LONG_AXIS = 30.0  # values further apart than by this factor get a logarithmic axis
 
 
 def draw(claims: Sequence[Mapping[str, Any]], drawn: Mapping[str, Look], title: str) -> Figure:
@@ -76,7 +75,7 @@ def _draw_claim(axes: Axes, claim: Mapping[str, Any], drawn: Mapping[str, Look])
 def _scale(axes: Axes, values: np.ndarray) -> None:
     """Choose the axis: logarithmic where values are far apart; else with zero in sight."""
     known = values[~np.isnan(values)]
-    if len(known) and known.min() > 0 and known.max() > LONG_AXIS * known.min():
+    if looks.is_long(known.tolist()):
         axes.set_xscale("log")
     else:
         anchor_at_zero(axes, known)

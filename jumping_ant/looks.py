@@ -4,7 +4,7 @@ The colours are those of Okabe and Ito, "Color Universal Design", 2008, which pe
 vision tell apart; baselines are grey, and told apart by their lines.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -13,6 +13,7 @@ GREYS = ("#7F7F7F", "#ABABAB")
 DASHES = ("--", ":", "-.")
 INK = "#333333"
 BASELINES = ("random", "open_loop")  # algorithms that learn nothing
+LONG_AXIS = 30.0  # values further apart than by this factor get a logarithmic axis
 VERDICTS = {"supported": "#00795A", "refuted": "#B4461B", "inconclusive": "#6B7280"}
 
 
@@ -56,6 +57,11 @@ def of_sample(label: str, drawn: Mapping[str, Look]) -> Look:
         drawn: Looks by the labels of agents.
     """
     return drawn[label.partition(", ")[0]]
+
+
+def is_long(values: Sequence[float]) -> bool:
+    """Return whether values are so far apart that their axis is to be logarithmic."""
+    return bool(values) and min(values) > 0 and max(values) > LONG_AXIS * min(values)
 
 
 def remark(algorithm: str, robot: str) -> str:
