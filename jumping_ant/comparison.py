@@ -74,18 +74,18 @@ def learning_curves(
 ) -> dict[str, LearningCurve]:
     """Return each agent's learning curve over its seeds.
 
-    An agent that trains for no step returns the same at any budget: its curve is level, from the
-    first evaluation to the last one among the other agents.
+    A baseline learns nothing: its curve is level at its last evaluation, from the first evaluation
+    to the last one among those that learn.
     """
     curves = {name: _learning_curve(agent, params.confidence) for name, agent in results.items()}
-    learned = [curve for curve in curves.values() if curve.env_steps[-1] > 0]
+    learned = [curve for name, curve in curves.items() if not results[name].is_baseline]
     if not learned:
         return curves
     starts = min(curve.env_steps[0] for curve in learned), min(c.seconds[0] for c in learned)
     ends = max(curve.env_steps[-1] for curve in learned), max(c.seconds[-1] for c in learned)
     steps, seconds = np.array([starts, ends]).T
     for name, curve in curves.items():
-        if curve.env_steps[-1] == 0:
+        if results[name].is_baseline:
             level = [np.repeat(part[-1], 2) for part in vars(curve.returns).values()]
             curves[name] = LearningCurve(steps, seconds, Estimate(*level))
     return curves

@@ -14,11 +14,14 @@ import numpy as np
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
+from jumping_ant import claim_panels
 from jumping_ant.comparison import LearningCurve
 from jumping_ant.files import write_bytes
 from jumping_ant.looks import INK, Look, looks
+from jumping_ant.measures import MEASURES
 from jumping_ant.results import AgentResults
 from jumping_ant.wording import number
 
@@ -41,54 +44,73 @@ STYLE: Any = {  # matplotlib types it by each key's name
 }
 STYLES = ["default", STYLE]  # whatever the reader's own matplotlibrc says
 
+# Marks of a row of seeds, as matplotlib's keywords.
+BAND: Any = {"linewidth": 7, "alpha": 0.25, "solid_capstyle": "butt"}
+BAR: Any = {"linestyle": "", "marker": "|", "markersize": 16, "markeredgewidth": 2.5}
+MEAN: Any = {"linestyle": "", "marker": "D", "markersize": 5, "markerfacecolor": "white"}
+RING: Any = {"linestyle": "", "marker": "o", "markersize": 10, "markerfacecolor": "none"}
+
 RETURN = {"return": "Return per held-out episode"}
 BEHAVIOUR = {  # axis labels of the quantities drawn, where they were measured
-    "peak_height": "Peak height of the torso [m]",
+    "apex": "Apex of a jump [m]",
+    "flight": "Share of time in flight",
+    "fluidity": "Fluidity (closer to 0 is more fluid)",
     "jumps": "Jumps per episode",
-    "airborne_seconds": "Time off the ground per episode [s]",
-    "smoothness": "Squared torque change per step",
 }
+
+CLAIMS_TITLE = (
+    "The claims: every seed is a point. Hollow: it never got there and spent this much.\n"
+    "Lines join values of the same seed."
+)
 
 
 def draw(
     results: Mapping[str, AgentResults],
     curves: Mapping[str, LearningCurve],
     summary: Mapping[str, Any],
+    claims: Sequence[Mapping[str, Any]],
     confidence: float,
 ) -> dict[str, Figure]:
-    """Draw all figures.
+    """Draw all figures; that of pairs needs two agents, that of claims a claim.
 
     Args:
         results: What `results.load` returns.
         curves: What `comparison.learning_curves` returns.
         summary: What `comparison.summarize` returns.
+        claims: What `claims.verdicts.check` returns.
         confidence: Of the intervals, for the titles.
 
     Returns:
         Figures by file name, without its ending.
     """
     drawn = looks({name: agent.algorithm for name, agent in results.items()})
-    interval = f"{100 * confidence:g}% interval"
-    seeds = f"each seed (points), interquartile mean (bar) and its {interval} (band)"
+    percent = f"{100 * confidence:g} %"
+    interval = f"{percent} interval (Student's t on the exact bootstrap standard error)"
     with style.context(STYLES):
         figures = {
             "learning_curves": _draw_curves(
                 results,
                 curves,
                 drawn,
-                f"Return while learning: interquartile mean over seeds and its {interval}",
+                f"Return while learning: interquartile mean over seeds,\n{interval}",
             ),
             "final_return": _draw_quantities(
-                results, summary, drawn, RETURN, f"Return of the trained policies: {seeds}"
+                results, summary, drawn, RETURN, f"Return of the published policies, {interval}"
             ),
             "behaviour": _draw_quantities(
-                results, summary, drawn, BEHAVIOUR, f"How they jump: {seeds}"
+                results, summary, drawn, BEHAVIOUR, f"How they jump, {interval}"
             ),
         }
         if len(results) > 1:
             figures["probability_of_improvement"] = _draw_probabilities(
-                results, summary, drawn, f"Probability of improvement and its {interval}"
+                results,
+                summary,
+                drawn,
+                f"Probability of improvement, {percent} interval (percentile bootstrap)",
             )
+        if claims:
+            by_label = {agent.label: drawn[name] for name, agent in results.items()}
+            figures["claims"] = claim_panels.draw(claims, by_label, CLAIMS_TITLE)
     return figures
 
 
@@ -133,7 +155,7 @@ def _draw_curves(
 def _draw_band(axes: Axes, x: np.ndarray, curve: LearningCurve, look: Look, label: str) -> None:
     returns = curve.returns
     axes.fill_between(x, returns.low, returns.high, color=look.colour, alpha=0.18, linewidth=0)
-    marker = "" if look.line == "--" else look.marker
+    marker = look.marker if look.line == "-" else ""
     axes.plot(
         x, returns.value, look.line, color=look.colour, marker=marker, markersize=4, label=label
     )
@@ -157,39 +179,56 @@ def _draw_quantities(
     labels: Mapping[str, str],
     title: str,
 ) -> Figure:
-    """Draw one panel a quantity: a row an agent, with its seeds, mean and interval."""
-    measured = next(iter(results.values())).quantities
-    names = [quantity for quantity in labels if quantity in measured]
-    columns = min(2, len(names))
-    rows = -(-len(names) // columns)
-    figure = Figure(figsize=(9, 0.5 + rows * (0.7 + 0.4 * len(results))), layout="constrained")
+    """Draw one panel a quantity: a row an agent, with its seeds and what sums them up."""
+    columns = min(2, len(labels))
+    rows = -(-len(labels) // columns)
+    figure = Figure(figsize=(9, 0.9 + rows * (0.7 + 0.4 * len(results))), layout="constrained")
     panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
-    for axes, quantity in zip(panels, names, strict=False):
+    for axes, (quantity, label) in zip(panels, labels.items(), strict=True):
         for row, (name, agent) in enumerate(results.items()):
-            seeds, statistics = agent.quantities[quantity], summary["agents"][name][quantity]
-            _draw_seeds(axes, row, seeds, statistics, looks[name])
-        axes.set_xlabel(labels[quantity])
+            statistics = summary["agents"][name].get(quantity)
+            if statistics:  # some seed has a value
+                _draw_seeds(axes, row, agent.quantities[quantity], statistics, looks[name])
+                if MEASURES[quantity].is_better:
+                    _ring(axes, row, statistics["worst"])
+        axes.set_xlabel(label)
         axes.grid(False, axis="y")
-        axes.set_xlim(left=0)
-    for axes in panels[len(names) :]:
-        axes.remove()
+        values = np.concatenate([agent.quantities[quantity] for agent in results.values()])
+        claim_panels.anchor_at_zero(axes, values[~np.isnan(values)])
     _name_rows(panels[0], [agent.label for agent in results.values()])
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    figure.legend(handles=_legend(), loc="outside lower left", ncols=5, fontsize=9)
     return figure
+
+
+def _legend() -> list[Line2D]:
+    """Return what explains the marks of `_draw_seeds` and `_ring`."""
+    return [
+        Line2D([], [], label="seed", color=INK, linestyle="", marker="o", alpha=0.6),
+        Line2D([], [], label="interquartile mean", color=INK, **BAR),
+        Line2D([], [], label="its interval", color=INK, **BAND),
+        Line2D([], [], label="mean", color=INK, **MEAN),
+        Line2D([], [], label="worst seed", color=INK, **RING),
+    ]
+
+
+def _ring(axes: Axes, row: int, value: float) -> None:
+    axes.plot(value, row, color=INK, **RING)
 
 
 def _draw_seeds(
     axes: Axes, row: int, seeds: np.ndarray, statistics: Mapping[str, float], look: Look
 ) -> None:
     ends = [statistics["low"], statistics["high"]]
-    axes.plot(ends, [row, row], color=look.colour, linewidth=7, alpha=0.25, solid_capstyle="butt")
+    axes.plot(ends, [row, row], color=look.colour, **BAND)
     points = np.full(len(seeds), row)
     axes.plot(seeds, points, look.marker, color=look.colour, markersize=5, alpha=0.6)
-    mean = statistics["iqm"]
-    axes.plot(mean, row, "|", color=look.colour, markersize=16, markeredgewidth=2.5)
+    iqm = statistics["iqm"]
+    axes.plot(iqm, row, color=look.colour, **BAR)
+    axes.plot(statistics["mean"], row, color=look.colour, **MEAN)
     axes.annotate(
-        number(mean),
-        (mean, row),
+        number(iqm),
+        (iqm, row),
         (0, 10),
         textcoords="offset points",
         ha="center",
@@ -226,7 +265,7 @@ def _draw_probabilities(
 
 def _draw_probability(axes: Axes, row: int, pair: Mapping[str, float], look: Look) -> None:
     ends = [pair["low"], pair["high"]]
-    axes.plot(ends, [row, row], color=look.colour, linewidth=7, alpha=0.25, solid_capstyle="butt")
+    axes.plot(ends, [row, row], color=look.colour, **BAND)
     axes.plot(pair["p"], row, look.marker, color=look.colour, markersize=7)
     axes.annotate(
         f"{pair['p']:.2f}",

@@ -14,6 +14,11 @@ def interval(low: SupportsFloat, high: SupportsFloat, num_seeds: int) -> str:
     return f"[{number(low)}, {number(high)}]" if num_seeds > 1 else ""
 
 
+def p_value(value: SupportsFloat) -> str:
+    """Return a p value as people read it: 0.0023."""
+    return f"{float(value):.2g}"
+
+
 def estimate(value: SupportsFloat, low: SupportsFloat, high: SupportsFloat, num_seeds: int) -> str:
     """Return a number with its interval over seeds: 12.3 [4.56, 78.9]."""
     return f"{number(value)} {interval(low, high, num_seeds)}".rstrip()

@@ -22,6 +22,7 @@ from jumping_ant import looks, params_file, wording
 from jumping_ant.errors import InputError, reported
 from jumping_ant.files import PROJECT_ROOT, write_bytes, write_text
 from jumping_ant.tracking import descriptions
+from jumping_ant.wording import p_value
 
 DOCS = PROJECT_ROOT / "docs"
 RESULTS = PROJECT_ROOT / "results"
@@ -40,9 +41,15 @@ def main() -> None:
     parser.add_argument("preset", choices=list(FOLDERS))
     preset = parser.parse_args().preset
     results = json.loads((FOLDERS[preset] / "results" / "comparison.json").read_text())
-    replace_section(DOCS / "results.md", preset, descriptions.comparison(results))
+    agents = "\n".join(descriptions.agent_table(results["agents"]))
+    evidence = claim_table(results["claims"], with_evidence=True)
+    replace_section(DOCS / "results.md", preset, f"{agents}\n{evidence}")
     if preset == "default":
-        replace_section(PROJECT_ROOT / "README.md", "claims", claim_table(results))
+        replace_section(
+            PROJECT_ROOT / "README.md",
+            "claims",
+            claim_table(results["claims"], with_evidence=False),
+        )
         for name in FIGURES:
             content = (RESULTS / "figures" / f"{name}.png").read_bytes()
             write_bytes(DOCS / "images" / f"{name}.png", content)
@@ -66,10 +73,15 @@ def replace_section(path: Path, name: str, content: str) -> None:
     write_text(path, f"{head}{begin}{content.rstrip()}\n{end}{tail}")
 
 
-def claim_table(results: dict[str, Any]) -> str:
-    """Return the claims and their verdicts as Markdown."""
-    rows = [f"| {claim['text']} | {claim['verdict']} |" for claim in results["claims"]]
-    return "\n".join(["| claim | verdict |", "|---|---|", *rows])
+def claim_table(claims: Sequence[dict[str, Any]], with_evidence: bool) -> str:
+    """Return the claims, their verdicts and corrected p values as Markdown."""
+    headings = ["claim", "verdict", "p after Holm", *(["evidence"] if with_evidence else [])]
+    rows = [
+        [claim["text"], claim["verdict"], p_value(claim["p_holm"]), claim["evidence"]]
+        for claim in claims
+    ]
+    lines = [headings, ["---"] * len(headings), *(row[: len(headings)] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def printed_table(printed: dict[str, Any]) -> str:

@@ -25,7 +25,7 @@ def main() -> None:
     curve_table = comparison.to_csv(comparison.curve_rows(curves))
     write_text(output / "plots" / "learning_curves.csv", curve_table)
     write_text(output / "plots" / "seeds.csv", comparison.to_csv(comparison.seed_rows(agents)))
-    drawn = figures.draw(agents, curves, summary, settings.compare.confidence)
+    drawn = figures.draw(agents, curves, summary, claims, settings.compare.confidence)
     figures.write(output / "figures", drawn)
 
 

@@ -21,10 +21,12 @@ CURVES = {
 }
 
 
-def story(agent: str = "sac", algorithm: str = "sac", value: float = 1234.5) -> Story:
+def story(
+    agent: str = "sac", algorithm: str = "sac", value: float = 1234.5, robot: str = "edited"
+) -> Story:
     """What is told of an episode with such a return."""
     measures = {"return": value, "peak_height": 2.5, "jumps": 12.0, "airborne_seconds": 1.25}
-    return Story(agent, algorithm, measures, mean_return=value / 2, curves=CURVES)
+    return Story(agent, algorithm, robot, measures, mean_return=value / 2, curves=CURVES)
 
 
 def film(num_frames: int) -> bytes:

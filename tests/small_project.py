@@ -8,15 +8,15 @@ from typing import Any
 from jumping_ant.params import ALGORITHMS, CompareParams, Params, TrainingParams
 
 COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=0)
-LEVELS = {"random": 330.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
+LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
 VARIANTS = {"sac": ["final", "rounded"], "pgpe": ["final", "rounded", "best_sample"]}
-BUDGETS = {"random": 0, "dqn": 1000, "sac": 200, "pgpe": 8000}
+BUDGETS = {"random": 0, "open_loop": 400, "dqn": 1000, "sac": 200, "pgpe": 8000}
 
 
 def make_params(agents: Mapping[str, str], seeds: Sequence[int]) -> Params:
     """Return params with what `compare` reads of them: agents (name to algorithm) and seeds."""
     blocks = {
-        name: ALGORITHMS[algorithm].model_construct(algorithm=algorithm)
+        name: ALGORITHMS[algorithm].model_construct(algorithm=algorithm, robot="edited")
         for name, algorithm in agents.items()
     }
     training = TrainingParams.model_construct(evaluation_episodes=2)

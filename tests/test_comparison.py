@@ -203,6 +203,15 @@ def test_the_baselines_curve_is_level_over_the_others_budgets(project):
     assert curve.returns.low[0] == curve.returns.low[1] < 345
 
 
+def test_the_curve_of_a_search_without_learning_is_level_at_its_end(tmp_path):
+    agents = {"metronome": "open_loop", "sac": "sac"}
+    write_project(tmp_path, agents, SEEDS)
+    results = load(tmp_path, make_params(agents, SEEDS))
+    curve = comparison.learning_curves(results, COMPARE)["metronome"]
+    np.testing.assert_allclose(curve.env_steps, [50, 200])  # SAC's, not those of the search
+    np.testing.assert_allclose(curve.returns.value, [515, 515])
+
+
 def test_baselines_alone_can_be_compared(tmp_path):
     agents = {"random": "random", "other": "random"}
     write_project(tmp_path, agents, SEEDS)

@@ -22,7 +22,7 @@ LAYERS = [
     {"env", "policies", "sample_sizes"},
     {"agents", "playing", "presets", "rollout", "serving"},
     {"checkpoints", "compute", "evaluation", "progress", "reproduction", "results", "variants"},
-    {"comparison"},
+    {"claim_panels", "comparison"},
     {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},
     {"article_figures"},
 ]

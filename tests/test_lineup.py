@@ -13,7 +13,7 @@ from small_project import make_params, write_project
 
 from jumping_ant import looks, robot
 from jumping_ant.errors import InputError
-from jumping_ant.recording import lineup
+from jumping_ant.recording import about, lineup
 from jumping_ant.recording.story import Story, read
 from jumping_ant.trajectory import Trajectory
 
@@ -48,7 +48,7 @@ def file(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     path = tmp_path_factory.mktemp("lineup") / "lineup.rrd"
-    path.write_bytes(lineup.record(robot_xml, episodes, stories))
+    path.write_bytes(lineup.record(dict.fromkeys(episodes, robot_xml), episodes, stories))
     return path
 
 
@@ -83,11 +83,23 @@ def test_agents_have_the_colours_of_the_figures(content: Content) -> None:
 def test_the_page_tells_the_returns(content: Content) -> None:
     (chunk,) = content.still["/about"]
     text = chunk.to_record_batch().column("TextDocument:text").to_pylist()[0][0]
-    assert "| **random** | 4 | 330 | 165 | 2.50 m | 12 |" in text
+    assert "| **random** (baseline) | 4 | 330 | 165 | 2.50 m | 12 |" in text
     assert "| **mine** | 4 | 2,100 | 1,050 | 2.50 m | 12 |" in text
     peak = 2.0 / 9.81  # [s] up from a start at 2 m/s
     told = re.search(r"highest jump of the first 1 s, at (\S+) s", text)
     assert told and float(told[1]) == pytest.approx(peak, abs=0.06)
+
+
+def test_the_page_names_baselines_and_the_unedited_robot(
+    episodes: dict[str, Trajectory],
+) -> None:
+    told = {
+        "random": story("random", "open_loop", robot="unedited"),
+        "mine": story("mine", "sac", robot="unedited"),
+    }
+    page = about.lineup_page(told, episodes, about.Opening(0.5, 1.0))
+    assert "| **random** (baseline, unedited robot) | 4" in page
+    assert "| **mine** (unedited robot) | 4" in page
 
 
 def test_two_lineups_hold_the_same_data(
@@ -98,13 +110,14 @@ def test_two_lineups_hold_the_same_data(
     tmp_path: Path,
 ) -> None:
     again, other = tmp_path / "again.rrd", tmp_path / "other.rrd"
-    again.write_bytes(lineup.record(robot_xml, episodes, stories))
+    robots = dict.fromkeys(episodes, robot_xml)
+    again.write_bytes(lineup.record(robots, episodes, stories))
     assert rerun_cli("compare", file, again, home=tmp_path).returncode == 0
     assert everything(file) == everything(again)
     qpos = episodes["mine"].qpos.copy()
     qpos[10, 2] += 0.01
     changed = episodes | {"mine": dataclasses.replace(episodes["mine"], qpos=qpos)}
-    other.write_bytes(lineup.record(robot_xml, changed, stories))
+    other.write_bytes(lineup.record(robots, changed, stories))
     assert rerun_cli("compare", file, other, home=tmp_path).returncode == 1
 
 
@@ -119,6 +132,7 @@ def test_a_story_is_read_from_the_results(project: Path, episodes: dict[str, Tra
     episode = dataclasses.replace(episodes["mine"], episode=2)
     told = read(project, make_params(ALGORITHMS, [3, 4]), "mine", episode)
     assert (told.agent, told.algorithm, told.label) == ("mine", "sac", "mine")
+    assert told.robot == "edited"
     assert told.measures == {
         "return": 3015.0,
         "peak_height": 3.015,

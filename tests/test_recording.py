@@ -13,8 +13,10 @@ from recorded import CURVES, FPS, Content, everything, film, rerun_cli, story
 from rerun.chunk import RrdReader
 from small_episode import simulate
 
-from jumping_ant import params_file, robot
+from jumping_ant import robot
 from jumping_ant.errors import InputError
+from jumping_ant.params import Params
+from jumping_ant.recording import about
 from jumping_ant.recording import episode as recording
 from jumping_ant.recording.curves import ticks
 from jumping_ant.recording.parts import body_names, geom_paths
@@ -137,10 +139,10 @@ def test_states_are_recorded_at_every_simulation_step(
 
 
 def test_torques_and_rewards_are_recorded_in_every_control_step(
-    model: mujoco.MjModel, episode: Trajectory, content: Content
+    known_params: Params, episode: Trajectory, content: Content
 ) -> None:
     names = ["hip_4", "ankle_4", "hip_1", "ankle_1", "hip_2", "ankle_2", "hip_3", "ankle_3"]
-    gear = params_file.load().robot.gear
+    gear = known_params.robot.gear
     assert {path for path in content.moving if path.startswith("/torque/")} == {
         f"/torque/{name}" for name in names
     }
@@ -280,6 +282,21 @@ def test_the_page_tells_the_episode(content: Content) -> None:
     assert "| 1,234 | 2.50 m | 12 | 1.2 of 2.0 s |" in text
     assert "1 m for 100 N" in text
     assert "front left leg coral" in text
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "kind", "told"),
+    [
+        ("sac", "edited", "of `mine`: SAC.\n"),
+        ("random", "edited", "of `mine`: a baseline, which acts at random.\n"),
+        ("open_loop", "unedited", "does not look at the robot. Its robot is Gymnasium's Ant as it"),
+    ],
+)
+def test_the_page_names_baselines_and_the_unedited_robot(
+    algorithm: str, kind: str, told: str, model: mujoco.MjModel, episode: Trajectory
+) -> None:
+    about_it = story("mine", algorithm, robot=kind)
+    assert told in about.episode_page(model, episode, about_it, about.Opening(0.5, 1.0))
 
 
 def test_it_plays_the_highest_jump_of_the_film(file: Path, episode: Trajectory) -> None:

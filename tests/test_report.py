@@ -2,6 +2,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable, Iterator
+from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -14,12 +15,12 @@ from playwright.sync_api import Browser
 from small_episode import simulate
 from small_project import make_params, write_project
 
-from jumping_ant import comparison, rendering, robot
+from jumping_ant import comparison, looks, rendering, robot
 from jumping_ant.claims import verdicts
 from jumping_ant.errors import InputError
 from jumping_ant.files import digest, write_bytes, write_json, write_text
 from jumping_ant.params import Params
-from jumping_ant.report import page
+from jumping_ant.report import contests, page
 from jumping_ant.report.charts import learning
 from jumping_ant.results import load
 from jumping_ant.tracking import models, pages, store
@@ -32,7 +33,8 @@ FILM = {"width": 64, "height": 64, "fps": 10, "seconds": 1.0, "shadow_size": 0}
 @pytest.fixture(scope="module")
 def settings(known_params: Params) -> Params:
     record = known_params.record.model_copy(update=FILM)
-    return known_params.model_copy(update={"seeds": SEEDS, "record": record})
+    agents = {name: known_params.agents[name] for name in AGENTS}
+    return known_params.model_copy(update={"seeds": SEEDS, "record": record, "agents": agents})
 
 
 @pytest.fixture(scope="module")
@@ -112,16 +114,67 @@ def test_the_table_shows_the_comparison(html: str, project: Path) -> None:
     dqn = summary["dqn"]["return"]
     assert f"{dqn['iqm']:.0f}[{dqn['low']:.0f}, {dqn['high']:.0f}]" in cells
     best = re.findall(r'"best">(\S+)', html)
-    assert len(best) == 3 + 3, "one of each outcome but for a tie of three, and no cost"
+    assert len(best) == 3 + 3, "of return, apex and fluidity one, of flight a tie, and no cost"
     assert f"{summary['pgpe']['return']['iqm']:,.0f}" in best
+    assert {f"{dqn['mean']:.0f}", f"{dqn['worst']:.0f}"} <= set(cells)
+    early = summary["sac"]["return_at_equal_seconds"]
+    assert f"{early['iqm']:,.0f}[{early['low']:,.0f}, {early['high']:,.0f}]" in cells
+
+
+def test_the_final_policy_stands_beside_the_published_one(html: str, project: Path) -> None:
+    rows = re.findall(r"<tr>(.*?)</tr>", html, re.S)
+    assert html.index("Final policy") < html.index("Movement and cost")
+    (sac,) = [row for row in rows if ">SAC" in row and "3,015" in row]  # the mean of four seeds
+    assert ">3,008\n" in sac  # 7 less, as the variants of small_project
+    (random,) = [row for row in rows if ">random" in row and "<td>345" in row]
+    assert random.count("<td>–") == 3, "neither variant nor budget"
+
+
+def test_baselines_and_robots_are_named(html: str) -> None:
+    assert "random <small>baseline</small>" in " ".join(html.split())
+    assert html.count("<small>baseline</small>") == 2, "in both tables, once"
 
 
 def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
     found = json.loads((project / "results" / "comparison.json").read_text())["claims"]
     assert len(found) == 16
     text = " ".join(Reader(html).cells)
+    places = []
     for claim in found:
         assert f"{claim['verdict']}{claim['text']}" in text
+        assert f"{claim['p']:.2g}, {claim['p_holm']:.2g} after Holm" in html
+        places.append(html.index(escape(claim["evidence"])))
+    assert places == sorted(places)
+    assert html.count("would decide it.") + html.count("1,000 seeds needed.") == len(
+        [claim for claim in found if claim["verdict"] == "inconclusive"]
+    )
+
+
+def test_a_claims_chart_shows_every_seed(html: str, project: Path) -> None:
+    found = json.loads((project / "results" / "comparison.json").read_text())["claims"]
+    drawn = charts(html)
+    for index, claim in enumerate(found):
+        plot, chart = claim["plot"], drawn[f"claim_{index}"]
+        points = [trace for trace in chart["data"] if trace["mode"] == "markers"]
+        assert {trace["y"][0]: trace["x"] for trace in points} == plot["values"]
+        lines = [trace for trace in chart["data"] if trace["mode"] == "lines"]
+        assert len(lines) == ("paired" in plot)
+        assert chart["layout"]["xaxis"]["title"]["text"] == plot["axis"]
+
+
+def test_seeds_that_never_got_there_are_hollow() -> None:
+    plot = {
+        "axis": "Steps",
+        "values": {"SAC": [1.0, 2.0], "SAC, rounded": [3.0, None]},
+        "reached": {"SAC": [True, False]},
+    }
+    drawn = {"SAC": looks.looks({"sac": "sac"})["sac"]}
+    own, rounded = contests.claim({"plot": plot}, drawn, [5, 6]).data
+    assert own.marker.symbol == ("circle", "circle-open")
+    assert own.text == ("seed 5", "seed 6, which never got there")
+    assert rounded.marker.symbol == ("circle", "circle")
+    assert rounded.x == (3.0, None)
+    assert own.marker.color == rounded.marker.color == drawn["SAC"].colour
 
 
 def test_links_lead_to_what_tracking_writes(html: str, project: Path) -> None:

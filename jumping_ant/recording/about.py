@@ -6,12 +6,18 @@ from dataclasses import dataclass
 import mujoco
 import rerun as rr
 
+from jumping_ant import looks
 from jumping_ant.recording.parts import LEG_COLORS, limb_names
 from jumping_ant.recording.scene import METRES_PER_NEWTON
 from jumping_ant.recording.story import Story
 from jumping_ant.trajectory import Trajectory
 
 LEG_COLOR_NAMES = ("coral", "yellow", "green", "violet")  # of `LEG_COLORS`
+
+BASELINES = {
+    "random": "a baseline, which acts at random",
+    "open_loop": "a baseline, which moves to a beat and does not look at the robot",
+}
 
 MOVING_ABOUT = """\
 **Moving about.** Drag in the bar below, or click into a plot, to choose a time; space pauses, and
@@ -60,13 +66,14 @@ def episode_page(
 | {measures["return"]:,.0f} | {measures["peak_height"]:.2f} m | {measures["jumps"]:.0f} | \
 {measures["airborne_seconds"]:.1f} of {seconds:.1f} s |
 
-The median of the held-out episodes of `{story.agent}` ({_algorithm(story)}). What plays again and
-again is the highest jump of the {opening.end:g} s that are filmed, at {opening.peak:.1f} s.
+The median of the held-out episodes of `{story.agent}`: {_algorithm(story)}.{_robot(story)}
+What plays again and again is the highest jump of the {opening.end:g} s that are filmed, at
+{opening.peak:.1f} s.
 
 **What to look at.** Arrows are the forces of the ground on each limb ({arrow}): long where the
 robot pushes off and lands, none while it flies. The blue trail is the torso's way. The reward
 follows the torso's height and saturates, so that higher jumps earn by lasting longer. Of the
-learning curves the blue one is this policy's, the grey ones are the other seeds'.
+learning curves the blue one is this seed's, the grey ones are the other seeds'.
 
 **Colours.** {_legend(model)}; the same for shapes, arrows, torques and forces.
 
@@ -85,9 +92,9 @@ def lineup_page(
         opening: What plays at first.
     """
     rows = "\n".join(
-        f"| **{story.label}** | {trajectories[agent].seed} | {story.measures['return']:,.0f} | "
-        f"{story.mean_return:,.0f} | {story.measures['peak_height']:.2f} m | "
-        f"{story.measures['jumps']:.0f} |"
+        f"| **{story.label}**{_remark(story)} | {trajectories[agent].seed} | "
+        f"{story.measures['return']:,.0f} | {story.mean_return:,.0f} | "
+        f"{story.measures['peak_height']:.2f} m | {story.measures['jumps']:.0f} |"
         for agent, story in stories.items()
     )
     return f"""\
@@ -99,17 +106,28 @@ Each agent's median held-out episode, all begun at the same time.
 |---|---|---|---|---|---|
 {rows}
 
-The mean is over all seeds and held-out episodes. An agent has one colour: of its torso, of the
-trail behind it, and of its height in the plot. Arrows are the forces of the ground. What plays
-again and again is the highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
+A baseline learns nothing. The mean is over all seeds and held-out episodes. An agent has one
+colour: of its torso, of the trail behind it, and of its height in the plot; baselines are grey.
+Arrows are the forces of the ground. What plays again and again is the
+highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
 
 {MOVING_ABOUT}
 """
 
 
 def _algorithm(story: Story) -> str:
-    """Name an agent's algorithm."""
-    return "uniformly random torques" if story.algorithm == "random" else story.algorithm.upper()
+    """Say what an agent runs."""
+    return BASELINES.get(story.algorithm, story.algorithm.upper())
+
+
+def _robot(story: Story) -> str:
+    return " Its robot is Gymnasium's Ant as it comes." if story.robot == "unedited" else ""
+
+
+def _remark(story: Story) -> str:
+    """Return what sets an agent apart from learners on the edited robot, in brackets."""
+    remark = looks.remark(story.algorithm, story.robot)
+    return f" ({remark})" if remark else ""
 
 
 def _legend(model: mujoco.MjModel) -> str:

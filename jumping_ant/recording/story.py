@@ -25,6 +25,7 @@ class Story:
     Attributes:
         agent: The agent's name.
         algorithm: What it runs.
+        robot: Which robot it moves, `edited` or `unedited`.
         measures: The episode's `MEASURES` (see `jumping_ant.evaluation`).
         mean_return: Of all the agent's held-out episodes.
         curves: Each seed's learning curve: the control steps at which its policy was evaluated,
@@ -33,6 +34,7 @@ class Story:
 
     agent: str
     algorithm: str
+    robot: str
     measures: Mapping[str, float]
     mean_return: float
     curves: Mapping[int, tuple[Array, Array]]
@@ -68,6 +70,7 @@ def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Stor
     return Story(
         agent=agent,
         algorithm=params.agent(agent).algorithm,
+        robot=params.agent(agent).robot,
         measures={name: float(table[name][own[0]]) for name in MEASURES},
         mean_return=float(table["return"].mean()),
         curves={seed: _read_curve(root, agent, seed) for seed in params.seeds},

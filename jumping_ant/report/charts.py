@@ -17,13 +17,12 @@ from jumping_ant.comparison import LearningCurve
 from jumping_ant.looks import INK, Look, looks
 from jumping_ant.measures import MEASURES
 from jumping_ant.results import AgentResults, steps_to
-from jumping_ant.wording import interval, number
 
 Array = NDArray[np.float64]
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 GRID = "#E6E8EC"
-# Markers of `jumping_ant.looks` in Plotly's words.
+# Markers and lines of `jumping_ant.looks` in Plotly's words.
 SYMBOLS = {
     "o": "circle",
     "s": "square",
@@ -34,6 +33,7 @@ SYMBOLS = {
     "X": "x",
     "x": "x-thin-open",
 }
+DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
 # Plotly chooses the numbers: powers of ten on a long axis, digits between them on a shorter one,
 # even steps within a decade. `nticks` is low enough to keep long axes to powers.
 LOG_AXIS = {"type": "log", "tickformat": "~s", "nticks": 4}
@@ -85,20 +85,20 @@ def learning(
             name=results[name].label,
             legendgroup=name,
             mode="lines+markers" if look.line == "-" else "lines",
-            line={"color": look.colour, "dash": "solid" if look.line == "-" else "dash"},
+            line={"color": look.colour, "dash": DASHES[look.line]},
             marker={"symbol": SYMBOLS[look.marker], "size": 7},
             hovertemplate="%{y:,.0f}",
         )
     title = {"env_steps": "control steps", "seconds": "training time of a seed [s]"}[against]
     figure.update_xaxes(title=title, hoverformat=",.3~s", **LOG_AXIS)
     figure.update_yaxes(title="return of an evaluation episode", rangemode="tozero")
-    return _finish(figure, 380, hovermode="x unified")
+    return finish(figure, 380, hovermode="x unified")
 
 
 def efficiency(results: Mapping[str, AgentResults]) -> go.Figure:
     """Draw the control steps after which half of the seeds had reached a return."""
     figure = go.Figure()
-    learners = {name: agent for name, agent in results.items() if agent.env_steps.max() > 0}
+    learners = {name: agent for name, agent in results.items() if not agent.is_baseline}
     ends = [c.evaluations[1].max() for agent in learners.values() for c in agent.curves.values()]
     best = max(ends, default=0.0)
     thresholds = np.linspace(0, best, NUM_THRESHOLDS + 1)[1:]
@@ -116,7 +116,7 @@ def efficiency(results: Mapping[str, AgentResults]) -> go.Figure:
         )
     figure.update_xaxes(title="return", hoverformat=",.0f", rangemode="tozero")
     figure.update_yaxes(title="control steps to reach it", **LOG_AXIS)
-    return _finish(figure, 380)
+    return finish(figure, 380)
 
 
 def episodes(
@@ -163,7 +163,7 @@ def episodes(
     menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.2, "yanchor": "top"}
     figure.update_layout(updatemenus=[menu])
     figure.update_yaxes(title=MEASURES[shown[0]].axis, rangemode="tozero")
-    return _finish(figure, 420, top=70)
+    return finish(figure, 420, top=70)
 
 
 def heights(results: Mapping[str, AgentResults], films: Mapping[str, Film]) -> go.Figure:
@@ -186,7 +186,7 @@ def heights(results: Mapping[str, AgentResults], films: Mapping[str, Film]) -> g
         )
     figure.update_xaxes(title="time in the film [s]", hoverformat=".2f")
     figure.update_yaxes(title="height of the torso [m]", rangemode="tozero")
-    return _finish(figure, 360, hovermode="x unified")
+    return finish(figure, 360, hovermode="x unified")
 
 
 def torques(
@@ -220,33 +220,7 @@ def torques(
         }
     )
     figure.update_xaxes(title="time [s]", row=len(results), col=1)
-    return _finish(figure, 60 + 190 * len(results), top=30)
-
-
-def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> go.Figure:
-    """Draw the probability that a seed of one agent returns more than one of another."""
-    pairs = summary["probability_of_improvement"]
-    labels = [agent.label for agent in results.values()]
-    chances = [[pairs.get(f"{one}>{other}") for other in results] for one in results]
-    num_seeds = min(agent["seeds"] for agent in summary["agents"].values())
-    figure = go.Figure()
-    figure.add_heatmap(
-        x=labels,
-        y=labels,
-        z=[[pair["p"] if pair else None for pair in row] for row in chances],
-        text=[[_show_chance(pair, num_seeds) for pair in row] for row in chances],
-        texttemplate="%{text}",
-        zmin=0,
-        zmax=1,
-        colorscale=[[0, "#F4A582"], [0.5, "#F7F7F7"], [1, "#7FB6E0"]],
-        showscale=False,
-        xgap=3,
-        ygap=3,
-        hovertemplate="%{y} returns more than %{x}: %{text}<extra></extra>",
-    )
-    figure.update_xaxes(title="… than this one", side="bottom", showgrid=False)
-    figure.update_yaxes(title="this one returns more …", autorange="reversed", showgrid=False)
-    return _finish(figure, 120 + 70 * len(results))
+    return finish(figure, 60 + 190 * len(results), top=30)
 
 
 def _looks(results: Mapping[str, AgentResults]) -> dict[str, Look]:
@@ -283,14 +257,7 @@ def _around_highest(film: Film) -> NDArray[np.int64]:
     return np.arange(start, start + width)
 
 
-def _show_chance(pair: Mapping[str, float] | None, num_seeds: int) -> str:
-    if pair is None:
-        return ""
-    ends = interval(pair["low"], pair["high"], num_seeds)
-    return f"{number(pair['p'])}<br>{ends}".removesuffix("<br>")
-
-
-def _finish(figure: go.Figure, height: int, top: int = 16, **layout: Any) -> go.Figure:
+def finish(figure: go.Figure, height: int, top: int = 16, **layout: Any) -> go.Figure:
     """Give a figure the page's look; its width is that of the page."""
     figure.update_layout(
         template="plotly_white",

@@ -7,8 +7,7 @@ and the films and recordings are those of `media/` beside it.
 import hashlib
 import io
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -23,10 +22,10 @@ from jumping_ant.errors import InputError
 from jumping_ant.looks import looks
 from jumping_ant.measures import MEASURES
 from jumping_ant.params import Params
-from jumping_ant.report import charts, pictures
+from jumping_ant.report import charts, contests, outcomes, pictures
 from jumping_ant.report.charts import Film
 from jumping_ant.results import AgentResults, load, read_episodes
-from jumping_ant.wording import estimate, interval, number
+from jumping_ant.wording import estimate, number
 
 FOLDER = Path(__file__).parent
 # What `jumping_ant.tracking` writes, and where `make ui` serves it unless told otherwise.
@@ -34,18 +33,6 @@ MLFLOW = "http://127.0.0.1:5000"
 # The first experiment beside MLflow's own is the project's, in a database that it made itself.
 RUNS = f"{MLFLOW}/#/experiments/1/runs?workflowType=machine_learning"
 MODEL, POLICY_DIGEST = "jumping-ant-", "policy_digest"
-HEADLINES = ("return", "peak_height", "airborne_seconds", "smoothness")
-COSTS = ("env_steps", "train_seconds")
-VERDICT_SIGNS = {"supported": "✓", "refuted": "✗", "inconclusive": "?"}
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A number of the headline table, as text; `interval` is empty where there is none."""
-
-    value: str
-    interval: str = ""
-    is_best: bool = False
 
 
 def build(root: Path, params: Params) -> str:
@@ -65,13 +52,16 @@ def build(root: Path, params: Params) -> str:
         "title": _title(results),
         "agents": _agents(root, results, films),
         "lead": _lead(results, summary),
-        "rows": _rows(results, summary["agents"]),
-        "measures": {name: MEASURES[name] for name in HEADLINES},
+        "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
+        "behaviour": outcomes.behaviour(results, summary["agents"]),
+        "behaviour_measures": [MEASURES[name] for name in outcomes.BEHAVIOUR],
+        "equal_steps": _budget(summary["equal_steps"]),
+        "equal_seconds": _budget(summary["equal_seconds"]),
         "all_measures": MEASURES,
-        "claims": summary["claims"],
-        "signs": VERDICT_SIGNS,
+        "claims": outcomes.claims(summary["claims"], len(params.seeds)),
         "charts": _charts(root, params, results, summary, films),
         "confidence": f"{100 * params.compare.confidence:g}",
+        "level": f"{1 - params.compare.confidence:.2g}",
         "seeds": len(params.seeds),
         "episodes": params.evaluate.episodes,
         "robot": _robot(root),
@@ -111,11 +101,15 @@ def _charts(
         "torques": charts.torques(results, films, motors),
     }
     if len(results) > 1:
-        figures["improvement"] = charts.improvement(results, summary)
+        figures["improvement"] = contests.improvement(results, summary)
     if _learners(results):
         figures["learning_steps"] = charts.learning(results, curves, "env_steps")
         figures["learning_seconds"] = charts.learning(results, curves, "seconds")
         figures["efficiency"] = charts.efficiency(results)
+    drawn = looks({name: agent.algorithm for name, agent in results.items()})
+    by_label = {agent.label: drawn[name] for name, agent in results.items()}
+    for index, entry in enumerate(summary["claims"]):
+        figures[f"claim_{index}"] = contests.claim(entry, by_label, params.seeds)
     return {name: json.loads(figure.to_json()) for name, figure in figures.items()}
 
 
@@ -132,6 +126,7 @@ def _agents(
             {
                 "name": name,
                 "label": agent.label,
+                "remark": outcomes.remark(agent),
                 "colour": drawn[name].colour,
                 "seed": film.seed,
                 "episode": film.episode,
@@ -156,6 +151,11 @@ def _title(results: Mapping[str, AgentResults]) -> str:
     return f"Jumping Ant: {names}"
 
 
+def _budget(value: float | None) -> str:
+    """Return the smallest budget among those that learn, in words; nothing if none does."""
+    return "" if value is None else number(value)
+
+
 def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> str:
     """Return the outcome in a sentence or two."""
     agents = summary["agents"]
@@ -164,37 +164,13 @@ def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> st
     most = estimate(top["iqm"], top["low"], top["high"], num_seeds)
     if not others:
         return f"{results[best].label} returns {most}."
+    aside = ", which learns nothing," if results[best].is_baseline else ""
     pair = summary["probability_of_improvement"][f"{best}>{others[0]}"]
     chance = estimate(pair["p"], pair["low"], pair["high"], num_seeds)
     return (
-        f"{results[best].label} returns most: {most}. A seed of it beats one of "
+        f"{results[best].label}{aside} returns most: {most}. A seed of it beats one of "
         f"{results[others[0]].label}, which comes second, with probability {chance}."
     )
-
-
-def _rows(
-    results: Mapping[str, AgentResults], summary: Mapping[str, Any]
-) -> list[tuple[str, list[Cell]]]:
-    """Return the headline table: an agent's label and cells, the best learner's marked."""
-    learners = _learners(results)
-
-    def score(name: str, measure: str) -> float:
-        return float(MEASURES[measure].is_better * summary[name][measure]["iqm"])
-
-    def is_best(name: str, measure: str) -> bool:
-        return name in learners and score(name, measure) == max(
-            score(learner, measure) for learner in learners
-        )
-
-    def cells(name: str) -> Iterator[Cell]:
-        own = summary[name]
-        for measure in HEADLINES:
-            ends = interval(own[measure]["low"], own[measure]["high"], own["seeds"])
-            yield Cell(number(own[measure]["iqm"]), ends, is_best(name, measure))
-        for cost in COSTS:  # follow from the budget given: none is best
-            yield Cell(number(own[cost]))
-
-    return [(agent.label, list(cells(name))) for name, agent in results.items()]
 
 
 def _robot(root: Path) -> dict[str, Any]:

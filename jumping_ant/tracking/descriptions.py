@@ -4,17 +4,13 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jumping_ant.wording import estimate, number
+from jumping_ant.wording import estimate, number, p_value
 
 LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
+MISSING = "–"
 HARD_SPACE = "\u00a0"
-QUANTITIES = {
-    "return": "return",
-    "peak_height": "peak height [m]",
-    "smoothness": "torque change",
-    "train_seconds": "training [s]",
-}
-"""Columns of the table of results: their keys in `results/comparison.json`, and headings."""
+QUANTITIES = {"apex": "apex [m]", "flight": "flight", "fluidity": "fluidity"}
+"""Columns of the table of results beside the return: keys of an agent, and headings."""
 
 
 def comparison(results: Mapping[str, Any]) -> str:
@@ -24,7 +20,7 @@ def comparison(results: Mapping[str, Any]) -> str:
         results: The content of `results/comparison.json`; whatever is missing is left out.
     """
     text = ""
-    for line in [*_table(results.get("agents", {})), *_claims(results.get("claims", []))]:
+    for line in [*agent_table(results.get("agents", {})), *_claims(results.get("claims", []))]:
         if len(text) + len(line) > LONGEST:
             return f"{text}\n(The rest is in `comparison.json`.)\n"
         text += line + "\n"
@@ -32,38 +28,59 @@ def comparison(results: Mapping[str, Any]) -> str:
 
 
 def policy(
-    algorithm: str, seed: int, means: Mapping[str, float], origins: Mapping[str, str]
+    algorithm: str, seed: int, hold: int, means: Mapping[str, float], origins: Mapping[str, str]
 ) -> str:
     """Return what a policy is, how good, and where it comes from.
 
     Args:
         algorithm: What trained it.
         seed: The training seed.
-        means: Means over the evaluation episodes, empty if there was no evaluation.
+        hold: Control steps that each of its choices is to be held for.
+        means: Means over the held-out episodes, and the return in `validation`; what was not
+            measured is left out.
         origins: What it can be traced back to, by what that is.
     """
     known = [
-        f"{words} {number(means[name])}{unit}"
+        f"{words} {number(means[name])}{unit}".lstrip()
         for name, words, unit in (
-            ("return", "mean evaluation return", ""),
-            ("peak_height", "mean peak height", " m"),
+            ("return", "mean return", " on the held-out episodes"),
+            ("validation", "", " in validation"),
+            ("apex", "apex of its jumps", " m"),
+            ("flight", "share of time in flight", ""),
         )
         if name in means
     ]
     result = ", ".join(known) or "not evaluated"
-    lines = [f"{algorithm}, training seed {seed}: {result}.", ""]
+    steps = "1 control step" if hold == 1 else f"{hold} control steps"
+    lines = [f"{algorithm}, training seed {seed}: {result}. Each output is held for {steps}.", ""]
     return "\n".join(lines + [f"- {what}: `{value}`" for what, value in origins.items()])
 
 
-def _table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the lines of a table of agents.
+
+    Args:
+        agents: `agents` of `results/comparison.json`; whatever is missing is left out.
+    """
     if not agents:
         return
-    yield _row("agent", *QUANTITIES.values())
-    yield "|---" * (len(QUANTITIES) + 1) + "|"
+    headings = ("agent", "return", "mean", "worst seed", *QUANTITIES.values(), "training [s]")
+    yield _row(*headings)
+    yield "|---" * len(headings) + "|"
     for agent, entry in sorted(agents.items(), key=_return, reverse=True):
-        yield _row(agent, *(_cell(entry.get(key), entry["seeds"]) for key in QUANTITIES))
+        returns = entry.get("return", {})
+        yield _row(
+            agent,
+            _estimate(returns, entry["seeds"]),
+            *(_number(returns.get(key)) for key in ("mean", "worst")),
+            *(_estimate(entry.get(key, {}), entry["seeds"]) for key in QUANTITIES),
+            _number(entry.get("train_seconds")),
+        )
     yield ""
-    yield "Interquartile means over seeds, in brackets their confidence intervals; times are means."
+    yield (
+        "Interquartile means over seeds, in brackets their intervals (Student's t on the exact "
+        "bootstrap standard error); mean, worst seed and time are of all seeds."
+    )
     yield ""
 
 
@@ -77,12 +94,15 @@ def _row(*cells: str) -> str:
     return "| " + " | ".join(f"{cell}  ".replace(" ", HARD_SPACE) for cell in cells) + " |"
 
 
-def _cell(value: Any, num_seeds: int) -> str:
-    if isinstance(value, Mapping):
-        return estimate(value["iqm"], value["low"], value["high"], num_seeds)
-    return "–" if value is None else number(value)
+def _estimate(entry: Mapping[str, float], num_seeds: int) -> str:
+    return estimate(entry["iqm"], entry["low"], entry["high"], num_seeds) if entry else MISSING
 
 
-def _claims(claims: Sequence[Mapping[str, str]]) -> Iterator[str]:
+def _number(value: float | None) -> str:
+    return MISSING if value is None else number(value)
+
+
+def _claims(claims: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for claim in claims:
-        yield f"- **{claim['verdict']}**: {claim['text']} ({claim['evidence']})"
+        p = p_value(claim["p_holm"])
+        yield f"- **{claim['verdict']}** (p = {p} after Holm): {claim['text']}"

@@ -16,11 +16,11 @@ from mlflow.entities import Run
 from jumping_ant import params_file
 from jumping_ant.errors import InputError
 from jumping_ant.files import digest
-from jumping_ant.tracking import records
+from jumping_ant.tracking import reading, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors
 from jumping_ant.tracking.machine_load import MachineLoad, Sample
-from jumping_ant.tracking.records import Point
+from jumping_ant.tracking.reading import Point
 from jumping_ant.tracking.store import Store
 
 TIMEOUT_SECONDS = 5
@@ -127,7 +127,7 @@ class _Follower:
 
     def _follow(self, store: Store, seed: int) -> None:
         folder = records.seed_dir(self._root, self._agent, seed)
-        curve = records.read_curve(folder / "curve.csv")
+        curve = reading.read_curve(folder / "curve.csv")
         if not curve:
             return
         followed = self._followed.get(seed)

@@ -19,7 +19,8 @@ from jumping_ant.tracking import pages, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import ConflictError, failures_as_input_errors
 from jumping_ant.tracking.models import AgentModels
-from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, Point, SeedRecord
+from jumping_ant.tracking.reading import Point
+from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, SeedRecord
 from jumping_ant.tracking.store import Store
 from jumping_ant.tracking.writers import is_own, is_written
 

@@ -1,4 +1,4 @@
-"""Policies as MLflow models: logged from code, registered, the best one called champion."""
+"""Policies as MLflow models: logged, registered, the best in validation named champion."""
 
 import functools
 import importlib.metadata
@@ -17,13 +17,14 @@ from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
 from jumping_ant.files import PROJECT_ROOT
 from jumping_ant.tracking import pages
-from jumping_ant.tracking.records import EVALUATION, SeedRecord
+from jumping_ant.tracking.records import SeedRecord
 from jumping_ant.tracking.store import (
     AGENT,
     ALGORITHM,
     DVC_MD5,
     DVC_STAGE,
     GIT_COMMIT,
+    HOLD,
     POLICY_DIGEST,
     SEED,
     Store,
@@ -31,6 +32,11 @@ from jumping_ant.tracking.store import (
 )
 
 CHAMPION = "champion"
+ABOUT = (
+    "The jumping Ant: observations (n, 27) in, torques over peak torque (n, 8) out. Hold each "
+    "output for as many control steps as the version's tag `hold` says, then ask for the next one. "
+    "`champion` is the seed whose policy did best in validation, not on the held-out episodes."
+)
 PACKAGE_DIR = PROJECT_ROOT / "jumping_ant"
 # What `jumping_ant.serving` and all it imports need.
 REQUIREMENTS = ("mlflow", "numpy", "torch", "gymnasium", "mujoco")
@@ -85,7 +91,9 @@ class AgentModels:
         }
 
     def crown(self) -> str | None:
-        """Point `champion` at the mirrored version with the best mean evaluation return.
+        """Point `champion` at the mirrored version that did best in validation.
+
+        Held-out episodes only judge: a champion chosen by them would look better than it is.
 
         Returns:
             What was done, or None.
@@ -93,7 +101,7 @@ class AgentModels:
         scores = {
             version.version: score
             for record, version in self._mirrored
-            if (score := _score(record)) is not None
+            if (score := record.validation_return) is not None
         }
         if not scores:
             return None
@@ -101,7 +109,7 @@ class AgentModels:
         if str(best) == str(self._champion):
             return None
         self._store.client.set_registered_model_alias(self._name, CHAMPION, best)
-        return f"{self._name}: {CHAMPION} is version {best}, mean return {scores[best]:.1f}"
+        return f"{self._name}: {CHAMPION} is version {best}, validation return {scores[best]:.1f}"
 
     def _describe(
         self, model: LoggedModel, version: ModelVersion, record: SeedRecord, run: Run
@@ -131,16 +139,18 @@ class AgentModels:
         return next((model for model in self._models if tags <= model.tags.items()), None)
 
     def _find_champion(self) -> str | None:
-        """Return the champion's version; the registered model is made if need be."""
+        """Return the champion's version; make and describe the registered model if need be."""
         client = self._store.client
         try:
-            champion: str | None = client.get_registered_model(self._name).aliases.get(CHAMPION)
+            found = client.get_registered_model(self._name)
         except MlflowException as error:
             if error.error_code != "RESOURCE_DOES_NOT_EXIST":
                 raise
-            about = "The jumping Ant: observations (n, 27) in, torques over peak torque (n, 8) out."
-            client.create_registered_model(self._name, description=about)
+            client.create_registered_model(self._name, description=ABOUT)
             return None
+        if found.description != ABOUT:
+            client.update_registered_model(self._name, ABOUT)
+        champion: str | None = found.aliases.get(CHAMPION)
         return champion
 
     def _find_version(self, model: LoggedModel, record: SeedRecord) -> ModelVersion | None:
@@ -226,6 +236,7 @@ def _policy_tags(record: SeedRecord) -> dict[str, str]:
 def _origin_tags(record: SeedRecord, run: Run) -> dict[str, str]:
     """Return the tags that lead back to the code, the pipeline and the file."""
     tags = {ALGORITHM: record.algorithm, DVC_STAGE: record.stage, DVC_MD5: record.md5}
+    tags[HOLD] = str(record.hold)
     commit = run.data.tags.get(GIT_COMMIT)
     return _policy_tags(record) | tags | ({GIT_COMMIT: commit} if commit else {})
 
@@ -233,10 +244,6 @@ def _origin_tags(record: SeedRecord, run: Run) -> dict[str, str]:
 def _model_tags(record: SeedRecord, run: Run) -> dict[str, str]:
     source = source_tags(record.stage, run.data.tags.get(GIT_COMMIT))
     return _origin_tags(record, run) | source | {pages.NOTE: _description(record, run)}
-
-
-def _score(record: SeedRecord) -> float | None:
-    return record.summary.get((EVALUATION + "return", 0))
 
 
 def _description(record: SeedRecord, run: Run) -> str:

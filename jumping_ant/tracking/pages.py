@@ -7,7 +7,7 @@ tags of the experiment; people choose them from the menu "Views" or open them by
 import json
 from typing import Any
 
-from jumping_ant.tracking.records import EVALUATION, TRAIN_SECONDS
+from jumping_ant.tracking.records import EVALUATION, FINAL_RETURN, TRAIN_SECONDS, VALIDATION_RETURN
 
 VIEW = "comparison"
 VIEW_TAG = f"mlflow.sharedViewState.{VIEW}"
@@ -22,9 +22,12 @@ COLUMNS = {
     "tags.`agent`": 80,
     "tags.`seed`": 60,
     f"metrics.`{EVALUATION}return`": 145,
-    f"metrics.`{EVALUATION}peak_height`": 180,
+    f"metrics.`{VALIDATION_RETURN}`": 145,
+    f"metrics.`{FINAL_RETURN}`": 120,
+    f"metrics.`{EVALUATION}apex`": 140,
+    f"metrics.`{EVALUATION}flight`": 140,
+    f"metrics.`{EVALUATION}fluidity`": 150,
     f"metrics.`{TRAIN_SECONDS}`": 120,
-    f"metrics.`{EVALUATION}smoothness`": 180,
     "attributes.`Models`": 200,
     "attributes.`Source`": 120,
     "attributes.`Version`": 90,

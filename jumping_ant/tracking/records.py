@@ -4,9 +4,7 @@ Nothing here knows MLflow: a policy file becomes a record with parameters, curve
 metrics and artifacts, and the tracking modules make MLflow say the same.
 """
 
-import csv
 import hashlib
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,18 +12,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from jumping_ant.errors import InputError
+from jumping_ant import policies
 from jumping_ant.files import digest
-from jumping_ant.looks import looks
+from jumping_ant.looks import looks, remark
 from jumping_ant.params import Params
 from jumping_ant.tracking import descriptions
-
-Point = tuple[str, int]
-"""A metric's name and its step: control steps trained so far, 0 for what has no step."""
+from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_json, read_rows
 
 TRAIN_SECONDS = "train_seconds"
+VALIDATION_RETURN = "validation_return"  # of the published policy, which it was chosen by
+FINAL_RETURN = "final_return"  # of the policy at the end of training, on the held-out episodes
 EVALUATION = "evaluation/"
 LINEUP = "lineup"  # a recording of all agents side by side
 SYSTEM = "system/"  # of the machine while it trained; MLflow gives these a page of their own
@@ -43,6 +39,7 @@ class SeedRecord:
         params: Parameters worth filtering on, by name.
         digest: SHA-256 of the policy file.
         colour: What the agent is drawn in.
+        publish: Which policy was published: the `best` one in validation, or the `final` one.
     """
 
     root: Path
@@ -52,6 +49,7 @@ class SeedRecord:
     params: dict[str, str]
     digest: str
     colour: str
+    publish: str
 
     @property
     def name(self) -> str:
@@ -79,6 +77,11 @@ class SeedRecord:
         return hashlib.md5(self.policy_path.read_bytes(), usedforsecurity=False).hexdigest()
 
     @cached_property
+    def hold(self) -> int:
+        """Control steps that each of the policy's choices is to be held for."""
+        return policies.load_file(self.policy_path).actions.hold
+
+    @cached_property
     def curve(self) -> dict[Point, float]:
         """The learning curve."""
         return read_curve(self.policy_path.with_name("curve.csv"))
@@ -87,19 +90,37 @@ class SeedRecord:
     def seconds(self) -> dict[int, float]:
         """Seconds of training by control steps trained, as far as they were measured."""
         path = self.root / "results" / "timing" / f"{self.agent}.csv"
-        rows = _rows(path, "seed", "env_steps", "seconds")
+        rows = read_rows(path, "seed", "env_steps", "seconds")
         return {int(row["env_steps"]): row["seconds"] for row in rows if row["seed"] == self.seed}
 
     @cached_property
     def summary(self) -> dict[Point, float]:
-        """Means over the seed's evaluation episodes, and the seconds its training took."""
+        """Means over the seed's held-out episodes, validation, and what training took and left.
+
+        What is not there, or not finite, is left out.
+        """
         means: dict[Point, float] = {}
-        for row in _rows(self.root / "results" / "seeds" / f"{self.agent}.csv", "seed"):
+        for row in read_rows(self.root / "results" / "seeds" / f"{self.agent}.csv", "seed"):
             if row.pop("seed") == self.seed:
                 means |= {(EVALUATION + name, 0): mean for name, mean in row.items()}
+        if self.validation_return is not None:
+            means[VALIDATION_RETURN, 0] = self.validation_return
+        variants = self.root / "results" / "variants" / f"{self.agent}.csv"
+        for row in read_rows(variants, "seed", "return", variant="final"):
+            if row["seed"] == self.seed:
+                means[FINAL_RETURN, 0] = row["return"]
         if self.seconds:
             means[TRAIN_SECONDS, 0] = max(self.seconds.values())
         return {point: mean for point, mean in means.items() if math.isfinite(mean)}
+
+    @property
+    def validation_return(self) -> float | None:
+        """Mean return of the published policy in validation; None if there was none yet."""
+        points = self.curve.items()
+        returns = [value for (name, _), value in points if name == "evaluation_return_mean"]
+        if not returns:
+            return None
+        return max(returns) if self.publish == "best" else returns[-1]
 
     def describe(self, commit: str | None) -> str:
         """Return what the policy is, how good and from where, as Markdown.
@@ -119,14 +140,17 @@ class SeedRecord:
             "policy file in DVC's cache, MD5": self.md5,
         }
         known = {what: value for what, value in origins.items() if value}
-        return descriptions.policy(self.algorithm, self.seed, means, known)
+        aside = remark(self.algorithm, self.params["robot"])
+        name = f"{self.algorithm} ({aside})" if aside else self.algorithm
+        means |= {} if self.validation_return is None else {"validation": self.validation_return}
+        return descriptions.policy(name, self.seed, self.hold, means, known)
 
     @cached_property
     def artifacts(self) -> dict[str, Path]:
         """Files of the run, by their path in it; video and recording if they show this seed."""
         names = (self.policy_path.name, "curve.csv", "machine.json")
         found = {name: self.policy_path.with_name(name) for name in names}
-        if _filmed_seed(self.root, self.agent) == self.seed:
+        if filmed_seed(self.root, self.agent) == self.seed:
             found |= _media(self.root, self.agent)
         return _existing(found)
 
@@ -168,7 +192,7 @@ class ComparisonRecord:
     def results(self) -> dict[str, Any]:
         """`results/comparison.json`, empty if it is not there."""
         path = self.root / "results" / "comparison.json"
-        return _read_json(path) if path.exists() else {}
+        return read_json(path) if path.exists() else {}
 
     @cached_property
     def summary(self) -> dict[Point, float]:
@@ -215,7 +239,10 @@ def read(root: Path, params: Params) -> ComparisonRecord:
                 continue
             algorithm = params.agent(agent).algorithm
             colour = looked[agent].colour
-            found.append(SeedRecord(root, agent, seed, algorithm, settings, content_digest, colour))
+            publish = params.training.publish
+            found.append(
+                SeedRecord(root, agent, seed, algorithm, settings, content_digest, colour, publish)
+            )
     return ComparisonRecord(root, found, missing)
 
 
@@ -231,7 +258,8 @@ def stage(agent: str) -> str:
 
 def is_of_curve(metric: str) -> bool:
     """Tell whether a run's metric is a column of its learning curve."""
-    return metric != TRAIN_SECONDS and not metric.startswith((EVALUATION, SYSTEM))
+    is_of_seed = metric in (TRAIN_SECONDS, VALIDATION_RETURN, FINAL_RETURN)
+    return not is_of_seed and not metric.startswith((EVALUATION, SYSTEM))
 
 
 def seed_dir(root: Path, agent: str, seed: int) -> Path:
@@ -240,64 +268,21 @@ def seed_dir(root: Path, agent: str, seed: int) -> Path:
 
 
 def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
-    """Return what a run is filtered on: the agent's block, the task, the robot and its physique."""
+    """Return what a run is filtered on: the agent's block, the task, the robot and its physique.
+
+    `robot` says which robot it is, `robot.<name>` its edits, if it has any, and its physique.
+    """
+    block = params.agent(agent)
+    is_edited = block.robot == "edited"
     physique_path = root / "assets" / "jumping_ant.json"
-    physique = _read_json(physique_path).get("after", {}) if physique_path.exists() else {}
+    physiques = read_json(physique_path) if physique_path.exists() else {}
+    physique = physiques.get("after" if is_edited else "before", {})
     numbers = {name: value for name, value in physique.items() if isinstance(value, float)}
-    content = {
-        **params.agent(agent).model_dump(),
-        "env": params.env.model_dump(),
-        "robot": params.robot.model_dump() | numbers,
+    robot = (params.robot.model_dump() if is_edited else {}) | numbers
+    return {
+        **dict(_flatten(block.model_dump())),
+        **dict(_flatten({"env": params.env.model_dump(), "robot": robot})),
     }
-    return dict(_flatten(content))
-
-
-def read_curve(path: Path) -> dict[Point, float]:
-    """Read a learning curve, also one that is being written: a last line without end is left out.
-
-    Returns:
-        Values by column and control steps; empty and non-finite cells are left out. Nothing if
-        there is no such file.
-
-    Raises:
-        InputError: The file is not a learning curve.
-    """
-    points: dict[Point, float] = {}
-    for row in _rows(path, "env_steps"):
-        step = int(row.pop("env_steps"))
-        points |= {(name, step): value for name, value in row.items() if math.isfinite(value)}
-    return points
-
-
-def _rows(path: Path, *needed: str) -> list[dict[str, float]]:
-    """Read a CSV file of numbers; empty cells are left out, a missing file has no rows.
-
-    Raises:
-        InputError: A cell is not a number, or empty in a column that is needed.
-    """
-    try:
-        text = path.read_text()
-    except FileNotFoundError:
-        return []
-    whole_lines = text[: text.rfind("\n") + 1].splitlines()
-    try:
-        rows = [
-            {name: float(cell) for name, cell in row.items() if cell}
-            for row in csv.DictReader(whole_lines)
-        ]
-    except (ValueError, TypeError) as error:
-        raise InputError(f"{path}: {error}; allowed: a table of numbers") from error
-    if any(name not in row for row in rows for name in needed):
-        raise InputError(f"{path}: a row lacks one of {', '.join(needed)}; train again")
-    return rows
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        content: dict[str, Any] = json.loads(path.read_text())
-    except ValueError as error:
-        raise InputError(f"{path}: not JSON: {error}; `dvc repro` writes it anew") from error
-    return content
 
 
 def _flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
@@ -314,22 +299,10 @@ def _headlines(results: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
         for quantity, value in quantities.items():
             parts = value if isinstance(value, Mapping) else {"": value}
             for part, number in parts.items():
-                if isinstance(number, int | float):
+                if isinstance(number, int | float) and math.isfinite(number):
                     yield f"{agent}/{quantity}_{part}".removesuffix("_"), float(number)
     for pair, chance in results.get("probability_of_improvement", {}).items():
         yield f"probability_of_improvement/{pair.replace('>', '_over_')}", float(chance["p"])
-
-
-def _filmed_seed(root: Path, agent: str) -> int | None:
-    """Return the seed whose episode the agent's video shows."""
-    path = root / "results" / agent / "trajectories.npz"
-    if not path.exists():
-        return None
-    try:
-        with np.load(path, allow_pickle=False) as trajectory:
-            return int(trajectory["seed"])
-    except (ValueError, KeyError, OSError) as error:
-        raise InputError(f"{path}: {error}; `dvc repro` writes it anew") from error
 
 
 def _media(root: Path, agent: str) -> dict[str, Path]:

@@ -12,7 +12,8 @@ from mlflow.entities import LoggedModel, Metric, Param, Run, RunTag
 from jumping_ant.files import digest
 from jumping_ant.tracking import connection, pages
 from jumping_ant.tracking.connection import Connection
-from jumping_ant.tracking.records import Point, is_of_curve, run_name, stage
+from jumping_ant.tracking.reading import Point
+from jumping_ant.tracking.records import is_of_curve, run_name, stage
 from jumping_ant.tracking.writers import WRITER, is_written, this_process
 
 PENDING = "pending"
@@ -23,6 +24,7 @@ ALGORITHM = "algorithm"
 LIVE = "live"  # written while training ran
 ARTIFACTS = "artifact_digests"
 PARENT = "mlflow.parentRunId"
+HOLD = "hold"  # control steps that each of a model's outputs is to be held for
 GIT_COMMIT, DVC_STAGE, DVC_MD5 = "git_commit", "dvc_stage", "dvc_md5"
 
 MAX_METRICS_PER_CALL = 1000

@@ -1,6 +1,7 @@
 """MLflow mirrors the files: real stores, damaged and repaired."""
 
 import hashlib
+import json
 import os
 import shutil
 import signal
@@ -28,8 +29,8 @@ from tracked_project import (
 
 from jumping_ant import params_file
 from jumping_ant.errors import InputError
-from jumping_ant.files import PROJECT_ROOT, digest, write_bytes
-from jumping_ant.tracking import connection, pages, records, store, writers
+from jumping_ant.files import PROJECT_ROOT, digest, write_bytes, write_text
+from jumping_ant.tracking import connection, models, pages, reading, records, store, writers
 from jumping_ant.tracking.mirror import track
 
 POLICY_TAGS = ("agent", "seed", "policy_digest")
@@ -47,15 +48,17 @@ def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
         ("return_mean", 300, 301.0),
         ("return_mean", 400, 401.0),
     ]
-    assert ("evaluation_return_mean", 300, 600.0) in metrics
+    assert ("evaluation_return_mean", 300, 601.0) in metrics
     assert ("evaluation/return", 0, 115.0) in metrics
     assert ("train_seconds", 0, 40.0) in metrics
-    assert len(metrics) == 4 * 3 + 3 + 1 + 3 + 1
+    assert ("validation_return", 0, 601.0) in metrics
+    assert ("final_return", 0, 51.0) in metrics
+    assert len(metrics) == 4 * 3 + 3 + 1 + 3 + 3, "fluidity, which no seed has, is left out"
     params = dict(content(project, "params", "sac-seed-1"))
     settings = params_file.load(project / "params.yaml")
     assert params["learning_rate"] == str(settings.agent("sac").learning_rate)
     assert params["env.reward.span"] == str(settings.env.reward.span)
-    assert params["robot.mass"] == "0.44"
+    assert params["robot"] == "edited" and params["robot.mass"] == "0.44"
     tags = dict(content(project, "tags", "sac-seed-1"))
     policy_path = project / "models" / "sac" / "seed-1" / "policy.zip"
     assert tags["policy_digest"] == digest(policy_path)
@@ -84,7 +87,10 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
         "figures/curves.png",
         *(f"media/{agent}.{kind}" for agent in AGENTS for kind in ("mp4", "rrd")),
     }
-    assert "**inconclusive**: SAC leads" in dict(content(project, "tags", comparison))[pages.NOTE]
+    assert (
+        "**inconclusive** (p = 0.75 after Holm): SAC leads"
+        in dict(content(project, "tags", comparison))[pages.NOTE]
+    )
 
 
 def test_a_second_call_adds_nothing(project: Path) -> None:
@@ -173,7 +179,9 @@ def test_runs_and_models_lead_back_to_the_policy_file(project: Path) -> None:
         "SELECT description FROM model_versions WHERE name = 'jumping-ant-sac' AND version = 2",
     )[0][0]
     assert version.startswith(
-        "sac, training seed 1: mean evaluation return 115, mean peak height 2.5 m."
+        "sac, training seed 1: mean return 115 on the held-out episodes, 601 in validation, "
+        "apex of its jumps 2.5 m, share of time in flight 0.25. "
+        "Each output is held for 1 control step."
     )
     assert md5 in version and digest(policy) in version and "train@sac" in version
     metrics = query(
@@ -183,8 +191,10 @@ def test_runs_and_models_lead_back_to_the_policy_file(project: Path) -> None:
     )
     assert dict(metrics) == {
         "evaluation/return": 115.0,
-        "evaluation/peak_height": 2.5,
-        "evaluation/smoothness": 0.5,
+        "evaluation/apex": 2.5,
+        "evaluation/flight": 0.25,
+        "validation_return": 601.0,
+        "final_return": 51.0,
         "train_seconds": 40.0,
     }
 
@@ -216,10 +226,10 @@ def test_a_wiped_database_is_rebuilt(project: Path) -> None:
         f"comparison {key}: created",
         "sac seed 0: created",
         "sac seed 1: created",
-        "jumping-ant-sac: champion is version 2, mean return 115.0",
+        "jumping-ant-sac: champion is version 2, validation return 601.0",
         "pgpe seed 0: created",
         "pgpe seed 1: created",
-        "jumping-ant-pgpe: champion is version 2, mean return 115.0",
+        "jumping-ant-pgpe: champion is version 2, validation return 601.0",
         f"comparison {key}: updated",
         f"MLflow at sqlite:///{project}/mlflow.db: 4 created",
     ]
@@ -250,15 +260,62 @@ def test_retraining_makes_a_new_comparison_that_takes_over_what_it_shares(projec
     assert parent_name(project, "pgpe-seed-0") != old
 
 
-def test_a_changed_evaluation_updates_metrics_and_champion(project: Path) -> None:
+def test_a_changed_evaluation_updates_metrics_and_leaves_the_champion(project: Path) -> None:
     alias = "SELECT version FROM registered_model_aliases WHERE name = 'jumping-ant-sac'"
     assert query(project, alias) == [(2,)]
     path = project / "results" / "seeds" / "sac.csv"
     path.write_text(path.read_text().replace("1,115,", "1,5,"))
     tracked(project)
-    assert query(project, alias) == [(1,)]
+    assert query(project, alias) == [(2,)], "held-out episodes choose nothing"
     latest = query(project, "SELECT value FROM latest_metrics WHERE key = 'evaluation/return'")
     assert sorted(latest) == [(5.0,), (15.0,), (15.0,), (115.0,)]
+
+
+def test_the_best_in_validation_is_champion(untracked_project: Path) -> None:
+    path = untracked_project / "models" / "sac" / "seed-0" / "curve.csv"
+    path.write_text(path.read_text().replace(",600,", ",700,"))
+    tracked(untracked_project)
+    aliases = "SELECT name, version FROM registered_model_aliases ORDER BY name"
+    assert query(untracked_project, aliases) == [("jumping-ant-pgpe", 2), ("jumping-ant-sac", 1)]
+
+
+def test_validation_is_of_the_policy_that_was_published(untracked_project: Path) -> None:
+    path = untracked_project / "models" / "sac" / "seed-0" / "curve.csv"
+    path.write_text(path.read_text().replace("400,400,4,400,,", "400,400,4,400,90,"))
+    params = params_file.load(untracked_project / "params.yaml")
+    found = {}
+    for publish in ("best", "final"):
+        training = params.training.model_copy(update={"publish": publish})
+        chosen = params.model_copy(update={"training": training})
+        found[publish] = records.read(untracked_project, chosen).seeds[0].validation_return
+    assert found == {"best": 600.0, "final": 90.0}
+
+
+def test_models_say_how_long_to_hold_an_output(project: Path) -> None:
+    tags = query(project, "SELECT value FROM model_version_tags WHERE key = 'hold'")
+    assert tags == [("1",)] * 4
+    about = query(project, "SELECT DISTINCT description FROM registered_models")
+    assert about == [(models.ABOUT,)] and "tag `hold`" in models.ABOUT
+
+
+def test_the_unedited_robot_has_no_edits(untracked_project: Path) -> None:
+    facts = {"before": {"mass": 0.88}, "after": {"mass": 0.44}}
+    write_text(untracked_project / "assets" / "jumping_ant.json", json.dumps(facts))
+    params = params_file.load(untracked_project / "params.yaml")
+    block = params.agent("sac").model_copy(update={"robot": "unedited"})
+    plain = params.model_copy(update={"agents": {"sac": block}})
+    own = records.run_params(untracked_project, plain, "sac")
+    robot = {name: value for name, value in own.items() if name.startswith("robot")}
+    assert robot == {"robot": "unedited", "robot.mass": "0.88"}
+
+
+def test_what_is_not_finite_is_not_logged(untracked_project: Path) -> None:
+    agents = {"sac": {"seeds": 2, "fluidity": {"iqm": float("nan"), "mean": -2.5}}}
+    path = untracked_project / "results" / "comparison.json"
+    write_text(path, json.dumps({"agents": agents}))
+    params = params_file.load(untracked_project / "params.yaml")
+    summary = records.read(untracked_project, params).summary
+    assert summary == {("sac/seeds", 0): 2.0, ("sac/fluidity_mean", 0): -2.5}
 
 
 def test_a_policy_that_is_not_trained_leaves_the_comparison_pending(
@@ -310,9 +367,9 @@ def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
     path = tmp_path / "curve.csv"
     path.write_text("env_steps,loss\n100,much\n")
     with pytest.raises(InputError, match=r"curve\.csv: .*'much'"):
-        records.read_curve(path)
+        reading.read_curve(path)
     path.write_text("env_steps,loss,other\n100,nan,\n200,1.5,inf\n300,2")
-    assert records.read_curve(path) == {("loss", 200): 1.5}
+    assert reading.read_curve(path) == {("loss", 200): 1.5}
 
 
 def test_two_at_once_lose_nothing_and_double_nothing(untracked_project: Path) -> None:
@@ -328,7 +385,7 @@ def test_two_at_once_lose_nothing_and_double_nothing(untracked_project: Path) ->
     assert len(runs(untracked_project)) == 5
     names = query(untracked_project, "SELECT name FROM runs WHERE lifecycle_stage = 'active'")
     assert len(names) == 5
-    assert len(content(untracked_project, "metrics", "sac-seed-1")) == 4 * 3 + 3 + 1 + 3 + 1
+    assert len(content(untracked_project, "metrics", "sac-seed-1")) == 4 * 3 + 3 + 1 + 3 + 3
 
 
 def test_two_make_one_database(tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_the_table_opens_with_the_columns_that_matter(address: str, open_page: O
             "cells => cells.map(cell => [cell.getAttribute('col-id'), cell.innerText])"
         )
     )
-    assert [texts[name] for name in list(pages.COLUMNS)[1:6]] == ["sac", "1", "115", "2.5", "40"]
+    assert [texts[name] for name in list(pages.COLUMNS)[1:6]] == ["sac", "1", "115", "601", "51"]
     check(visit, address)
 
 
@@ -145,7 +145,7 @@ def test_the_registry_shows_the_champion_and_where_it_is_from(
     visit = open_page(f"{address}/#/models/jumping-ant-sac/versions/2")
     expect(visit.page.get_by_text("champion")).to_be_visible(timeout=30_000)
     expect(
-        visit.page.get_by_text("sac, training seed 1: mean evaluation return 115")
+        visit.page.get_by_text("sac, training seed 1: mean return 115 on the held-out")
     ).to_be_visible()
     visit.page.get_by_role("link", name="sac-seed-1").nth(1).click()
     expect(visit.page.get_by_text("evaluation/return").first).to_be_attached(timeout=30_000)

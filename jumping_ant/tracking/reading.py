@@ -1,0 +1,89 @@
+"""The project's files as tracking reads them, also while they are being written."""
+
+import csv
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jumping_ant.errors import InputError
+
+Point = tuple[str, int]
+"""A metric's name and its step: control steps trained so far, 0 for what has no step."""
+
+
+def read_curve(path: Path) -> dict[Point, float]:
+    """Read a learning curve, also one that is being written: a last line without end is left out.
+
+    Returns:
+        Values by column and control steps; empty and non-finite cells are left out. Nothing if
+        there is no such file.
+
+    Raises:
+        InputError: The file is not a learning curve.
+    """
+    points: dict[Point, float] = {}
+    for row in read_rows(path, "env_steps"):
+        step = int(row.pop("env_steps"))
+        points |= {(name, step): value for name, value in row.items() if math.isfinite(value)}
+    return points
+
+
+def read_rows(path: Path, *needed: str, **words: str) -> list[dict[str, float]]:
+    """Read a CSV file of numbers; empty cells are left out, a missing file has no rows.
+
+    Args:
+        path: The file.
+        needed: Columns without empty cells.
+        words: Columns of words: rows that say something else are left out, as are the words.
+
+    Raises:
+        InputError: A cell is not a number, or empty in a column that is needed.
+    """
+    try:
+        text = path.read_text()
+    except FileNotFoundError:
+        return []
+    whole_lines = text[: text.rfind("\n") + 1].splitlines()
+    try:
+        rows = [
+            {name: float(cell) for name, cell in row.items() if cell and name not in words}
+            for row in csv.DictReader(whole_lines)
+            if all(row[name] == word for name, word in words.items())
+        ]
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(f"{path}: {error}; allowed: a table of numbers") from error
+    if any(name not in row for row in rows for name in needed):
+        raise InputError(f"{path}: a row lacks one of {', '.join(needed)}; train again")
+    return rows
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON object.
+
+    Raises:
+        InputError: It is none.
+    """
+    try:
+        content: dict[str, Any] = json.loads(path.read_text())
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON: {error}; `dvc repro` writes it anew") from error
+    return content
+
+
+def filmed_seed(root: Path, agent: str) -> int | None:
+    """Return the seed whose episode the agent's video shows; None if it has none yet.
+
+    Raises:
+        InputError: The episode's file is damaged.
+    """
+    path = root / "results" / agent / "trajectories.npz"
+    if not path.exists():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as trajectory:
+            return int(trajectory["seed"])
+    except (ValueError, KeyError, OSError) as error:
+        raise InputError(f"{path}: {error}; `dvc repro` writes it anew") from error
