@@ -18,7 +18,7 @@ from jumping_ant.params import AgentParams, DQNParams, EnvParams, PGPEParams, SA
 
 COLUMNS = ("seed", "threads", "seconds")
 REPEATS = 2  # of which the faster counts: what disturbs a measurement only adds to it
-GRADIENT_STEPS = 128  # of DQN and SAC that are timed
+GRADIENT_STEPS = 64  # of DQN and SAC that are timed
 
 
 def measure(
