@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from jumping_ant import looks
 from jumping_ant.looks import Look
@@ -77,6 +78,7 @@ def _scale(axes: Axes, values: np.ndarray) -> None:
     known = values[~np.isnan(values)]
     if looks.is_long(known.tolist()):
         axes.set_xscale("log")
+        axes.xaxis.set_minor_formatter(NullFormatter())  # its numbers would overlap
     else:
         anchor_at_zero(axes, known)
 

@@ -60,8 +60,8 @@ def of_sample(label: str, drawn: Mapping[str, Look]) -> Look:
 
 
 def is_long(values: Sequence[float]) -> bool:
-    """Return whether values are so far apart that their axis is to be logarithmic."""
-    return bool(values) and min(values) > 0 and max(values) > LONG_AXIS * min(values)
+    """Return whether values of 1 and more are too far apart for an axis that is not logarithmic."""
+    return bool(values) and min(values) >= 1 and max(values) > LONG_AXIS * min(values)
 
 
 def remark(algorithm: str, robot: str) -> str:

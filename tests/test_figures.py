@@ -220,6 +220,20 @@ def test_many_agents_keep_apart_by_colour_and_marker(tmp_path):
     assert len({(line.get_color(), line.get_marker()) for line in lines}) == 12
 
 
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([1.0, 31.0], True),
+        ([1.0, 30.0], False),
+        ([0.01, 0.9], False),
+        ([-1.0, 99.0], False),
+        ([], False),
+    ],
+)
+def test_long_axes_are_logarithmic(values, expected):
+    assert looks.is_long(values) == expected
+
+
 def test_many_baselines_keep_apart_by_grey_and_dashes():
     found = looks.looks({f"baseline-{i}": "random" for i in range(6)} | {"sac": "sac"})
     assert found.pop("sac").line == "-"

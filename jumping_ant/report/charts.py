@@ -181,7 +181,7 @@ def heights(results: Mapping[str, AgentResults], films: Mapping[str, Film]) -> g
             y=np.round(film.heights, 3).tolist(),
             name=results[name].label,
             mode="lines",
-            line={"color": look.colour, "width": 1.6},
+            line={"color": look.colour, "dash": DASHES[look.line], "width": 1.6},
             hovertemplate="%{y:.2f} m",
         )
     figure.update_xaxes(title="time in the film [s]", hoverformat=".2f")
