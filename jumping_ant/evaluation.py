@@ -80,13 +80,19 @@ def evaluate(
 
 
 def evaluate_variants(
-    xml: str, params: Params, variants: dict[int, dict[str, Policy]], num_threads: int = 1
+    xml: str,
+    params: Params,
+    published: tuple[dict[int, Policy], pd.DataFrame],
+    variants: dict[int, dict[str, Policy]],
+    num_threads: int = 1,
 ) -> pd.DataFrame:
     """Run the held-out episodes of other versions of an agent's policies.
 
     Args:
         xml: The robot as MJCF text.
         params: All parameters.
+        published: The policy of each seed, and their episodes as `evaluate` returns them. A variant
+            that is the published policy itself does not play again.
         variants: The versions of each seed's policy (see `jumping_ant.variants`).
         num_threads: Threads that step the simulations; results do not depend on it.
 
@@ -95,15 +101,17 @@ def evaluate_variants(
         `QUANTITIES`).
     """
     model = robot.load(xml)
-    names = dict.fromkeys(name for own in variants.values() for name in own)
-    tables = []
-    for name in names:
-        policies = {seed: own[name] for seed, own in variants.items()}
-        table, _ = _play(xml, model, params, policies, num_threads)
-        means = seed_means(table)
-        means.insert(1, "variant", name)
-        tables.append(means)
-    return pd.concat(tables, ignore_index=True)
+    policies, episodes = published
+    rows = []
+    for seed, own in variants.items():
+        for name, policy in own.items():
+            if policy is policies[seed]:
+                table = episodes[episodes["seed"] == seed]
+            else:
+                table, _ = _play(xml, model, params, {seed: policy}, num_threads)
+            rows.append(seed_means(table).assign(variant=name))
+    columns = ["seed", "variant", *QUANTITIES]
+    return pd.concat(rows, ignore_index=True)[columns]
 
 
 def _play(

@@ -7,9 +7,20 @@ Writes: results/AGENT/ (episodes.csv, metrics.json, trajectories.npz), results/s
     results/variants/AGENT.csv.
 """
 
+from pathlib import Path
+
 from jumping_ant import evaluation, machine, policies, robot, variants
 from jumping_ant.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.policies import Policy
 from stages import parse_agent, run
+
+
+def final_policy(folder: Path, published: Policy) -> Policy:
+    """Return a seed's last policy, the published one itself where it is the same."""
+    path = folder / "final.zip"
+    final = policies.load_file(path)
+    is_same = path.read_bytes() == (folder / "policy.zip").read_bytes()
+    return published if is_same else final
 
 
 def main() -> None:
@@ -24,15 +35,15 @@ def main() -> None:
         seed: variants.make(
             xml,
             settings.env,
-            trained[seed],
-            policies.load_file(folder / "final.zip"),
+            policy,
+            final_policy(models[seed], policy),
             seed,
             settings.training.evaluation_seed,
             num_threads,
         )
-        for seed, folder in models.items()
+        for seed, policy in trained.items()
     }
-    table = evaluation.evaluate_variants(xml, settings, others, num_threads)
+    table = evaluation.evaluate_variants(xml, settings, (trained, episodes), others, num_threads)
     folder = PROJECT_ROOT / "results" / agent
     write_text(folder / "episodes.csv", episodes.to_csv(index=False, lineterminator="\n"))
     means = evaluation.seed_means(episodes)

@@ -94,15 +94,16 @@ def test_variants_are_measured_on_the_held_out_episodes(
     evaluate = known_params.evaluate.model_copy(update={"episodes": 2})
     params = known_params.model_copy(update={"env": short, "evaluate": evaluate})
     policies = {4: linear(0.0), 9: replace(linear(0.0), bias=np.ones(8, np.float32))}
-    others = {seed: {"final": policy, "again": policy} for seed, policy in policies.items()}
-    table = evaluation.evaluate_variants(robot_xml, params, others)
+    again = {seed: replace(policy) for seed, policy in policies.items()}
+    others = {seed: {"final": policies[seed], "again": again[seed]} for seed in policies}
+    episodes, _ = evaluation.evaluate(robot_xml, params, policies)
+    table = evaluation.evaluate_variants(robot_xml, params, (policies, episodes), others)
     assert table[["seed", "variant"]].values.tolist() == [
         [4, "final"],
-        [9, "final"],
         [4, "again"],
+        [9, "final"],
         [9, "again"],
     ]
-    episodes, _ = evaluation.evaluate(robot_xml, params, policies)
     means = evaluation.seed_means(episodes)
     for variant in ("final", "again"):
         own = table[table["variant"] == variant].drop(columns="variant").reset_index(drop=True)
