@@ -44,13 +44,8 @@ def main() -> None:
     policy = load_policy(PROJECT_ROOT, options.agent, seed)
     name = f"{options.agent}, seed {seed}"
     show = _in_window if has_screen() else _in_browser
-    show(
-        robot.read(PROJECT_ROOT, settings.agent(name).robot),
-        settings,
-        policy,
-        name,
-        options.episodes,
-    )
+    xml = robot.read(PROJECT_ROOT, settings.agent(options.agent).robot)
+    show(xml, settings, policy, name, options.episodes)
 
 
 def run() -> None:

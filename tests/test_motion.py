@@ -8,6 +8,7 @@ from jumping_ant import evaluation, robot, rollout
 from jumping_ant.motion import MIN_SPEED, apex, fluidity, phases, spectral_arc_length
 from jumping_ant.params import Params
 from jumping_ant.policies import UniformPolicy
+from jumping_ant.task import ActionSet
 
 DT = 0.05
 Array = NDArray[np.float64]
@@ -15,6 +16,8 @@ Array = NDArray[np.float64]
 
 class Swing:
     """Torques along a sine, opposite on the two pairs of legs."""
+
+    actions = ActionSet()
 
     def start(self, seeds) -> None:
         self.num_steps = 0
@@ -134,4 +137,4 @@ def test_a_robot_that_swings_is_more_fluid_than_one_at_random(
         (episode,) = rollout.run(robot_xml, task, policy, [3])
         return evaluation.measure(model, known_params, episode)["fluidity"]
 
-    assert measured(UniformPolicy(0)) < measured(Swing())
+    assert measured(UniformPolicy(0, ActionSet())) < measured(Swing())

@@ -23,6 +23,7 @@ SMALL = {
     "total_steps": 240,
     "episode_steps": 40,  # several resets
     "long_episodes": 0.0,
+    "tumbled_starts": 0.0,
     "num_envs": 1,
     "learning_starts": 50,
     "batch_size": 16,

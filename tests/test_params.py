@@ -70,8 +70,8 @@ def test_budgets_are_counted_in_control_steps(
         # Keys.
         ("env.frameskip", 5, "unknown key (did you mean 'frame_skip'?); allowed: " + KEYS_OF_ENV),
         ("env.xyz", 5, "unknown key; allowed: " + KEYS_OF_ENV),
-        ("agents.random.gamma", 0.9, "unknown key; allowed: trainer, algorithm, actions"),
-        ("agents.random.a\nb", 1, "unknown key; allowed: trainer, algorithm, actions"),
+        ("agents.random.gamma", 0.9, "unknown key; allowed: robot, trainer, algorithm, actions"),
+        ("agents.random.a\nb", 1, "unknown key; allowed: robot, trainer, algorithm, actions"),
         (
             "agents.sac.actions.hod",
             1,

@@ -39,7 +39,7 @@ ABOUT = (
 )
 PACKAGE_DIR = PROJECT_ROOT / "jumping_ant"
 # What `jumping_ant.serving` and all it imports need.
-REQUIREMENTS = ("mlflow", "numpy", "torch", "gymnasium", "mujoco")
+REQUIREMENTS = ("mlflow", "numpy", "pydantic", "torch", "gymnasium", "mujoco")
 SIGNATURE = ModelSignature(
     inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, 27))]),
     outputs=Schema([TensorSpec(np.dtype(np.float64), (-1, 8))]),
