@@ -371,3 +371,19 @@ def test_open_claims_say_how_many_seeds_they_need():
 )
 def test_the_rule_of_verdicts(side, p_holm, verdict):
     assert verdicts.verdict(side, p_holm, 0.95) == verdict
+
+
+def test_seeds_that_all_agree_are_a_constant():
+    same = agent("same", "open_loop", [600.0] * 8)
+    above = the_claim(OPEN_LOOP, agent("dqn", "dqn", HIGH), same)
+    assert (above["verdict"], above["p"]) == ("supported", 2 / 2**8)
+    assert "all seeds of same are the same policy" in above["evidence"]
+    below = agent("dqn", "dqn", [*LOW[:7], 2000.0])
+    assert one_verdict(OPEN_LOOP, below, same) == "inconclusive"
+
+
+def test_two_agents_without_spread_are_not_tested():
+    edited = having(agent("edited", "open_loop", robot="edited"), apex=[2.0] * 8)
+    plain = having(agent("plain", "open_loop", robot="unedited"), apex=[1.0] * 8)
+    claim = the_claim(LIGHTER, edited, plain)
+    assert (claim["verdict"], claim["p"], claim["seeds_needed"]) == ("inconclusive", 1.0, None)

@@ -84,11 +84,17 @@ class Sample:
 def independent(
     quantity: str, first: Sample, second: Sample, params: CompareParams, factor: float = 1.0
 ) -> Finding:
-    """Compare two agents: does a seed of the first exceed `factor` times one of the second?"""
+    """Compare two agents: does a seed of the first exceed `factor` times one of the second?
+
+    Seeds that all agree, as those of a search that finds the same policy every time, are no more
+    evidence than one: the other agent's seeds are then compared with a constant.
+    """
     x, y = first.known, factor * second.known
     plot = _plot(quantity, first, second)
     if not (len(x) and len(y)):
         return _nothing(quantity, plot)
+    if len(x) > 1 and (np.ptp(x) == 0 or np.ptp(y) == 0):
+        return _with_a_constant(quantity, (first, x), (second, y), params)
     effect = mean_pair_score(pair_scores(np.sort(x), np.sort(y)), params)
     times = f"{factor:g} times " if factor != 1 else ""
     evidence = (
@@ -129,6 +135,33 @@ def paired(quantity: str, first: Sample, second: Sample, params: CompareParams) 
         len(differences),
         lambda level, power: sample_sizes.for_sign_test(differences, level, power),
         plot,
+    )
+
+
+def _with_a_constant(
+    quantity: str, one: tuple[Sample, Array], other: tuple[Sample, Array], params: CompareParams
+) -> Finding:
+    """Compare two agents of which one, or each, has the same value in every seed."""
+    (first, x), (second, y) = one, other
+    varies = [values for values in (x, y) if np.ptp(values) > 0]
+    differences = x - y[0] if np.ptp(y) == 0 else x[0] - y
+    effect = estimate_mean(differences, params.confidence)
+    alike = " and ".join(own.label for own, values in (one, other) if np.ptp(values) == 0)
+    evidence = (
+        f"{quantity}: {_iqm(first, params)}, {_iqm(second, params)}; mean difference "
+        f"{_show(effect, len(differences))}; all seeds of {alike} are the same policy"
+    )
+    return Finding(
+        evidence,
+        f"mean of {first.label} less {second.label}",
+        effect,
+        0.0,
+        sign_test(differences, params.seed) if varies else UNDECIDED,
+        len(differences) if varies else 1,
+        lambda level, power: (
+            sample_sizes.for_sign_test(differences, level, power) if varies else None
+        ),
+        _plot(quantity, first, second),
     )
 
 
