@@ -4,6 +4,7 @@
 numbers take them from here.
 """
 
+import os
 from collections.abc import Callable, Iterator
 
 import browser
@@ -11,6 +12,11 @@ import pytest
 
 from jumping_ant import params_file, robot
 from jumping_ant.params import EnvParams, EvaluateParams, Params, RewardParams, RobotParams
+
+# As `jumping_ant.compute` has it before it imports Ray: a test may import EvoTorch first, and with it
+# Ray.
+if not os.environ.get("RAY_ADDRESS"):
+    os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 
 ROBOT = RobotParams(
     density=2.5,

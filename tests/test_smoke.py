@@ -118,7 +118,7 @@ def test_git_knows_only_small_things(project: Project) -> None:
     changed = project.run("git", "status", "--porcelain", "--untracked-files=all").stdout
     for line in changed.splitlines():
         path = project.folder / line[3:]
-        assert path.stat().st_size < 100_000, line
+        assert path.stat().st_size < 200_000, line  # dvc.lock grows with the agents
         assert path.suffix not in {".mp4", ".rrd", ".zip", ".npz", ".db"}, line
 
 
@@ -173,7 +173,9 @@ def test_a_changed_number_reruns_what_it_touches(project: Project) -> None:
 def test_a_change_is_told_readably(project: Project) -> None:
     """After the change above, before it is committed."""
     told = project.run("dvc", "params", "diff", "--md").stdout
-    assert "| params.yaml | agents.sac.learning_rate | 0.0005 | 0.002 |" in " ".join(told.split())
+    before = presets.load("smoke").agent("sac").model_dump()["learning_rate"]
+    row = f"| params.yaml | agents.sac.learning_rate | {before} | 0.002 |"
+    assert row in " ".join(told.split())
     metrics = json.loads(project.run("dvc", "metrics", "diff", "--json").stdout)
     assert set(metrics) == {"results/sac/metrics.json"}
     shown = project.run("dvc", "exp", "show", "--only-changed", "--csv").stdout.splitlines()
