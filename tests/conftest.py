@@ -13,8 +13,8 @@ import pytest
 from jumping_ant import params_file, robot
 from jumping_ant.params import EnvParams, EvaluateParams, Params, RewardParams, RobotParams
 
-# As `jumping_ant.compute` has it before it imports Ray: a test may import EvoTorch first, and with it
-# Ray.
+# As `jumping_ant.compute` has it before it imports Ray: a test may import EvoTorch first, which
+# imports Ray.
 if not os.environ.get("RAY_ADDRESS"):
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 
