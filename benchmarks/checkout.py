@@ -82,8 +82,8 @@ def copy_project(folder: Path) -> None:
 def renew_project(folder: Path) -> None:
     """Make a repository of the project's code, or renew the code of one made before.
 
-    What its runs left stays: DVC reruns the stages that the new code touches, and trainings go on
-    from their checkpoints where these fit.
+    What its runs left stays: DVC reruns the stages that the new code touches, and trainings
+    resume from their checkpoints where these fit.
     """
     names = [name for name in _names() if name.split("/")[0] not in RESULTS]
     for top in {name.split("/")[0] for name in names if "/" in name and not name.startswith(".")}:

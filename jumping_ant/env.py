@@ -146,7 +146,15 @@ class Decisions(gym.Wrapper):
         self.action_space = actions.space()
 
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
-        """Hold a choice until its time is over or the episode ends."""
+        """Hold a choice until its time is over or the episode ends.
+
+        Args:
+            action: Number of a command, or torques in [-1, 1], shape (8,).
+
+        Returns:
+            The last observation, shape (27,), the summed reward, whether the episode terminated or
+            was truncated, and the last `info`, its `reward_height` summed.
+        """
         torques = self.actions.torques(np.asarray(action)[None])[0]
         total = 0.0
         for _ in range(self.actions.hold):
@@ -158,7 +166,12 @@ class Decisions(gym.Wrapper):
 
 
 def make_vec(num_envs: int = 1, num_threads: int = 1) -> JumpingAntVectorEnv:
-    """Return a batch of the article's jumping Ants."""
+    """Return a batch of the article's jumping Ants, for `gym.make_vec`.
+
+    Args:
+        num_envs: Number of environments.
+        num_threads: Threads that step them; results do not depend on it.
+    """
     return JumpingAntVectorEnv(robot.build(article.ROBOT), article.ENV, num_envs, num_threads)
 
 

@@ -3,7 +3,7 @@
 Usage: python -m scripts.article [--measure] [--folder FOLDER]
 
 Runs the whole pipeline with `presets/article` in a copy of the project, `.article/`, which takes
-hours: a run that was stopped goes on from its checkpoints, and the project's own results stay as
+hours: a run that was stopped resumes from its checkpoints, and the project's own results stay as
 they are. Then tests the trained agents as the article did, which takes a minute, and writes
 results/article.json and results/article/*.png.
 """
