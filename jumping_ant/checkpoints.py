@@ -1,4 +1,4 @@
-"""How far every seed of an agent has come, on disk, to go on from after a kill.
+"""How far every seed of an agent has come, on disk, to resume from after a kill.
 
 The folder `.checkpoints/<agent>/<key>/` stands outside DVC's outputs, which DVC deletes before a
 stage runs. The key is a digest of all that a seed's results depend on, so what other parameters,

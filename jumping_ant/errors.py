@@ -20,7 +20,7 @@ class WorkerError(Exception):
 
 
 class StoppedError(Exception):
-    """Someone asked for an end: the message says what is kept and how it goes on.
+    """Someone asked for an end: the message says what is kept and how to resume.
 
     Commands print the message without a traceback and exit with status 130, as shells have it.
     """

@@ -57,11 +57,11 @@ class Finished:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """All that training goes on from, as if it had never stopped.
+    """All that training resumes from, as if it had never stopped.
 
     Attributes:
         env_steps: Control steps simulated so far.
-        content: What the trainer of this agent takes to go on.
+        content: What the trainer of this agent takes to resume.
     """
 
     env_steps: int

@@ -231,6 +231,16 @@ class OffPolicyParams(AgentBlock):
             )
         return self
 
+    @model_validator(mode="after")
+    def _budget_exceeds_the_random_start(self) -> "OffPolicyParams":
+        random_steps = self.learning_starts * self.actions.hold
+        if self.total_steps <= random_steps:
+            raise ValueError(
+                f"total_steps is {self.total_steps}, but learning_starts x actions.hold takes "
+                f"{random_steps}, after which it would begin to learn"
+            )
+        return self
+
 
 class DQNParams(OffPolicyParams):
     """Deep Q-network on the five discrete commands (Mnih et al. 2015)."""

@@ -9,7 +9,7 @@ Validation episodes start from states of their own: neither training nor the hel
 `jumping_ant.evaluation` ever see them, and held-out episodes select nothing.
 
 Wall-clock figures, which no two runs share, stand apart in `results/timing/`. Checkpoints let a run
-that was killed go on where it was (see `jumping_ant.checkpoints`); the files come out the same.
+that was killed resume where it was (see `jumping_ant.checkpoints`); the files come out the same.
 """
 
 import hashlib
@@ -75,7 +75,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
     Raises:
         InputError: There is no such agent, or no robot yet.
         WorkerError: The workers of one seed died again and again.
-        StoppedError: A signal asked for an end; another call goes on from there.
+        StoppedError: A signal asked for an end; another call resumes from there.
         OSError: A file cannot be written, as on a full disk; what was there before is as it was.
     """
     agent = params.agent(agent_name)
@@ -124,7 +124,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
             seeds[number].write(report)
         if unfinished := [seed for seed in seeds.values() if not seed.is_finished]:
             places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
-            raise StoppedError(f"{agent_name} is not trained yet; the next run goes on: {places}")
+            raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
         _write_timing(root / "results" / "timing" / f"{agent_name}.csv", seeds)
 
 
@@ -149,7 +149,7 @@ def train_seed(
         seed: Determines the run.
         stop: Once it is set, a last checkpoint follows and training ends.
         num_threads: Threads that step the simulations; results do not depend on it.
-        saved: Where to go on from.
+        saved: Where to resume from.
         checkpoint_seconds: Time from one checkpoint to the next [s].
     """
     trainer = importlib.import_module(f"jumping_ant.agents.{agent.trainer}.trainer")
@@ -252,7 +252,7 @@ class _Seed:
         """Return where training begins, None for the start, and bring the files there."""
         saved = self._checkpoints.load(self.number)
         if saved:
-            self._display.say(f"seed {self.number}: goes on from {saved.env_steps:,} steps")
+            self._display.say(f"seed {self.number}: resumes from {saved.env_steps:,} steps")
         self._go_on_from(saved)
         return saved
 

@@ -104,7 +104,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         """Start an episode in every environment, or in those of `options["reset_mask"]`.
 
         Args:
-            seed: Environment `i` is seeded with `seed + i`, or with `seed[i]`; None goes on with
+            seed: Environment `i` is seeded with `seed + i`, or with `seed[i]`; None leaves
                 the generators as they are.
             options: `{"reset_mask": mask}` with a boolean mask of shape (num_envs,).
 
@@ -136,7 +136,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
     ]:
         """Hold each row's action for `actions.hold` control steps.
 
-        An environment whose episode ends within them stands still for the rest.
+        Of an environment whose episode ends within them, that end is returned.
 
         Args:
             actions: Torques in [-1, 1], shape (num_envs, 8), or commands, shape (num_envs,).
@@ -193,7 +193,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Go on from a state of as many environments.
+        """Resume from a state of as many environments.
 
         `airborne` tells of the contacts of the last step, and so nothing until the next.
         """

@@ -113,7 +113,7 @@ class Faults:
         return is_clear and "Traceback" not in full.stdout and is_whole
 
     def _worker_death(self) -> bool:
-        """Kill a worker; its seed must go on in another."""
+        """Kill a worker; its seed must resume in another."""
         process = self._start_training()
         projects.await_checkpoint(self._project, AGENT, process)
         time.sleep(self._generator.uniform(0, 1))

@@ -21,6 +21,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
     "sac": {"total_steps": 2_400, "learning_starts": 200, "log_interval": 100},
     "metronome": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
     "metronome-full": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
+    "metronome-unedited": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
     "pgpe": {"generations": 24, "population_size": 10, "episode_steps": 50},
 }
 CHECKPOINT_SECONDS = 0.3

@@ -7,6 +7,7 @@ Writes: results/AGENT/ (episodes.csv, metrics.json, trajectories.npz), results/s
     results/variants/AGENT.csv.
 """
 
+import filecmp
 from pathlib import Path
 
 from jumping_ant import evaluation, machine, policies, robot, variants
@@ -17,9 +18,8 @@ from stages import parse_agent, run
 
 def final_policy(folder: Path, published: Policy) -> Policy:
     """Return a seed's last policy, the published one itself where it is the same."""
-    path = folder / "final.zip"
-    final = policies.load_file(path)
-    is_same = path.read_bytes() == (folder / "policy.zip").read_bytes()
+    final = policies.load_file(folder / "final.zip")
+    is_same = filecmp.cmp(folder / "final.zip", folder / "policy.zip", shallow=False)
     return published if is_same else final
 
 

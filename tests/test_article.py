@@ -415,19 +415,19 @@ def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> N
     monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
 
 
-def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
+def test_training_runs_in_a_copy_with_the_presets_parameters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
     params, copy = presets.load("article"), tmp_path / "copy"
     command.run(copy, params)
-    assert (copy / "called").read_text() == f"{copy} repro\n"
+    assert (copy / "called").read_text() == f"{copy} repro train@dqn train@sac train@pgpe\n"
     assert params_file.load(copy / "params.yaml") == params
 
 
 def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     replace_dvc(monkeypatch, tmp_path, "exit 3")
-    with pytest.raises(WorkerError, match="ended with status 3; .* `make article` goes on"):
+    with pytest.raises(WorkerError, match="ended with status 3; .* `make article` resumes"):
         command.run(tmp_path / "copy", presets.load("article"))
 
 
@@ -437,7 +437,7 @@ def test_an_interrupt_waits_for_the_pipeline_to_save(
     replace_dvc(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
     # A shell has those it starts in the background ignore SIGINT; a person's Ctrl-C arrives.
     previous = signal.signal(signal.SIGINT, signal.default_int_handler)
-    with pytest.raises(StoppedError, match="goes on from the last checkpoints"):
+    with pytest.raises(StoppedError, match="resumes from the last checkpoints"):
         command.run(tmp_path / "copy", presets.load("article"))
     signal.signal(signal.SIGINT, previous)
     assert (tmp_path / "copy" / "saved").exists()

@@ -50,8 +50,8 @@ def test_the_real_file_is_accepted_with_its_numbers() -> None:
     [
         ("random", {}, 0),
         ("metronome", {"half_periods": [2, 5], "episodes": 3, "episode_steps": 10}, 60),
-        ("dqn", {"total_steps": 500, "num_envs": 2}, 500),
-        ("sac", {"total_steps": 400, "num_envs": 1}, 400),
+        ("dqn", {"total_steps": 500, "num_envs": 2, "learning_starts": 0}, 500),
+        ("sac", {"total_steps": 400, "num_envs": 1, "learning_starts": 0}, 400),
         ("pgpe", {"generations": 3, "population_size": 4, "episode_steps": 50}, 600),
     ],
 )
@@ -176,6 +176,12 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
             },
             "agents.dqn: total_steps is 31, but one round of num_envs x train_freq x actions.hold "
             "takes 32",
+        ),
+        (
+            "agents.sac",
+            CONTENT["agents"]["sac"] | {"total_steps": 600, "learning_starts": 200},
+            "agents.sac: total_steps is 600, but learning_starts x actions.hold takes 600, after "
+            "which it would begin to learn",
         ),
     ],
 )

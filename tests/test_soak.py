@@ -31,9 +31,9 @@ def test_a_killed_pipeline_ends_with_the_same_bytes(project: Checkout) -> None:
     killer = Killer(project, "sac", random.Random(1))
     for _ in range(5):
         killer.once()
-        if "goes on from" in killer.log.read_text():
+        if "resumes from" in killer.log.read_text():
             break
-    assert "goes on from" in killer.log.read_text()
+    assert "resumes from" in killer.log.read_text()
     assert killer.count.identical == killer.count.killed > 0
 
 

@@ -140,7 +140,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(
     assert digests(project / "models") == expected
     said = capsys.readouterr().err
     assert f"{agent}: seed 0: trained before" in said
-    assert f"{agent}: seed 5: goes on from" in said
+    assert f"{agent}: seed 5: resumes from" in said
     left = {path.name for path in (project / ".checkpoints").rglob("*") if path.is_file()}
     assert left == {"lock", "complete.json", "seed-0.finished", "seed-5.finished"}
     for seed in ("0", "5"):
@@ -245,12 +245,12 @@ def test_a_signal_ends_training_with_a_checkpoint(
 
     sender = threading.Thread(target=send)
     sender.start()
-    with pytest.raises(StoppedError, match="sac is not trained yet; the next run goes on: seed"):
+    with pytest.raises(StoppedError, match="sac is not trained yet; the next run resumes: seed"):
         training.train(project, settings, "sac")
     sender.join()
     capsys.readouterr()
     training.train(project, settings, "sac")
-    assert "goes on from" in capsys.readouterr().err
+    assert "resumes from" in capsys.readouterr().err
     assert digests(project / "models") == expected
 
 

@@ -151,7 +151,7 @@ class _Follower:
         return [] if is_trained else self._load.samples[followed.num_samples :]
 
     def _open(self, store: Store, seed: int, curve: stores.Points) -> _Followed:
-        """Return a run to log to: that of an interrupted training that goes on, or a new one."""
+        """Return a run to log to: that of an interrupted training that resumed, or a new one."""
         if self._parent is None:
             self._parent = store.pending_comparison()
             store.take_over(self._parent)

@@ -112,7 +112,7 @@ class _Mirror:
             }
             if any(changes.values()):
                 self._say(f"comparison {self._comparison.key[:8]}: updated ({_listed(changes)})")
-        # A pending one may be that of a training that goes on.
+        # A pending one may be that of a training that will be resumed.
         is_done = not self._comparison.missing and run.info.status != "FINISHED"
         if is_done or is_own(run):
             store.client.set_terminated(run.info.run_id, "FINISHED")

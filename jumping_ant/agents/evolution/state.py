@@ -1,4 +1,4 @@
-"""All that PGPE goes on from: the last generation, the distribution, ClipUp and the problem."""
+"""All that PGPE resumes from: the last generation, the distribution, ClipUp and the problem."""
 
 import torch
 from evotorch import SolutionBatch

@@ -1,4 +1,4 @@
-"""All that a training of DQN or SAC goes on from: the state of the model and of its world.
+"""All that a training of DQN or SAC resumes from: the state of the model and of its world.
 
 Networks, optimisers, replay memory, counters, simulations, and every generator of random numbers
 that is drawn from.

@@ -172,7 +172,7 @@ def train(
         seed: Determines the run.
         evaluations: Number of snapshots, spread evenly over the budget.
         num_threads: Threads that step the simulations; results do not depend on it.
-        checkpoint: Where to go on from, as an earlier call yielded it.
+        checkpoint: Where to resume from, as an earlier call yielded it.
         is_checkpoint_due: Asked after every round.
 
     Yields:
