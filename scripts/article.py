@@ -2,9 +2,9 @@
 
 Usage: python -m scripts.article [--measure] [--folder FOLDER]
 
-Trains the article's agents with `presets/article` in a copy of the project, `.article/`, which
-takes hours: a run that was stopped resumes from its checkpoints, and the project's own results stay
-as they are. Then tests the trained agents as the article did, which takes a minute, and writes
+Runs the whole pipeline with `presets/article` in a copy of the project, `.article/`, which takes
+hours: a run that was stopped resumes from its checkpoints, and the project's own results stay as
+they are. Then tests the trained agents as the article did, which takes a minute, and writes
 results/article.json and results/article/*.png.
 """
 
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def run(folder: Path, params: Params) -> None:
-    """Train the article's agents in a copy of the project, from where it stands.
+    """Run the pipeline in a copy of the project, from where it stands.
 
     Args:
         folder: Of the copy.
@@ -51,13 +51,12 @@ def run(folder: Path, params: Params) -> None:
 
     Raises:
         StoppedError: A signal asked for an end.
-        WorkerError: A training failed; its own message stands above.
+        WorkerError: The pipeline failed; its own message stands above.
     """
     renew_project(folder)
     copy = Checkout(folder)
     copy.write_params(params)
-    trainings = [f"train@{agent}" for agent in reproduction.AGENTS]
-    process = subprocess.Popen(["dvc", "repro", *trainings], cwd=folder, env=copy.environment)
+    process = subprocess.Popen(["dvc", "repro"], cwd=folder, env=copy.environment)
     try:
         status = process.wait()
     except KeyboardInterrupt:  # it heard that, too, and saves a last checkpoint

@@ -415,13 +415,13 @@ def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> N
     monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
 
 
-def test_training_runs_in_a_copy_with_the_presets_parameters(
+def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
     params, copy = presets.load("article"), tmp_path / "copy"
     command.run(copy, params)
-    assert (copy / "called").read_text() == f"{copy} repro train@dqn train@sac train@pgpe\n"
+    assert (copy / "called").read_text() == f"{copy} repro\n"
     assert params_file.load(copy / "params.yaml") == params
 
 
