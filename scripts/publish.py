@@ -26,7 +26,11 @@ from jumping_ant.wording import p_value
 
 DOCS = PROJECT_ROOT / "docs"
 RESULTS = PROJECT_ROOT / "results"
-FOLDERS = {"default": PROJECT_ROOT, "article": PROJECT_ROOT / ".article"}
+FOLDERS = {
+    "default": PROJECT_ROOT,
+    "ablations": PROJECT_ROOT,
+    "article": PROJECT_ROOT / ".article",
+}
 FIGURES = ("learning_curves", "final_return")
 SIDE = 300  # [pixels] of an agent in the animation
 SECONDS = 6.0  # of the films that the animation shows
@@ -54,7 +58,7 @@ def main() -> None:
             content = (RESULTS / "figures" / f"{name}.png").read_bytes()
             write_bytes(DOCS / "images" / f"{name}.png", content)
         write_bytes(DOCS / "images" / "jumping.webp", animation())
-    else:
+    elif preset == "article":
         printed = json.loads((RESULTS / "article.json").read_text())["printed"]
         replace_section(DOCS / "article.md", "printed", printed_table(printed))
 

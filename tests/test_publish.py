@@ -29,7 +29,12 @@ def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -
 
 
 @pytest.mark.parametrize(
-    ("name", "document"), [("claims", "README.md"), ("default", "docs/results.md")]
+    ("name", "document"),
+    [
+        ("claims", "README.md"),
+        ("printed", "docs/article.md"),
+        *((preset, "docs/results.md") for preset in publish.FOLDERS),
+    ],
 )
 def test_the_documents_have_their_marks(name: str, document: str) -> None:
     text = (publish.PROJECT_ROOT / document).read_text()
