@@ -18,7 +18,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article test test-parts test-whole bench soak ui view watch schema lock clean
+.PHONY: help install repro article test test-parts test-whole bench soak ui view watch schema deps lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -55,7 +55,7 @@ test: install .venv/.browser ## check style, types and behaviour
 
 # Half of the time each, side by side, as the second waits for processes much of it: the parts, and
 # the pipeline as a whole with its pages in a browser.
-WHOLE_TESTS = tests/test_smoke.py tests/test_report.py tests/tracking/test_pages.py
+WHOLE_TESTS = tests/test_smoke.py tests/showing/test_report.py tests/tracking/test_pages.py
 
 test-parts:
 	CI=1 pytest -q $(addprefix --ignore=,$(WHOLE_TESTS))
@@ -84,10 +84,16 @@ view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
 
 watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=0)
-	@python -m jumping_ant.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
+	@python -m jumping_ant.showing.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
+
+deps: install ## renew the code dependencies of each stage in dvc.yaml
+	python -m scripts.deps
+
+deps: install ## renew the code that each stage of dvc.yaml depends on
+	python -m scripts.deps
 
 schema: install ## renew params.schema.json, which editors complete params.yaml from
-	python -m jumping_ant.schema
+	python -m jumping_ant.params.schema
 
 lock: ## renew requirements.lock and benchmarks/requirements.lock from pyproject.toml
 	@scripts/environment.sh lock

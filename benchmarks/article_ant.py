@@ -8,7 +8,7 @@ from gymnasium.envs.mujoco.ant_v5 import AntEnv
 from numpy.typing import NDArray
 
 from benchmarks.settings import robot_xml, task
-from jumping_ant.rewards import torso_height_reward
+from jumping_ant.sim.rewards import torso_height_reward
 
 
 class ArticleAnt(AntEnv):

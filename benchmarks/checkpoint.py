@@ -10,11 +10,12 @@ from pathlib import Path
 
 from benchmarks.measure import Row
 from benchmarks.settings import CORES, robot_xml, task
-from jumping_ant import compute, params_file
+from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.off_policy import trainer
-from jumping_ant.checkpoints import Checkpoints, Saved
-from jumping_ant.events import Checkpoint
-from jumping_ant.params import DQNParams
+from jumping_ant.params import params_file
+from jumping_ant.params.models import DQNParams
+from jumping_ant.training import compute
+from jumping_ant.training.checkpoints import Checkpoints, Saved
 
 AGENT = "dqn"  # has the most to remember
 REPEATS = 5

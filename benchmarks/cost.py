@@ -8,7 +8,7 @@ import psutil  # type: ignore[import-untyped]
 
 from benchmarks.measure import rate
 from benchmarks.settings import CORES, robot_xml, task
-from jumping_ant.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import JumpingAntVectorEnv
 
 MIN_ENV_STEPS = 6000  # behind a figure; work is repeated until there are as many
 EPISODE_STEPS = 5  # control steps from the start, whatever the number of environments

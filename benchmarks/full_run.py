@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.checkout import with_tools
 from benchmarks.watch import Usage, watch
-from jumping_ant.files import PROJECT_ROOT, write_json
+from jumping_ant.base.files import PROJECT_ROOT, write_json
+from scripts.checkout import with_tools
 
 PATH = Path(__file__).parent / "full_run.json"
 COMMAND = ["dvc", "repro", "--force"]

@@ -16,8 +16,8 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from benchmarks import evolution
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.settings import article_agent
-from jumping_ant.env import Decisions
-from jumping_ant.task import ActionSet
+from jumping_ant.actions import ActionSet
+from jumping_ant.sim.env import Decisions
 
 STEPS = 300  # of real training, for networks and optimisers to take their place
 SECONDS_TO_STAY = 3.0  # at the highest moment, for it to be seen

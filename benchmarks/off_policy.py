@@ -11,9 +11,9 @@ from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import article_agent, robot_xml, task
+from jumping_ant.actions import ActionSet
 from jumping_ant.agents.off_policy import trainer
-from jumping_ant.env import Decisions
-from jumping_ant.task import ActionSet
+from jumping_ant.sim.env import Decisions
 
 REPEATS = 5
 STEPS = {"dqn": 1200, "sac": 120}  # control steps of a repeat

@@ -4,13 +4,13 @@ import sys
 from collections.abc import Iterator, Mapping
 from functools import partial
 
-from benchmarks.checkout import Checkout, checkout, with_tools
 from benchmarks.measure import Row, compare
 from benchmarks.settings import CORES
 from benchmarks.watch import watch
-from jumping_ant import params_file
-from jumping_ant.files import PROJECT_ROOT
-from jumping_ant.params import OffPolicyParams, Params
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.params import params_file
+from jumping_ant.params.models import OffPolicyParams, Params
+from scripts.checkout import Checkout, checkout, with_tools
 
 # Memory does not grow with these: a run is shortened to so much of the training and evaluation.
 MEMORY_SHARES = {"total_steps": 0.05, "generations": 0.02}

@@ -17,10 +17,10 @@ from torch.profiler import ProfilerActivity, profile
 from benchmarks import evolution, off_policy, simulation
 from benchmarks.apart import apart
 from benchmarks.settings import article_agent, robot_xml, task
-from jumping_ant import rollout
+from jumping_ant.actions import ActionSet
 from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
 from jumping_ant.policies import LinearPolicy
-from jumping_ant.task import ActionSet
+from jumping_ant.sim import rollout
 
 PRODUCTS = ("aten::mm", "aten::addmm")  # as PyTorch names them
 FLOOR_ENVS = 16

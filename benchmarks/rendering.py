@@ -10,10 +10,13 @@ from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import robot_xml, task
-from jumping_ant import evaluation, gl, params_file, rendering, robot, rollout
+from jumping_ant.actions import ActionSet
+from jumping_ant.judging import evaluation
+from jumping_ant.params import params_file
 from jumping_ant.policies import UniformPolicy
-from jumping_ant.rollout import Episode
-from jumping_ant.task import ActionSet
+from jumping_ant.showing import rendering
+from jumping_ant.sim import gl, robot, rollout
+from jumping_ant.sim.rollout import Episode
 
 SEED = 0
 SIZE = 480  # [pixels] width and height

@@ -9,8 +9,8 @@ from typing import Any
 
 from benchmarks.measure import Row
 from benchmarks.settings import CORES
-from jumping_ant.files import write_json, write_text
-from jumping_ant.machine import processor
+from jumping_ant.base.files import write_json, write_text
+from jumping_ant.base.machine import processor
 
 RESULTS_PATH = Path(__file__).with_name("results.json")
 README_PATH = Path(__file__).with_name("README.md")

@@ -2,8 +2,10 @@
 
 from typing import Any
 
-from jumping_ant import machine, params_file, presets, robot
-from jumping_ant.params import EnvParams
+from jumping_ant.base import machine
+from jumping_ant.params import params_file, presets
+from jumping_ant.params.models import EnvParams
+from jumping_ant.sim import robot
 
 CORES = machine.num_cores()
 

@@ -17,8 +17,8 @@ from benchmarks.apart import apart, compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, compare, rate
 from benchmarks.settings import CORES, robot_xml, task
-from jumping_ant import robot
-from jumping_ant.vector import JumpingAntVectorEnv
+from jumping_ant.sim import robot
+from jumping_ant.sim.vector import JumpingAntVectorEnv
 
 SEED = 0
 REPEATS = 5

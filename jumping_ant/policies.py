@@ -19,9 +19,9 @@ from typing import Any, ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.archive import from_array, pack, to_array, unpack
-from jumping_ant.errors import InputError
-from jumping_ant.task import NUM_ACTIONS, ActionSet
+from jumping_ant.actions import NUM_ACTIONS, ActionSet
+from jumping_ant.base.archive import from_array, pack, to_array, unpack
+from jumping_ant.base.errors import InputError
 
 HEADER = "policy.json"
 _TABLE = "commands.npy"

@@ -14,12 +14,15 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.checkout import Checkout, renew_project
-from jumping_ant import article_figures, machine, params_file, presets, reproduction
-from jumping_ant.errors import InputError, StoppedError, WorkerError, reported
-from jumping_ant.files import PROJECT_ROOT, write_bytes, write_json
-from jumping_ant.looks import looks
-from jumping_ant.params import Params
+from jumping_ant.base import machine
+from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
+from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
+from jumping_ant.judging import reproduction
+from jumping_ant.params import params_file, presets
+from jumping_ant.params.models import Params
+from jumping_ant.showing import article_figures
+from jumping_ant.words.looks import looks
+from scripts.checkout import Checkout, renew_project
 
 FOLDER = PROJECT_ROOT / ".article"
 RESULTS = PROJECT_ROOT / "results"

@@ -83,7 +83,7 @@ install_packages() {
 }
 
 can_render() {
-    .venv/bin/python -c 'from jumping_ant.gl import select_backend; select_backend()' 2>/dev/null
+    .venv/bin/python -c 'from jumping_ant.sim.gl import select_backend; select_backend()' 2>/dev/null
 }
 
 install_rendering() {

@@ -18,11 +18,12 @@ from typing import Any
 import imageio.v2 as imageio
 from PIL import Image, ImageDraw, ImageFont
 
-from jumping_ant import looks, params_file, wording
-from jumping_ant.errors import InputError, reported
-from jumping_ant.files import PROJECT_ROOT, write_bytes, write_text
+from jumping_ant.base.errors import InputError, reported
+from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_text
+from jumping_ant.params import params_file
 from jumping_ant.tracking import descriptions
-from jumping_ant.wording import p_value
+from jumping_ant.words import looks, wording
+from jumping_ant.words.wording import p_value
 
 DOCS = PROJECT_ROOT / "docs"
 RESULTS = PROJECT_ROOT / "results"

@@ -17,8 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.checkout import Checkout, checkout
-from jumping_ant.files import PROJECT_ROOT, write_json
+from jumping_ant.base.files import PROJECT_ROOT, write_json
+from scripts.checkout import Checkout, checkout
 from soak import payloads
 from soak import project as projects
 from soak.faults import AGENT, Faults

@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.checkout import Checkout, copy_project
-from jumping_ant import robot
-from jumping_ant.vector import JumpingAntVectorEnv
+from jumping_ant.sim import robot
+from jumping_ant.sim.vector import JumpingAntVectorEnv
+from scripts.checkout import Checkout, copy_project
 from soak import project as projects
 
 AGENT = "pgpe"  # trains the fastest

@@ -16,8 +16,8 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from benchmarks.checkout import Checkout
-from jumping_ant.params import Params
+from jumping_ant.params.models import Params
+from scripts.checkout import Checkout
 from soak import project as projects
 
 NOT_NUMBERS: list[Any] = ["fast", None, [1], {"a": 1}, True, math.nan, math.inf, -math.inf]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import psutil  # type: ignore[import-untyped]
 
-from benchmarks.checkout import Checkout
+from scripts.checkout import Checkout
 from soak import project as projects
 
 MAX_KILLS_IN_A_ROW = 4

@@ -12,11 +12,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from jumping_ant import archive, policies, trajectory
-from jumping_ant.checkpoints import Checkpoints, Saved
+from jumping_ant import policies
+from jumping_ant.actions import ActionSet
+from jumping_ant.base import archive
 from jumping_ant.policies import HEADER, UniformPolicy, network_entries
-from jumping_ant.serving import ServedPolicy
-from jumping_ant.task import ActionSet
+from jumping_ant.sim import trajectory
+from jumping_ant.tracking.serving import ServedPolicy
+from jumping_ant.training.checkpoints import Checkpoints, Saved
 
 
 @dataclass

@@ -10,9 +10,9 @@ from typing import Any
 import psutil  # type: ignore[import-untyped]
 from ruamel.yaml import YAML
 
-from benchmarks.checkout import Checkout
-from jumping_ant import params_file
-from jumping_ant.params import Params
+from jumping_ant.params import params_file
+from jumping_ant.params.models import Params
+from scripts.checkout import Checkout
 
 SEEDS = [0, 1]
 # Large enough that a training lasts for several checkpoints, small enough for many trainings.

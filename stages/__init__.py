@@ -10,9 +10,9 @@ os.environ.setdefault("DVC_NO_ANALYTICS", "true")
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
-from jumping_ant import params_file  # noqa: E402  (telemetry is off before any import)
-from jumping_ant.errors import reported  # noqa: E402
-from jumping_ant.params import Params  # noqa: E402
+from jumping_ant.base.errors import reported  # noqa: E402
+from jumping_ant.params import params_file  # noqa: E402  (telemetry is off before any import)
+from jumping_ant.params.models import Params  # noqa: E402
 
 
 def parse_agent(description: str) -> tuple[str, Params]:

@@ -6,8 +6,9 @@ Writes: assets/jumping_ant.xml, assets/ant.xml (without the edits), assets/jumpi
     and torques before and after).
 """
 
-from jumping_ant import params_file, robot
-from jumping_ant.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.params import params_file
+from jumping_ant.sim import robot
 from stages import run
 
 

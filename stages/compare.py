@@ -6,9 +6,11 @@ Reads:  params.yaml, results/<agent>/episodes.csv, models/<agent>/seed-<n>/curve
 Writes: results/comparison.json, results/figures/, results/plots/
 """
 
-from jumping_ant import comparison, figures, params_file, results
-from jumping_ant.claims import verdicts
-from jumping_ant.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.judging import comparison, results
+from jumping_ant.judging.claims import verdicts
+from jumping_ant.params import params_file
+from jumping_ant.showing import figures
 from stages import run
 
 

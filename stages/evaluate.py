@@ -10,9 +10,12 @@ Writes: results/AGENT/ (episodes.csv, metrics.json, trajectories.npz), results/s
 import filecmp
 from pathlib import Path
 
-from jumping_ant import evaluation, machine, policies, robot, variants
-from jumping_ant.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant import policies
+from jumping_ant.base import machine
+from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.judging import evaluation, variants
 from jumping_ant.policies import Policy
+from jumping_ant.sim import robot
 from stages import parse_agent, run
 
 

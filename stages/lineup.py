@@ -6,9 +6,10 @@ Reads: params `seeds`, `agents`; assets/jumping_ant.xml, and of each agent
 Writes: media/lineup.rrd.
 """
 
-from jumping_ant import params_file, robot, trajectory
-from jumping_ant.files import PROJECT_ROOT, write_bytes
-from jumping_ant.recording import lineup, story
+from jumping_ant.base.files import PROJECT_ROOT, write_bytes
+from jumping_ant.params import params_file
+from jumping_ant.showing.recording import lineup, story
+from jumping_ant.sim import robot, trajectory
 from stages import run
 
 

@@ -6,9 +6,10 @@ Reads: params `record`, `seeds`, `agents.AGENT.algorithm`; assets/jumping_ant.xm
 Writes: media/AGENT.mp4, media/AGENT.rrd.
 """
 
-from jumping_ant import rendering, robot, trajectory
-from jumping_ant.files import PROJECT_ROOT, write_bytes
-from jumping_ant.recording import episode, story
+from jumping_ant.base.files import PROJECT_ROOT, write_bytes
+from jumping_ant.showing import rendering
+from jumping_ant.showing.recording import episode, story
+from jumping_ant.sim import robot, trajectory
 from stages import parse_agent, run
 
 

@@ -7,9 +7,9 @@ Writes: results/report.html.
 
 import argparse
 
-from jumping_ant import params_file
-from jumping_ant.files import PROJECT_ROOT, write_text
-from jumping_ant.report import page
+from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.params import params_file
+from jumping_ant.showing.report import page
 from stages import run
 
 

@@ -5,8 +5,9 @@ Reads: params `seeds`, `env`, `agents.AGENT`; the robot in assets/.
 Writes: results/scaling/AGENT.csv, without rows for an agent that does not train.
 """
 
-from jumping_ant import robot, scaling
-from jumping_ant.files import PROJECT_ROOT, write_text
+from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.sim import robot
+from jumping_ant.training import scaling
 from stages import parse_agent, run
 
 

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT
 from stages import parse_agent, run
 
 SECONDS_FOR_LAST_ROWS = 60
@@ -41,9 +41,9 @@ def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
     with live_tracking(agent):
-        from jumping_ant import training  # takes seconds, in which the follower starts as well
+        from jumping_ant.training import driver  # takes seconds; the follower starts meanwhile
 
-        training.train(PROJECT_ROOT, settings, agent)
+        driver.train(PROJECT_ROOT, settings, agent)
 
 
 if __name__ == "__main__":

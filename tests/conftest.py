@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator
 import browser
 import pytest
 
-from jumping_ant import params_file, robot
-from jumping_ant.params import EnvParams, EvaluateParams, Params, RewardParams, RobotParams
+from jumping_ant.params import params_file
+from jumping_ant.params.models import EnvParams, EvaluateParams, Params, RewardParams, RobotParams
+from jumping_ant.sim import robot
 
-# As `jumping_ant.compute` has it before it imports Ray: a test may import EvoTorch first, which
-# imports Ray.
+# As `jumping_ant.training.compute` has it before it imports Ray: a test may import EvoTorch first,
+# which imports Ray.
 if not os.environ.get("RAY_ADDRESS"):
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 

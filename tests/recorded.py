@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
-from jumping_ant import rendering
-from jumping_ant.recording.story import Story
+from jumping_ant.showing import rendering
+from jumping_ant.showing.recording.story import Story
 
 FPS = 50
 CURVES = {

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.trajectory import Trajectory
+from jumping_ant.sim.trajectory import Trajectory
 
 
 def simulate(

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from jumping_ant.params import ALGORITHMS, CompareParams, Params, TrainingParams
+from jumping_ant.params.models import ALGORITHMS, CompareParams, Params, TrainingParams
 
 COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=0)
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}

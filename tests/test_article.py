@@ -14,15 +14,18 @@ from evotorch.optimizers import ClipUp
 from ruamel.yaml import YAML
 from stable_baselines3 import DQN, SAC
 
-from benchmarks.checkout import Checkout, renew_project
-from jumping_ant import article, article_figures, params_file, presets, reproduction, robot
-from jumping_ant.errors import InputError, StoppedError, WorkerError
-from jumping_ant.files import PROJECT_ROOT
-from jumping_ant.looks import looks
-from jumping_ant.params import Params
-from jumping_ant.training import train
+from jumping_ant.base.errors import InputError, StoppedError, WorkerError
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.judging import reproduction
+from jumping_ant.params import article, params_file, presets
+from jumping_ant.params.models import Params
+from jumping_ant.showing import article_figures
+from jumping_ant.sim import robot
+from jumping_ant.training.driver import train
+from jumping_ant.words.looks import looks
 from scripts import article as command
 from scripts import publish
+from scripts.checkout import Checkout, renew_project
 
 ROBOT = {
     "density": 3,

@@ -14,7 +14,7 @@ from benchmarks.article_ant import ArticleAnt
 from benchmarks.cost import Cost
 from benchmarks.measure import Row, compare, rate
 from benchmarks.settings import article_agent, robot_xml, task
-from jumping_ant.env import JumpingAnt
+from jumping_ant.sim.env import JumpingAnt
 
 ROW = Row("sac_vs_sb3", ours=1234.56, peer=0.012345, unit="env-steps/s", ratio=2.5, spread=0.125)
 PAGE = "top\n<!-- rows -->\nold\n<!-- end of rows -->\nmid\n<!-- scale -->\n<!-- end of scale -->\n"

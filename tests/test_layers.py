@@ -1,52 +1,60 @@
-"""The library is layered: a module imports only from layers above its own."""
+"""The library is layered: data flows one way, and a folder imports only from those before it."""
+
+from graphlib import TopologicalSorter
+from pathlib import Path
 
 import pytest
 
-from jumping_ant import imports
-from jumping_ant.files import PROJECT_ROOT as ROOT
+from jumping_ant.base import imports
+from jumping_ant.base.files import PROJECT_ROOT as ROOT
+
+LIBRARY = ROOT / "jumping_ant"
+ORDER = (
+    ["base", "words", "params", "actions", "policies", "sim"]
+    + ["agents", "training", "judging", "showing", "tracking"]
+)  # fmt: skip
+MODULES = sorted(path for path in LIBRARY.rglob("*.py") if path.stat().st_size)
 
 
-def top(path) -> str:
-    """Return the module or package of `jumping_ant` that a file belongs to."""
-    return path.relative_to(ROOT / "jumping_ant").parts[0].removesuffix(".py")
+def place(path: Path) -> str:
+    """Return the folder of the library that a file is in, or the module that it is."""
+    return path.relative_to(LIBRARY).parts[0].removesuffix(".py")
 
 
-LAYERS = [
-    {"errors"},
-    {"archive", "events", "files", "gl", "looks", "machine", "measures", "motion", "seeding"}
-    | {"tables", "wording"},
-    {"imports", "params"},
-    {"article", "drawing", "params_file", "rewards", "robot", "schema", "statistics", "task"}
-    | {"trajectory"},
-    {"hypothesis_tests", "vector", "rendering", "recording"},
-    {"env", "policies", "sample_sizes"},
-    {"agents", "playing", "presets", "rollout", "serving"},
-    {"checkpoints", "compute", "evaluation", "progress", "reproduction", "results", "variants"},
-    {"claim_panels", "comparison"},
-    {"claims", "figures", "report", "scaling", "tracking", "training", "watch"},
-    {"article_figures"},
-]
-LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
-MODULES = sorted((ROOT / "jumping_ant").rglob("*.py"))
+def test_everything_has_its_place() -> None:
+    assert {place(path) for path in MODULES} == set(ORDER)
 
 
-@pytest.mark.parametrize("path", [path for path in MODULES if path.stat().st_size], ids=top)
-def test_imports_point_upwards(path) -> None:
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(LIBRARY)))
+def test_imports_point_one_way(path: Path) -> None:
     for imported in imports.direct(path):
-        assert imported.is_relative_to(ROOT / "jumping_ant"), "the library imports no stage"
-        if top(imported) != top(path):
-            assert LAYER[top(imported)] < LAYER[top(path)], f"{path.name} imports {imported.name}"
+        assert imported.is_relative_to(LIBRARY), "the library imports no stage"
+        assert ORDER.index(place(imported)) <= ORDER.index(place(path))
+
+
+def test_no_modules_import_each_other() -> None:
+    TopologicalSorter({path: imports.direct(path) for path in MODULES}).prepare()
+
+
+def test_stages_import_no_stage() -> None:
+    for path in (ROOT / "stages").glob("[a-z]*.py"):
+        others = {file.name for file in imports.direct(path) if file.parent == path.parent}
+        assert others == {"__init__.py"}
+
+
+def users(library: str) -> set[str]:
+    """Return the modules that import a library, as paths from the package's folder."""
+    return {
+        str(path.relative_to(LIBRARY))
+        for path in MODULES
+        if f"import {library}" in path.read_text() or f"from {library}" in path.read_text()
+    }
 
 
 def test_mlflow_and_ray_have_one_home_each() -> None:
-    for library, homes in (("mlflow", {"tracking", "serving"}), ("ray", {"compute"})):
-        users = {
-            top(path)
-            for path in MODULES
-            if f"import {library}" in path.read_text() or f"from {library}" in path.read_text()
-        }
-        assert users == homes
+    assert {name.split("/")[0] for name in users("mlflow")} == {"tracking"}
+    assert users("ray") == {"training/compute.py"}
 
 
 def test_package_files_are_empty() -> None:
-    assert all(path.stat().st_size == 0 for path in MODULES if path.name == "__init__.py")
+    assert all(path.stat().st_size == 0 for path in LIBRARY.rglob("__init__.py"))

@@ -1,4 +1,4 @@
-"""`dvc.yaml` against the code: every stage depends on all it imports, and on no more."""
+"""`dvc.yaml` against the code, and presets against `params.yaml`."""
 
 import shlex
 import shutil
@@ -8,47 +8,35 @@ import pytest
 from dvc.utils.hydra import apply_overrides
 from ruamel.yaml import YAML
 
-from jumping_ant import imports, params_file, presets
+from jumping_ant.base.files import PROJECT_ROOT as ROOT
+from jumping_ant.params import params_file, presets
+from scripts import deps
 
-ROOT = Path(__file__).resolve().parents[1]
 STAGES = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text())["stages"]
 
 
-def closure(*paths: Path) -> set[str]:
-    """Return the project's files that files import, directly or not, themselves included."""
-    return {str(file.relative_to(ROOT)) for file in imports.closure(*paths)}
+def test_code_dependencies_are_current() -> None:
+    before = deps.PATH.read_text()
+    assert deps.text(before) == before, "run `make deps`"
 
 
-def code_deps(stage: dict, trainer: str = "") -> set[str]:
-    """Return the Python files among a stage's deps; a folder of code stands for its files."""
-    files = set()
-    for dep in stage.get("do", stage)["deps"]:
-        path = ROOT / dep.replace("${item.trainer}", trainer)
-        if path.suffix == ".py":
-            files.add(path)
-        elif dep.startswith("jumping_ant/"):
-            files |= {file for file in path.rglob("*.py") if file.stat().st_size > 0}
-    return {str(file.relative_to(ROOT)) for file in files}
+def test_code_dependencies_follow_the_imports() -> None:
+    before = deps.PATH.read_text()
+    without = "\n".join(line for line in before.splitlines() if "- jumping_ant/" not in line) + "\n"
+    assert without != before == deps.text(without)
 
 
-@pytest.mark.parametrize("name", sorted(set(STAGES) - {"train"}))
-def test_deps_are_the_import_closure(name: str) -> None:
-    assert code_deps(STAGES[name]) == closure(ROOT / "stages" / f"{name}.py")
+def test_training_depends_on_its_own_trainer_alone() -> None:
+    listed = deps.code("train")
+    assert deps.OWN_TRAINER in listed
+    trainers = {path.parent.name for path in (ROOT / "jumping_ant/agents").glob("*/trainer.py")}
+    assert trainers >= {agent.trainer for agent in params_file.load().agents.values()}
+    assert not any(f"agents/{trainer}/" in name for name in listed for trainer in trainers)
 
 
-TRAINERS = sorted({agent.trainer for agent in params_file.load().agents.values()})
-
-
-@pytest.mark.parametrize("trainer", TRAINERS)
-def test_training_depends_on_its_own_trainer_alone(trainer: str) -> None:
-    """Of the code outside `agents/`, dvc.yaml has one list for all: what any trainer imports."""
-    needed = {
-        name: closure(ROOT / "stages/train.py", ROOT / "jumping_ant/agents" / name / "trainer.py")
-        for name in TRAINERS
-    }
-    shared = {file for files in needed.values() for file in files if "/agents/" not in file}
-    own = {file for file in needed[trainer] if "/agents/" in file}
-    assert own and code_deps(STAGES["train"], trainer) == shared | own
+@pytest.mark.parametrize("stage", sorted(set(STAGES) - {"train", *deps.QUICK}))
+def test_what_takes_long_depends_on_files(stage: str) -> None:
+    assert all(name.endswith(".py") for name in deps.code(stage))
 
 
 @pytest.mark.parametrize("name", sorted(STAGES))

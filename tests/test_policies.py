@@ -14,11 +14,11 @@ import torch
 from stable_baselines3 import DQN, SAC
 
 from jumping_ant import policies
+from jumping_ant.actions import COMMAND_SIGNS, ActionSet
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_file
-from jumping_ant.archive import pack, unpack
-from jumping_ant.env import Decisions, JumpingAnt
-from jumping_ant.errors import InputError
-from jumping_ant.params import Params
+from jumping_ant.base.archive import pack, unpack
+from jumping_ant.base.errors import InputError
+from jumping_ant.params.models import Params
 from jumping_ant.policies import (
     GaussianActor,
     GreedyCommands,
@@ -26,7 +26,7 @@ from jumping_ant.policies import (
     OpenLoopPolicy,
     UniformPolicy,
 )
-from jumping_ant.task import COMMAND_SIGNS, ActionSet
+from jumping_ant.sim.env import Decisions, JumpingAnt
 
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
 COMMANDS = ActionSet(0.5 * COMMAND_SIGNS, hold=3)

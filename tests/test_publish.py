@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from jumping_ant.errors import InputError
+from jumping_ant.base.errors import InputError
 from scripts import publish
 
 CLAIM = {"text": "A leads", "verdict": "refuted", "p_holm": 0.01234, "evidence": "Much (8 seeds)."}

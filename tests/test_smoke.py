@@ -16,8 +16,8 @@ import pytest
 from mlflow.entities import Run, ViewType
 from ruamel.yaml import YAML
 
-from benchmarks.checkout import copy_project, with_tools
-from jumping_ant import presets
+from jumping_ant.params import presets
+from scripts.checkout import copy_project, with_tools
 
 ROOT = Path(__file__).resolve().parents[1]
 AGENTS = list(presets.load("smoke").agents)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.checkout import Checkout, checkout
-from jumping_ant import params_file
-from jumping_ant.errors import InputError
+from jumping_ant.base.errors import InputError
+from jumping_ant.params import params_file
+from scripts.checkout import Checkout, checkout
 from soak import inputs, payloads
 from soak import project as projects
 from soak.__main__ import added

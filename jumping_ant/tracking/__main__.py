@@ -14,8 +14,8 @@ import signal
 import sys
 from pathlib import Path
 
-from jumping_ant.errors import InputError
-from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
 
 NICENESS = 10  # training comes first where both share a core
 # A quarter of the time of MLflow's import goes into a search for garbage that it does not make.

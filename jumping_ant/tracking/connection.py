@@ -16,8 +16,8 @@ from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
 from sqlalchemy.exc import SQLAlchemyError
 
-from jumping_ant.errors import InputError
-from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.tracking import pages
 
 # MLflow neither phones home nor chats; whoever wants it to sets these.

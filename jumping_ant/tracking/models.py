@@ -15,7 +15,7 @@ from mlflow.models import Model, ModelSignature
 from mlflow.types import Schema, TensorSpec
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
-from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.tracking import pages
 from jumping_ant.tracking.records import SeedRecord
 from jumping_ant.tracking.store import (
@@ -38,8 +38,9 @@ ABOUT = (
     "`champion` is the seed whose policy did best in validation, not on the held-out episodes."
 )
 PACKAGE_DIR = PROJECT_ROOT / "jumping_ant"
-# What `jumping_ant.serving` and all it imports need.
-REQUIREMENTS = ("mlflow", "numpy", "pydantic", "torch", "gymnasium", "mujoco")
+CODE = PACKAGE_DIR / "tracking" / "serving.py"
+# What `jumping_ant.tracking.serving` and all it imports need.
+REQUIREMENTS = ("mlflow", "numpy", "pydantic", "torch")
 SIGNATURE = ModelSignature(
     inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, 27))]),
     outputs=Schema([TensorSpec(np.dtype(np.float64), (-1, 8))]),
@@ -203,7 +204,7 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
         path = Path(folder) / "model"
         mlflow.pyfunc.save_model(
             path,
-            python_model=str(PACKAGE_DIR / "serving.py"),
+            python_model=str(CODE),
             artifacts={"policy": str(record.policy_path)},
             code_paths=[str(PACKAGE_DIR)],
             signature=SIGNATURE,

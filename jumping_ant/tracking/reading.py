@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from jumping_ant.errors import InputError
+from jumping_ant.base.errors import InputError
 
 Point = tuple[str, int]
 """A metric's name and its step: control steps trained so far, 0 for what has no step."""

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from jumping_ant import policies
-from jumping_ant.files import digest
-from jumping_ant.looks import looks, remark
-from jumping_ant.params import Params
+from jumping_ant.base.files import digest
+from jumping_ant.params.models import Params
 from jumping_ant.tracking import descriptions
 from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_json, read_rows
+from jumping_ant.words.looks import looks, remark
 
 TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which it was chosen by

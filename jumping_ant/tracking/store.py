@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mlflow.entities import LoggedModel, Metric, Param, Run, RunTag
 
-from jumping_ant.files import digest
+from jumping_ant.base.files import digest
 from jumping_ant.tracking import connection, pages
 from jumping_ant.tracking.connection import Connection
 from jumping_ant.tracking.reading import Point

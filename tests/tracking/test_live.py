@@ -23,7 +23,7 @@ from tracked_project import (
     wait_for,
 )
 
-from jumping_ant.files import PROJECT_ROOT, write_text
+from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.tracking import live, machine_load, records, store, writers
 
 

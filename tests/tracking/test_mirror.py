@@ -27,9 +27,9 @@ from tracked_project import (
     train,
 )
 
-from jumping_ant import params_file
-from jumping_ant.errors import InputError
-from jumping_ant.files import PROJECT_ROOT, digest, write_bytes, write_text
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT, digest, write_bytes, write_text
+from jumping_ant.params import params_file
 from jumping_ant.tracking import connection, models, pages, reading, records, store, writers
 from jumping_ant.tracking.mirror import track
 

@@ -12,7 +12,7 @@ from mlflow import MlflowClient
 from playwright.sync_api import expect
 from tracked_project import curve_lines, make_bare, make_whole, served, tracked, unset_variables
 
-from jumping_ant.files import write_text
+from jumping_ant.base.files import write_text
 from jumping_ant.tracking import live, machine_load, pages, records
 
 OpenPage = Callable[[str], Visit]

@@ -18,12 +18,11 @@ from tracked_project import (
     tracked,
 )
 
-from jumping_ant import serving
-from jumping_ant.errors import InputError
-from jumping_ant.files import PROJECT_ROOT
+from jumping_ant.actions import ActionSet
+from jumping_ant.base import imports
+from jumping_ant.base.errors import InputError
 from jumping_ant.policies import UniformPolicy
-from jumping_ant.task import ActionSet
-from jumping_ant.tracking import live, models
+from jumping_ant.tracking import live, models, serving
 
 
 def test_an_unreachable_server_is_told_in_one_line(
@@ -92,17 +91,11 @@ def test_a_served_policy_begins_new_episodes_with_a_batch_of_another_size(tmp_pa
 
 def test_a_model_brings_the_packages_it_needs() -> None:
     found: set[str] = set()
-    todo = ["serving"]
-    while todo:
-        tree = ast.parse((PROJECT_ROOT / "jumping_ant" / f"{todo.pop()}.py").read_text())
-        for node in ast.walk(tree):
-            names = [alias.name for alias in getattr(node, "names", [])]
-            if isinstance(node, ast.ImportFrom):
-                module = str(node.module)
-                inner = names if module == "jumping_ant" else [module.partition(".")[2]]
-                names = [module]
-                todo += [name for name in inner if module.startswith("jumping_ant")]
-            if isinstance(node, ast.Import | ast.ImportFrom):
-                found |= {name.partition(".")[0] for name in names}
+    for path in imports.closure(models.CODE):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.partition(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                found.add(str(node.module).partition(".")[0])
     third_party = found - set(sys.stdlib_module_names) - {"jumping_ant"}
     assert third_party == set(models.REQUIREMENTS)

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from jumping_ant.files import PROJECT_ROOT, write_bytes, write_json, write_text
+from jumping_ant.actions import ActionSet
+from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.policies import LinearPolicy
-from jumping_ant.task import ActionSet
 from jumping_ant.tracking import records
 from jumping_ant.tracking.mirror import track
 

@@ -16,11 +16,11 @@ from evotorch.neuroevolution.net import RunningNorm
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from jumping_ant.params import EnvParams, PGPEParams
+from jumping_ant.actions import NUM_ACTIONS, ActionSet
+from jumping_ant.base.seeding import derive, derive_all
+from jumping_ant.params.models import EnvParams, PGPEParams
 from jumping_ant.policies import NUM_OBSERVATIONS, LinearPolicy
-from jumping_ant.seeding import derive, derive_all
-from jumping_ant.task import NUM_ACTIONS, ActionSet
-from jumping_ant.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import JumpingAntVectorEnv
 
 SOLUTION_LENGTH = NUM_ACTIONS * NUM_OBSERVATIONS + NUM_ACTIONS
 Network = tuple[torch.Tensor, torch.Tensor]  # weight (8, 27) and bias (8,)

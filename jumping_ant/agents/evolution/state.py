@@ -5,7 +5,7 @@ from evotorch import SolutionBatch
 from evotorch.algorithms import PGPE
 
 from jumping_ant.agents.evolution.problem import JumpProblem
-from jumping_ant.archive import pack_state, unpack_state
+from jumping_ant.base.archive import pack_state, unpack_state
 
 
 def capture(searcher: PGPE, problem: JumpProblem) -> bytes:

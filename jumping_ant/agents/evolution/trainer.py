@@ -10,10 +10,10 @@ import numpy as np
 import torch
 from evotorch.algorithms import PGPE
 
+from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.evolution import state
 from jumping_ant.agents.evolution.problem import JumpProblem
-from jumping_ant.events import Checkpoint, Event, Finished, Progress, Snapshot
-from jumping_ant.params import EnvParams, PGPEParams
+from jumping_ant.params.models import EnvParams, PGPEParams
 
 
 def train(

@@ -11,7 +11,7 @@ import torch
 
 from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
 from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
-from jumping_ant.archive import pack_state, unpack_state
+from jumping_ant.base.archive import pack_state, unpack_state
 
 # Numbers that Stable-Baselines3's loop keeps.
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")

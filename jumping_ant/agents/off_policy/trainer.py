@@ -24,16 +24,16 @@ from stable_baselines3.common.type_aliases import TrainFreq
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
+from jumping_ant.actions import ActionSet
+from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.off_policy import state
 from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
 from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
-from jumping_ant.archive import pack, unpack
-from jumping_ant.events import Checkpoint, Event, Finished, Progress, Snapshot
-from jumping_ant.params import DQNParams, EnvParams, SACParams
+from jumping_ant.base.archive import pack, unpack
+from jumping_ant.base.seeding import derive, derive_all
+from jumping_ant.params.models import DQNParams, EnvParams, SACParams
 from jumping_ant.policies import network_entries, velocity_factors
-from jumping_ant.seeding import derive, derive_all
-from jumping_ant.task import ActionSet
-from jumping_ant.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import JumpingAntVectorEnv
 
 # What the learning curve keeps of SB3's log, by algorithm.
 LOGGED = {

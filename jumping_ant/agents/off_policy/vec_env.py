@@ -9,7 +9,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from jumping_ant.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import JumpingAntVectorEnv
 
 
 class SB3VecEnv(VecEnv):

@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from jumping_ant.events import Event, Finished, Progress, Snapshot
-from jumping_ant.params import EnvParams, OpenLoopParams
+from jumping_ant.actions import COMMAND_SIGNS, ActionSet
+from jumping_ant.agents.events import Event, Finished, Progress, Snapshot
+from jumping_ant.base.seeding import derive_all
+from jumping_ant.params.models import EnvParams, OpenLoopParams
 from jumping_ant.policies import OpenLoopPolicy
-from jumping_ant.seeding import derive_all
-from jumping_ant.task import COMMAND_SIGNS, ActionSet
-from jumping_ant.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import JumpingAntVectorEnv
 
 FEET_DOWN, FEET_UP = 3, 4  # rows of COMMAND_SIGNS
 

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Iterator
 
-from jumping_ant.events import Event, Finished, Snapshot
-from jumping_ant.params import EnvParams, RandomAgentParams
+from jumping_ant.actions import ActionSet
+from jumping_ant.agents.events import Event, Finished, Snapshot
+from jumping_ant.params.models import EnvParams, RandomAgentParams
 from jumping_ant.policies import UniformPolicy
-from jumping_ant.task import ActionSet
 
 
 def train(

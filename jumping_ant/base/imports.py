@@ -1,0 +1,40 @@
+"""Which of the project's files a file runs: what its results depend on beside their parameters."""
+
+import ast
+from pathlib import Path
+
+from jumping_ant.base.files import PROJECT_ROOT
+
+
+def direct(path: Path, root: Path = PROJECT_ROOT) -> set[Path]:
+    """Return the project's files that a file imports, empty ones left out.
+
+    Args:
+        path: A Python file.
+        root: The folder that the project's packages lie in.
+    """
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names] + [str(node.module)]
+        else:
+            continue
+        for name in names:
+            parts = name.split(".")
+            for length in range(1, len(parts) + 1):  # the packages above it run as well
+                place = root.joinpath(*parts[:length])
+                found |= {place.with_suffix(".py"), place / "__init__.py"}
+    return {file for file in found if file.is_file() and file.stat().st_size > 0}
+
+
+def closure(*paths: Path, root: Path = PROJECT_ROOT) -> set[Path]:
+    """Return the project's files that files import, directly or not, themselves included."""
+    done: set[Path] = set()
+    waiting = set(paths)
+    while waiting:
+        file = waiting.pop()
+        done.add(file)
+        waiting |= direct(file, root) - done
+    return done

@@ -1,0 +1,115 @@
+"""Who competes: the agents of a run by what they run, and what the claims measure of them."""
+
+from collections.abc import Sequence
+from itertools import permutations
+from typing import Any, Literal
+
+import numpy as np
+
+from jumping_ant.judging.claims.findings import Sample
+from jumping_ant.judging.results import AgentResults
+
+LUCK = 5.0  # [standard errors] above the mean of random episodes, where no luck gets
+
+
+class Field:
+    """The agents of a run, by what they run."""
+
+    def __init__(self, agents: Sequence[AgentResults], evaluation_episodes: int) -> None:
+        self.all = [agent for agent in agents if robot_of(agent) == "edited"]
+        self.unedited = [agent for agent in agents if robot_of(agent) == "unedited"]
+        self.random = self._that_run("random")
+        self.open_loop = self._that_run("open_loop")
+        self.dqn, self.sac = self._that_run("dqn"), self._that_run("sac")
+        pgpe = self._that_run("pgpe")
+        self.constants = [
+            (agent, other) for agent, other in permutations(pgpe, 2) if lacks_constant(agent, other)
+        ]
+        # An agent that is there to be compared with its like stands for nothing else.
+        self.pgpe = [
+            agent for agent in pgpe if all(agent is not plain for _, plain in self.constants)
+        ]
+        self.threshold = max(
+            (out_of_luck(agent, evaluation_episodes) for agent in self.random), default=np.inf
+        )
+
+    @property
+    def learners(self) -> list[AgentResults]:
+        """Return those that stand for an algorithm that learns."""
+        return [*self.dqn, *self.sac, *self.pgpe]
+
+    def metronome(self, learner: AgentResults) -> AgentResults | None:
+        """Return the best open-loop agent whose torques are no stronger than a learner's."""
+        weak = [agent for agent in self.open_loop if amplitude(agent) <= amplitude(learner)]
+        return max(weak, key=lambda agent: agent.quantities["return"].mean(), default=None)
+
+    def _that_run(self, algorithm: str) -> list[AgentResults]:
+        return [agent for agent in self.all if agent.algorithm == algorithm]
+
+
+def robot_of(agent: AgentResults) -> str:
+    """Return which robot an agent has: `edited`, unless its block says `unedited`."""
+    return getattr(agent.block, "robot", None) or "edited"
+
+
+def lacks_constant(agent: AgentResults, other: AgentResults) -> bool:
+    """Return whether the other is the same PGPE but that it takes nothing off the reward."""
+    (own, own_rest), (others, others_rest) = (
+        _apart(each, "decrease_rewards_by") for each in (agent, other)
+    )
+    return own != 0 and others == 0 and own_rest == others_rest
+
+
+def differs_by_robot(agent: AgentResults, other: AgentResults) -> bool:
+    """Return whether the other is the same agent but on the unedited robot."""
+    (_, own), (_, others) = _apart(agent, "robot"), _apart(other, "robot")
+    return (robot_of(agent), robot_of(other)) == ("edited", "unedited") and own == others
+
+
+def amplitude(agent: AgentResults) -> float:
+    """Return the largest torque over peak torque that an agent may choose."""
+    own = getattr(agent.block, "actions", agent.block)
+    return float(getattr(own, "amplitude", 1.0))
+
+
+def out_of_luck(random: AgentResults, num_episodes: int) -> float:
+    """Return the mean return of so many episodes that a random policy does not reach by luck."""
+    returns = random.episode_returns
+    return float(returns.mean() + LUCK * returns.std() / np.sqrt(num_episodes))
+
+
+def effort(agent: AgentResults, unit: Literal["env_steps", "seconds"], threshold: float) -> Sample:
+    """Return what each seed needed until all its evaluations lay above a threshold.
+
+    Args:
+        agent: The agent.
+        unit: What to count.
+        threshold: The return.
+
+    Returns:
+        The effort up to that evaluation; the whole budget, as a lower bound, where there is none.
+    """
+    rows = [curve.sustained(threshold) for curve in agent.curves.values()]
+    values = [
+        getattr(curve, unit)[-1 if row is None else row]
+        for curve, row in zip(agent.curves.values(), rows, strict=True)
+    ]
+    return Sample(agent.label, np.array(values), np.array([row is not None for row in rows]))
+
+
+def speed_up(agent: AgentResults) -> Sample:
+    """Return how many times as fast each seed trains on all cores; NaN where there is but one."""
+    cores = max(agent.step_seconds)
+    one, every = agent.step_seconds[1], agent.step_seconds[cores]
+    return Sample(agent.label, one / every if cores > 1 else np.full(len(one), np.nan))
+
+
+def drawn_actions(agent: AgentResults) -> str:
+    """Return what a random agent draws: `torques`, unless its block says `commands`."""
+    return str(getattr(getattr(agent.block, "actions", None), "kind", "torques"))
+
+
+def _apart(agent: AgentResults, key: str) -> tuple[Any, dict[str, Any]]:
+    """Return one setting of an agent's block, None where it has none, and the others."""
+    rest = agent.block.model_dump()
+    return rest.pop(key, None), rest

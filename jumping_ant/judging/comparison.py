@@ -1,0 +1,219 @@
+"""The agents side by side: the numbers of `results/comparison.json` and `results/plots/`.
+
+The statistics are those of `jumping_ant.judging.statistics`: the sample is the seed.
+"""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.judging.results import AgentResults
+from jumping_ant.judging.statistics import (
+    Estimate,
+    aggregate_curves,
+    common_grid,
+    estimate_iqm,
+    probability_of_improvement,
+)
+from jumping_ant.params.models import CompareParams
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LearningCurve:
+    """The return an agent's policies reach while they learn, over its seeds.
+
+    Attributes:
+        env_steps: Control steps simulated by then, shape (num_points,).
+        seconds: Training seconds that took, mean over seeds, (num_points,).
+        returns: Interquartile mean over seeds with its interval, arrays of (num_points,).
+    """
+
+    env_steps: Array
+    seconds: Array
+    returns: Estimate
+
+
+def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dict[str, Any]:
+    """Return the agents' figures and who beats whom, as in `results/comparison.json`.
+
+    Args:
+        results: What `results.load` returns.
+        params: Confidence, number of resamples and seed.
+    """
+    returns = {name: agent.quantities["return"] for name, agent in results.items()}
+    pairs = {}
+    for one, other in combinations(returns, 2):
+        won = probability_of_improvement(returns[one], returns[other], params)
+        # The other way round is the same table read from the other side, not another experiment.
+        lost = Estimate(1 - won.value, 1 - won.high, 1 - won.low)
+        pairs[f"{one}>{other}"] = won.as_dict("p")
+        pairs[f"{other}>{one}"] = lost.as_dict("p")
+    ordered = (f"{one}>{other}" for one in returns for other in returns if one != other)
+    equal = _equal_budgets(results, params.confidence)
+    return {
+        "agents": {
+            name: _summarize_agent(agent, params.confidence) | equal["agents"].get(name, {})
+            for name, agent in results.items()
+        },
+        "equal_steps": equal["equal_steps"],
+        "equal_seconds": equal["equal_seconds"],
+        "probability_of_improvement": {pair: pairs[pair] for pair in ordered},
+    }
+
+
+def learning_curves(
+    results: Mapping[str, AgentResults], params: CompareParams
+) -> dict[str, LearningCurve]:
+    """Return each agent's learning curve over its seeds.
+
+    A baseline learns nothing: its curve is level at its last evaluation, from the first evaluation
+    to the last one among those that learn.
+    """
+    curves = {name: _learning_curve(agent, params.confidence) for name, agent in results.items()}
+    learned = [curve for name, curve in curves.items() if not results[name].is_baseline]
+    if not learned:
+        return curves
+    starts = min(curve.env_steps[0] for curve in learned), min(c.seconds[0] for c in learned)
+    ends = max(curve.env_steps[-1] for curve in learned), max(c.seconds[-1] for c in learned)
+    steps, seconds = np.array([starts, ends]).T
+    for name, curve in curves.items():
+        if results[name].is_baseline:
+            level = [np.repeat(part[-1], 2) for part in vars(curve.returns).values()]
+            curves[name] = LearningCurve(steps, seconds, Estimate(*level))
+    return curves
+
+
+def curve_rows(curves: Mapping[str, LearningCurve]) -> list[dict[str, Any]]:
+    """Return the learning curves as a tidy table, one row a point."""
+    return [
+        {
+            "agent": name,
+            "env_steps": float(curve.env_steps[i]),
+            "seconds": float(curve.seconds[i]),
+            "return_iqm": float(curve.returns.value[i]),
+            "low": float(curve.returns.low[i]),
+            "high": float(curve.returns.high[i]),
+        }
+        for name, curve in curves.items()
+        for i in range(len(curve.env_steps))
+    ]
+
+
+def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
+    """Return every seed's evaluations as a tidy table, one row an evaluation."""
+    return [
+        {
+            "agent": name,
+            "seed": seed,
+            "env_steps": int(steps),
+            "seconds": float(seconds),
+            "evaluation_return": float(value),
+        }
+        for name, agent in results.items()
+        for seed, curve in agent.curves.items()
+        for steps, seconds, value in zip(
+            curve.env_steps, curve.seconds, curve.evaluation_return, strict=True
+        )
+        if not np.isnan(value)
+    ]
+
+
+def to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return a table as CSV text; the first row names the columns."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, rows[0].keys(), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
+    """Return an agent's figures; seeds without a value of a quantity are left out of its estimate.
+
+    A quantity that no seed has is left out altogether.
+    """
+    known = {name: values[~np.isnan(values)] for name, values in agent.quantities.items()}
+    return {
+        "seeds": len(agent.curves),
+        **{name: describe(values, confidence) for name, values in known.items() if len(values)},
+        "env_steps": int(agent.env_steps.max()),
+        "train_seconds": float(agent.train_seconds.mean()),
+    }
+
+
+def describe(sample: Array, confidence: float) -> dict[str, float]:
+    """Return a sample in a few numbers.
+
+    Args:
+        sample: One number a seed, shape (num_seeds,).
+        confidence: Of the interval.
+
+    Returns:
+        The interquartile mean with its interval (`iqm`, `low`, `high`), the `mean`, the smallest
+        (`worst`) and the largest (`best`).
+    """
+    return {
+        **estimate_iqm(sample, confidence).as_dict("iqm"),
+        "mean": float(sample.mean()),
+        "worst": float(sample.min()),
+        "best": float(sample.max()),
+    }
+
+
+def _return_at(
+    agent: AgentResults, against: Literal["env_steps", "seconds"], place: float, confidence: float
+) -> dict[str, float] | None:
+    """Return an agent's return when it had trained for so long, from its learning curves.
+
+    Args:
+        agent: The agent.
+        against: What `place` counts.
+        place: Control steps, or seconds.
+        confidence: Of the interval.
+
+    Returns:
+        As from `describe`; None where a seed was first evaluated later.
+    """
+    returns = []
+    for curve in agent.curves.values():
+        done = ~np.isnan(curve.evaluation_return)
+        places = getattr(curve, against)[done]
+        returns.append(np.interp(place, places, curve.evaluation_return[done], left=np.nan))
+    known = not np.isnan(returns).any()
+    return describe(np.array(returns), confidence) if known else None
+
+
+def _equal_budgets(results: Mapping[str, AgentResults], confidence: float) -> dict[str, Any]:
+    """Return the smallest budgets among the learners, and what each learner returned by then."""
+    learners = {name: agent for name, agent in results.items() if not agent.is_baseline}
+    if not learners:
+        return {"equal_steps": None, "equal_seconds": None, "agents": {}}
+    steps = float(min(agent.env_steps.min() for agent in learners.values()))
+    seconds = float(min(agent.train_seconds.min() for agent in learners.values()))
+    return {
+        "equal_steps": steps,
+        "equal_seconds": seconds,
+        "agents": {
+            name: {
+                "return_at_equal_steps": _return_at(agent, "env_steps", steps, confidence),
+                "return_at_equal_seconds": _return_at(agent, "seconds", seconds, confidence),
+            }
+            for name, agent in learners.items()
+        },
+    }
+
+
+def _learning_curve(agent: AgentResults, confidence: float) -> LearningCurve:
+    evaluations = [curve.evaluations for curve in agent.curves.values()]
+    grid = common_grid([steps for steps, _ in evaluations])
+    clocks = [np.interp(grid, curve.env_steps, curve.seconds) for curve in agent.curves.values()]
+    returns = aggregate_curves(grid, evaluations, confidence)
+    return LearningCurve(grid, np.mean(clocks, axis=0), returns)

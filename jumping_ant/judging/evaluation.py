@@ -1,0 +1,248 @@
+"""How an agent behaves on the held-out episodes.
+
+Every policy meets the same start states and acts deterministically. Measured beside the return, per
+episode:
+
+| column | what | unit |
+|---|---|---|
+| length | control steps until the end | steps |
+| return | sum of the rewards | |
+| peak_height | highest torso height | m |
+| apex | highest torso height in a jump, mean over jumps; without a jump, peak_height | m |
+| mean_height | mean torso height | m |
+| jumps | airborne phases of at least `min_airborne_seconds` | |
+| airborne_seconds | time without any contact | s |
+| flight | share of control steps that end without any contact, in [0, 1] | |
+| smoothness | torque change: mean squared change of torque over peak torque, step to step | |
+| fluidity | mean spectral arc length of joint velocities while moving; NaN if never moving | |
+| work | mechanical work of the motors: sum of abs(torque x joint velocity) x dt | J |
+| drift | horizontal distance of the torso from its start to its end | m |
+| survived | 1 if the episode reached its time limit, else 0 | |
+
+A state that is not finite ends its episode and is left out of the measures. Jumps and fluidity are
+defined in `jumping_ant.judging.motion`.
+"""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pandas as pd
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from jumping_ant.judging import motion
+from jumping_ant.params.models import Params
+from jumping_ant.policies import Policy
+from jumping_ant.sim import robot, rollout
+from jumping_ant.sim.rollout import Episode
+from jumping_ant.sim.trajectory import Trajectory
+
+QUANTITIES = (
+    "length",
+    "return",
+    "peak_height",
+    "apex",
+    "mean_height",
+    "jumps",
+    "airborne_seconds",
+    "flight",
+    "smoothness",
+    "fluidity",
+    "work",
+    "drift",
+    "survived",
+)
+
+
+def evaluate(
+    xml: str, params: Params, policies: dict[int, Policy], num_threads: int = 1
+) -> tuple[pd.DataFrame, Trajectory]:
+    """Run the held-out episodes of an agent's policies.
+
+    Args:
+        xml: The robot as MJCF text.
+        params: All parameters.
+        policies: The policy of each seed.
+        num_threads: Threads that step the simulations; results do not depend on it.
+
+    Returns:
+        One row an episode (columns `seed`, `episode`, `episode_seed`, then `QUANTITIES`), and the
+        trajectory of the episode of median return (the lower one of an even number).
+    """
+    model = robot.load(xml)
+    table, episodes = _play(xml, model, params, policies, num_threads)
+    median = int(table["return"].argsort(kind="stable").iloc[(len(table) - 1) // 2])
+    row = table.iloc[median]
+    trajectory = replay(
+        model, params.env.frame_skip, episodes[median], int(row["seed"]), int(row["episode"])
+    )
+    return table, trajectory
+
+
+def evaluate_variants(
+    xml: str,
+    params: Params,
+    published: tuple[dict[int, Policy], pd.DataFrame],
+    variants: dict[int, dict[str, Policy]],
+    num_threads: int = 1,
+) -> pd.DataFrame:
+    """Run the held-out episodes of other versions of an agent's policies.
+
+    Args:
+        xml: The robot as MJCF text.
+        params: All parameters.
+        published: The policy of each seed, and their episodes as `evaluate` returns them. A variant
+            that is the published policy itself does not play again.
+        variants: The versions of each seed's policy (see `jumping_ant.judging.variants`).
+        num_threads: Threads that step the simulations; results do not depend on it.
+
+    Returns:
+        Means over episodes: one row for each seed and variant (columns `seed`, `variant`, then
+        `QUANTITIES`).
+    """
+    model = robot.load(xml)
+    policies, episodes = published
+    rows = []
+    for seed, own in variants.items():
+        for name, policy in own.items():
+            if policy is policies[seed]:
+                table = episodes[episodes["seed"] == seed]
+            else:
+                table, _ = _play(xml, model, params, {seed: policy}, num_threads)
+            rows.append(seed_means(table).assign(variant=name))
+    columns = ["seed", "variant", *QUANTITIES]
+    return pd.concat(rows, ignore_index=True)[columns]
+
+
+def _play(
+    xml: str,
+    model: mujoco.MjModel,
+    params: Params,
+    policies: dict[int, Policy],
+    num_threads: int,
+) -> tuple[pd.DataFrame, list[Episode]]:
+    """Run the held-out episodes of each seed's policy, and measure them."""
+    episode_seeds = [params.evaluate.seed + i for i in range(params.evaluate.episodes)]
+    rows: list[dict[str, Any]] = []
+    episodes: list[Episode] = []
+    for seed, policy in policies.items():
+        ran = rollout.run(xml, params.env, policy, episode_seeds, num_threads)
+        for number, (episode_seed, episode) in enumerate(zip(episode_seeds, ran, strict=True)):
+            ids = {"seed": seed, "episode": number, "episode_seed": episode_seed}
+            rows.append(ids | measure(model, params, episode))
+        episodes += ran
+    return pd.DataFrame(rows), episodes
+
+
+def seed_means(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the sample of the statistics: each seed's mean of every quantity over its episodes.
+
+    Episodes in which a quantity is not defined (NaN) are left out of its mean.
+
+    Args:
+        table: Episodes, as `evaluate` returns them.
+    """
+    return table.groupby("seed", as_index=False)[list(QUANTITIES)].mean()
+
+
+def summarize(table: pd.DataFrame) -> dict[str, float]:
+    """Return the mean over seeds of every quantity that is defined in an episode at least.
+
+    Args:
+        table: Episodes, as `evaluate` returns them.
+    """
+    means = seed_means(table)[list(QUANTITIES)].mean().dropna()
+    return {str(name): float(mean) for name, mean in means.items()}
+
+
+def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str, float]:
+    """Return the quantities of one episode (see the module's docstring).
+
+    Args:
+        model: The robot.
+        params: All parameters.
+        episode: The episode, of T control steps.
+    """
+    dt = float(model.opt.timestep) * params.env.frame_skip
+    finite = np.isfinite(episode.qpos).all(axis=1) & np.isfinite(episode.qvel).all(axis=1)
+    positions = np.concatenate([episode.start_qpos[None], episode.qpos[finite]])
+    heights = positions[:, 2]
+    # Contacts of the start are not recorded: it counts as on the ground.
+    airborne = np.concatenate([[False], episode.airborne[finite]])
+    jumps = motion.phases(airborne, params.evaluate.min_airborne_seconds / dt)
+    change = np.diff(episode.torques, axis=0)
+    return {
+        "length": len(episode.rewards),
+        "return": float(episode.rewards.sum()),
+        "peak_height": float(heights.max()),
+        "apex": motion.apex(heights, jumps),
+        "mean_height": float(heights.mean()),
+        "jumps": len(jumps),
+        "airborne_seconds": float(airborne.sum() * dt),
+        "flight": float(airborne.sum() / len(episode.rewards)),
+        "smoothness": float(np.square(change).mean()) if len(change) else 0.0,
+        "fluidity": motion.fluidity(joint_angles(model, positions), dt),
+        "work": float(np.abs(motor_power(model, episode)[finite]).sum() * dt),
+        "drift": float(np.hypot(*(positions[-1, :2] - positions[0, :2]))),
+        "survived": int(not episode.terminated),
+    }
+
+
+def joint_angles(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angle of every motor's joint over the joint's range.
+
+    Args:
+        model: The robot.
+        qpos: Positions, shape (num_states, 15).
+
+    Returns:
+        Shape (num_states, 8); 1 is the way from one end of the range to the other.
+    """
+    joints = model.actuator_trnid[:, 0]
+    low, high = model.jnt_range[joints].T
+    return np.asarray(qpos[:, model.jnt_qposadr[joints]] / (high - low))
+
+
+def motor_power(model: mujoco.MjModel, episode: Episode) -> NDArray[np.float64]:
+    """Return the power of every motor [W], shape (T, 8), at the end of each control step.
+
+    Where a velocity is not finite, it is zero.
+    """
+    velocities = episode.qvel[:, model.jnt_dofadr[model.actuator_trnid[:, 0]]]
+    velocities = np.where(np.isfinite(velocities), velocities, 0.0)
+    return episode.torques * model.actuator_gear[:, 0] * velocities
+
+
+def replay(
+    model: mujoco.MjModel, frame_skip: int, episode: Episode, seed: int, number: int
+) -> Trajectory:
+    """Simulate an episode again and keep every substep.
+
+    Args:
+        model: The robot.
+        frame_skip: Substeps of a control step.
+        episode: The episode, of T control steps.
+        seed: The agent's seed, noted in the trajectory.
+        number: The episode's number, noted in the trajectory.
+
+    Returns:
+        The trajectory, of T * frame_skip + 1 states.
+    """
+    batch = Batch(model, 1, 1)
+    batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+    batch.bind("qpos")[0], batch.bind("qvel")[0] = episode.start_qpos, episode.start_qvel
+    batch.forward()
+    control = np.repeat(episode.torques, frame_skip, axis=0)[None]
+    states = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
+    return Trajectory(
+        qpos=np.concatenate([episode.start_qpos[None], states["qpos"][0]]),
+        qvel=np.concatenate([episode.start_qvel[None], states["qvel"][0]]),
+        ctrl=episode.torques,
+        reward_height=episode.rewards,
+        seed=seed,
+        episode=number,
+        episode_return=float(episode.rewards.sum()),
+        timestep=float(model.opt.timestep),
+        frame_skip=frame_skip,
+    )

@@ -1,0 +1,272 @@
+"""The article's own tests of trained agents, and where its printed values lie among ours.
+
+DQN and SAC: the final model plays 1,000 control steps, exploring as in training, and nothing ends
+or restarts them: a robot that has fallen plays on. (Stable-Baselines3's `predict` explores unless
+told not to: DQN draws a random command with its final epsilon, SAC draws from its Gaussian.) In the
+article MuJoCo restarts a state that is not finite; here such a state earns nothing from then on.
+
+PGPE: the fitness of the population, generation by generation, from the learning curve. Its film
+showed the centre through a problem whose normaliser had seen nothing and learned nothing meanwhile,
+that is, fed with raw observations; both that and the centre as trained are measured.
+
+A printed value is one draw. It counts as reproduced where at least eight seeds were trained and it
+lies within the central 95 % of their values.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from jumping_ant import policies
+from jumping_ant.base import tables
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.seeding import derive
+from jumping_ant.params import article
+from jumping_ant.params.models import EnvParams, Params
+from jumping_ant.policies import LinearPolicy, Policy
+from jumping_ant.sim import robot
+from jumping_ant.sim.vector import JumpingAntVectorEnv
+
+AGENTS = ("dqn", "sac", "pgpe")
+CENTRAL = 95.0  # [%] of our values, within which a printed one is reproduced
+MIN_SEEDS = 8  # fewer decide nothing
+
+Array = NDArray[np.float64]
+Act = Callable[[Array], Array]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A printed series beside ours.
+
+    Attributes:
+        printed: Printed values, by control step or generation.
+        ours: Values at steps or generations 1, 2, ..., a row a seed, shape (num_seeds, length).
+    """
+
+    printed: Mapping[int, float]
+    ours: Array
+
+    def places(self) -> list[dict[str, Any]]:
+        """Return where each printed value lies among ours, with its step or generation as `at`."""
+        return [{"at": at} | place(value, self._at(at)) for at, value in self.printed.items()]
+
+    def last(self) -> dict[str, Any]:
+        """Return where the last printed value lies among ours."""
+        at = max(self.printed)
+        return place(self.printed[at], self._at(at))
+
+    def _at(self, at: int) -> Array:
+        return self.ours[:, at - 1]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """All that is compared with the article.
+
+    Attributes:
+        seeds: Of the trainings.
+        totals: Running total of the rewards in the test of DQN and of SAC.
+        fitness: PGPE's population by generation: mean, best and median.
+        film: Return of PGPE's centre fed with raw observations, in 1,000 control steps, shape
+            (num_seeds,).
+        trained: The same with observations normalised as in training, shape (num_seeds,).
+        seconds: Training time of each seed by agent [s], validation not counted.
+    """
+
+    seeds: list[int]
+    totals: Mapping[str, Trace]
+    fitness: Mapping[str, Trace]
+    film: Array
+    trained: Array
+    seconds: Mapping[str, list[float]]
+
+    def summary(self) -> dict[str, Any]:
+        """Return all of it as JSON can express it; the keys are described in docs/article.md."""
+        printed = {
+            agent: trace.last() | {"points": trace.places()} for agent, trace in self.totals.items()
+        }
+        steps = article.PGPE_FILM_STEPS
+        film = (article.PGPE_FILM_FITNESS + steps) / steps * article.TEST_STEPS
+        printed["pgpe"] = self.fitness["fitness_mean"].last() | {
+            "traces": {name: trace.places() for name, trace in self.fitness.items()},
+            "film": place(round(film, 1), self.film),
+            "trained_normalizer": {"ours": self.trained.tolist()} | _spread(self.trained),
+        }
+        return {
+            "printed": printed,
+            "seeds": self.seeds,
+            "training": {
+                "seconds": self.seconds,
+                "hours_on_2_cores": sum(map(sum, self.seconds.values())) / 2 / 3600,
+                "stated_hours": article.STATED_HOURS,
+            },
+        }
+
+
+def reproduce(root: Path, params: Params) -> Reproduction:
+    """Run the article's tests on the trained agents of a project.
+
+    Args:
+        root: The project's folder.
+        params: Its parameters, with the agents `dqn`, `sac` and `pgpe`.
+
+    Raises:
+        InputError: An agent is not in the parameters, is of another algorithm, or is not trained.
+    """
+    dqn, _, _ = (_agent(params, name) for name in AGENTS)
+    xml = robot.read(root)
+    dqn_totals = _test(root, xml, params, "dqn", epsilon=dqn.exploration_final_eps)
+    sac_totals = _test(root, xml, params, "sac")
+    centers = [_final_policy(root, "pgpe", seed) for seed in params.seeds]
+    returns = partial(_returns, xml, params)
+    return Reproduction(
+        seeds=params.seeds,
+        totals={
+            "dqn": Trace(article.DQN_TOTALS, dqn_totals),
+            "sac": Trace(article.SAC_TOTALS, sac_totals),
+        },
+        fitness=_fitness(root, params.seeds),
+        film=returns([without_normalizer(center) for center in centers]),
+        trained=returns(centers),
+        seconds={agent: _training_seconds(root, agent, params.seeds) for agent in AGENTS},
+    )
+
+
+def play(
+    xml: str, env: EnvParams, act: Act, hold: int, seed: int, num_steps: int = article.TEST_STEPS
+) -> Array:
+    """Play on whatever happens, and return the reward of each control step.
+
+    Args:
+        xml: The robot as MJCF text.
+        env: The task.
+        act: Chooses torques, shape (1, 8), by an observation, shape (1, 27).
+        hold: Control steps that a choice is held for.
+        seed: Of the start state.
+        num_steps: How many.
+
+    Returns:
+        Rewards, shape (num_steps,); zero from a state on that is not finite.
+    """
+    envs = JumpingAntVectorEnv(xml, env, 1, autoreset_mode=AutoresetMode.DISABLED)
+    observations, _ = envs.reset(seed=[seed])
+    rewards = np.zeros(num_steps)
+    for step in range(num_steps):
+        if step % hold == 0:
+            torques = act(observations)
+        observations, reward, *_ = envs.step(torques)
+        rewards[step] = reward[0]
+    envs.close()
+    return rewards
+
+
+def without_normalizer(policy: LinearPolicy) -> LinearPolicy:
+    """Return a policy that takes observations as they are."""
+    return replace(policy, mean=np.zeros_like(policy.mean), stdev=np.ones_like(policy.stdev))
+
+
+def place(value: float, ours: Array) -> dict[str, Any]:
+    """Return where a printed value lies among ours.
+
+    Args:
+        value: The printed one.
+        ours: Shape (num_seeds,).
+
+    Returns:
+        `value` and `ours`; the `percentile` of the value, and whether it is `reproduced`, None with
+        too few seeds; the `median` of ours, and the ends of their central 95 %, `low` and `high`.
+    """
+    percentile = percentile_among(value, ours)
+    return {
+        "value": value,
+        "ours": ours.tolist(),
+        "percentile": percentile,
+        "reproduced": _is_central(percentile) if len(ours) >= MIN_SEEDS else None,
+    } | _spread(ours)
+
+
+def percentile_among(value: float, ours: Array) -> float:
+    """Return the share of values below a given one [%], those that equal it counting half."""
+    return float(100.0 * (np.mean(ours < value) + np.mean(ours == value) / 2))
+
+
+def _is_central(percentile: float) -> bool:
+    edge = (100.0 - CENTRAL) / 2
+    return edge < percentile < 100.0 - edge
+
+
+def _spread(ours: Array) -> dict[str, float]:
+    """Return the median, and the least and the largest of the values in the central 95 %."""
+    central = [float(value) for value in ours if _is_central(percentile_among(value, ours))]
+    return {"median": float(np.median(ours)), "low": min(central), "high": max(central)}
+
+
+def _agent(params: Params, name: str) -> Any:
+    """Return the block of one of the article's agents."""
+    agent = params.agent(name)
+    if agent.algorithm != name:
+        raise InputError(f"agents.{name}.algorithm: given {agent.algorithm}, allowed: {name}")
+    return agent
+
+
+def _test(root: Path, xml: str, params: Params, agent: str, **exploration: float) -> Array:
+    """Return the running totals of an agent's tests, shape (num_seeds, TEST_STEPS).
+
+    Args:
+        root: The project's folder.
+        xml: The robot as MJCF text.
+        params: All parameters.
+        agent: The agent's name.
+        exploration: What its policy's `explore` takes besides.
+    """
+    rewards = []
+    for seed in params.seeds:
+        policy = _final_policy(root, agent, seed)
+        generators = [np.random.default_rng(derive(seed, "test", 1))]
+        act = partial(policy.explore, generators=generators, **exploration)
+        rewards.append(play(xml, params.env, act, policy.actions.hold, derive(seed, "test")))
+    return np.cumsum(rewards, axis=1)
+
+
+def _returns(xml: str, params: Params, centers: Sequence[Policy]) -> Array:
+    """Return what each seed's policy earns in as many steps as the tests have, (num_seeds,)."""
+    pairs = zip(params.seeds, centers, strict=True)
+    return np.array(
+        [
+            play(xml, params.env, center.act, center.actions.hold, derive(seed, "test")).sum()
+            for seed, center in pairs
+        ]
+    )
+
+
+def _final_policy(root: Path, agent: str, seed: int) -> Any:
+    return policies.load_file(root / "models" / agent / f"seed-{seed}" / "final.zip")
+
+
+def _fitness(root: Path, seeds: Sequence[int]) -> dict[str, Trace]:
+    """Return PGPE's fitness, with as many generations as every seed has."""
+    names = list(article.PGPE_TRACES)
+    needed = max(max(printed) for printed in article.PGPE_TRACES.values())
+    rows: dict[str, list[Array]] = {name: [] for name in names}
+    for seed in seeds:
+        path = root / "models" / "pgpe" / f"seed-{seed}" / "curve.csv"
+        curve = tables.read(path, ["updates", *names], "train@pgpe")
+        is_generation = ~np.isnan(curve["updates"])  # the other rows are validation's
+        if (count := int(is_generation.sum())) < needed:
+            raise InputError(f"{path}: given {count} generations, allowed: {needed} or more")
+        for name in names:
+            rows[name].append(curve[name][is_generation][:needed])
+    return {name: Trace(article.PGPE_TRACES[name], np.array(rows[name])) for name in names}
+
+
+def _training_seconds(root: Path, agent: str, seeds: Sequence[int]) -> list[float]:
+    path = root / "results" / "timing" / f"{agent}.csv"
+    timing = tables.read(path, ["seed", "seconds"], f"train@{agent}")
+    return [float(timing["seconds"][timing["seed"] == seed].max()) for seed in seeds]

@@ -1,0 +1,108 @@
+"""How many seeds a comparison needs, to be decided if the effect found is the true one.
+
+Sources: Noether, "Sample size determination for some common nonparametric tests", Journal of the
+American Statistical Association 82, 1987; Guenther, "Sample size formulas for normal theory t
+tests", The American Statistician 35, 1981. A permutation test of means has the power of Student's
+test in large samples (Hoeffding, Annals of Mathematical Statistics 23, 1952), so that Guenther's
+formulas serve for the sign-flip test and for the test of spreads.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from jumping_ant.judging.hypothesis_tests import smallest_p
+from jumping_ant.judging.statistics import relative_deviations
+
+Array = NDArray[np.float64]
+
+MOST_SEEDS = 1000  # beyond which no number is given
+
+
+def for_rank_test(probability: float, level: float, power: float) -> int | None:
+    """Return how many seeds each agent needs for a rank test (Noether 1987).
+
+    Args:
+        probability: That a seed of the first agent beats one of the second.
+        level: Two-sided level of the test.
+        power: Wanted chance to find the difference.
+
+    Returns:
+        The number, no less than the exact test needs to reach the level at all; None above
+        `MOST_SEEDS`.
+    """
+    distance = abs(probability - 0.5)
+    needed = _quantiles(level, power) ** 2 / (6 * distance**2) if distance > 0 else math.inf
+    return _whole(needed, lambda num: smallest_p(num, num), level)
+
+
+def for_sign_test(differences: Array, level: float, power: float) -> int | None:
+    """Return how many seeds a sign-flip test needs to find the mean difference found.
+
+    The test asks for as many as Student's (Guenther 1981): the two agree for large samples.
+
+    Args:
+        differences: Shape (num,).
+        level: Two-sided level of the test.
+        power: Wanted chance to find the difference.
+
+    Returns:
+        The number, no less than the exact test needs to reach the level at all; None above
+        `MOST_SEEDS`.
+    """
+    mean, deviation = abs(differences.mean()), _deviation(differences)
+    needed = _student_seeds(mean, deviation, 1, level, power)
+    return _whole(needed, lambda num: 2.0 ** (1 - num), level)
+
+
+def for_spread_test(x: Array, y: Array, level: float, power: float) -> int | None:
+    """Return how many seeds each agent needs to find the difference in relative spread found.
+
+    Args:
+        x: First sample, shape (num_x,).
+        y: Second sample, shape (num_y,).
+        level: Two-sided level of the test.
+        power: Wanted chance to find the difference.
+
+    Returns:
+        The number for Student's test of the deviations (Guenther 1981), no less than the exact
+        test needs to reach the level at all; None above `MOST_SEEDS`.
+    """
+    own, other = relative_deviations(x), relative_deviations(y)
+    pooled = math.hypot(_deviation(own), _deviation(other)) / math.sqrt(2)
+    needed = _student_seeds(abs(own.mean() - other.mean()), pooled, 2, level, power)
+    return _whole(needed, lambda num: smallest_p(num, num), level)
+
+
+def _student_seeds(
+    effect: float, deviation: float, num_samples: int, level: float, power: float
+) -> float:
+    """Return how many observations of each sample Student's test needs (Guenther 1981)."""
+    if not effect > 0:
+        return math.inf
+    correction = stats.norm.isf(level / 2) ** 2 / (2 * num_samples)
+    needed = num_samples * (_quantiles(level, power) * deviation / effect) ** 2
+    return float(needed + correction)
+
+
+def _quantiles(level: float, power: float) -> float:
+    """Return the normal quantiles of a two-sided level and of a power, together."""
+    return float(stats.norm.isf(level / 2) + stats.norm.ppf(power))
+
+
+def _deviation(sample: Array) -> float:
+    """Return the standard deviation of a population that a sample is from; 0 of a single one."""
+    return float(sample.std(ddof=1)) if len(sample) > 1 else 0.0
+
+
+def _whole(needed: float, smallest: Callable[[int], float], level: float) -> int | None:
+    """Round up, no lower than to where the smallest p value reaches the level."""
+    if not needed <= MOST_SEEDS:
+        return None
+    num = max(1, math.ceil(needed))
+    while smallest(num) > level:
+        num += 1
+    return num

@@ -1,0 +1,88 @@
+"""Other versions of an agent's policies, which show what a part of them is worth.
+
+| variant | what | of |
+|---|---|---|
+| final | the policy at the end of training | all |
+| rounded | every choice of torques replaced by the nearest of the five commands | SAC, PGPE |
+| best_sample | of policies drawn from the final search distribution, the best one | PGPE |
+
+The published policy is the best snapshot in validation, or the last policy; the best sample is
+chosen on validation episodes, too. Variants play the same held-out episodes as published policies.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.actions import COMMAND_SIGNS, ActionSet
+from jumping_ant.base.seeding import derive
+from jumping_ant.params.models import EnvParams
+from jumping_ant.policies import GaussianActor, LinearPolicy, Policy
+from jumping_ant.sim import rollout
+
+Array = NDArray[np.float64]
+
+NUM_SAMPLES = 20  # policies of a generation in the article
+SELECTION_EPISODES = 4  # that the best sample is chosen by
+COMMANDS = (0.5 * COMMAND_SIGNS).astype(np.float64)  # the article's
+
+
+@dataclass(frozen=True)
+class RoundedPolicy:
+    """A policy whose torques are replaced by the nearest command.
+
+    Attributes:
+        policy: The policy that chooses.
+    """
+
+    policy: Policy
+
+    @property
+    def actions(self) -> ActionSet:
+        """What the policy itself chooses from; its choices are held as long."""
+        return self.policy.actions
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed."""
+        self.policy.start(episode_seeds)
+
+    def act(self, observations: Array) -> Array:
+        """Return the command of the smallest Euclidean distance to the torques, (n, 8)."""
+        torques = self.policy.act(observations)
+        distances = np.square(torques[:, None] - COMMANDS).sum(axis=-1)
+        return COMMANDS[distances.argmin(axis=1)]
+
+
+def make(
+    xml: str,
+    env: EnvParams,
+    published: Policy,
+    final: Policy,
+    seed: int,
+    validation_seed: int,
+    num_threads: int = 1,
+) -> dict[str, Policy]:
+    """Return the variants of one seed's policy, by name.
+
+    Args:
+        xml: The robot as MJCF text.
+        env: The task.
+        published: The seed's policy.
+        final: Its last one.
+        seed: The agent's seed, which samples are drawn from.
+        validation_seed: Of the first validation episode.
+        num_threads: Threads that step the simulations; results do not depend on it.
+    """
+    variants: dict[str, Policy] = {"final": final}
+    if isinstance(published, GaussianActor | LinearPolicy):
+        variants["rounded"] = RoundedPolicy(published)
+    if isinstance(final, LinearPolicy):
+        generator = np.random.default_rng(derive(seed, "samples"))
+        samples = [final.sample(generator) for _ in range(NUM_SAMPLES)]
+        episode_seeds = [validation_seed + i for i in range(SELECTION_EPISODES)]
+        played = [rollout.run(xml, env, sample, episode_seeds, num_threads) for sample in samples]
+        returns = [sum(episode.rewards.sum() for episode in episodes) for episodes in played]
+        variants["best_sample"] = samples[int(np.argmax(returns))]
+    return variants

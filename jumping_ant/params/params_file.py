@@ -1,0 +1,129 @@
+"""`params.yaml`, read and checked whole, before any work.
+
+Unknown keys, wrong types and values out of range (see `jumping_ant.params.models`) are refused with
+one line each that names the key, what was given and what is allowed.
+
+YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
+"""
+
+import difflib
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.params.models import ALGORITHMS, Block, Params
+
+# What is allowed, where pydantic's own words say it to programmers.
+ALLOWED = {
+    "bool_type": "true or false",
+    "dict_type": "a block of keys",
+    "invalid_key": "names as keys",
+    "model_attributes_type": "a block of keys",
+    "model_type": "a block of keys",
+    "string_pattern_mismatch": "lower-case letters, digits, _ and -, the first a letter or digit",
+    "string_type": "a name",
+    "too_short": "at least one",
+}
+
+
+def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
+    """Read and check a params file.
+
+    Raises:
+        InputError: The file is missing, is not YAML, or does not fit the models; one line a fault.
+    """
+    try:
+        content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path.name}: {error.strerror}: {path}") from error
+    except (YAMLError, ValueError, RecursionError) as error:  # the latter from odd scalars, depth
+        raise InputError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
+    return check(content, path.name)
+
+
+def check(content: Any, where: str = "params.yaml") -> Params:
+    """Check params given as plain dictionaries and lists.
+
+    Args:
+        content: What the YAML file holds.
+        where: The file's name, for the messages.
+
+    Raises:
+        InputError: The content does not fit the models; one line a fault.
+    """
+    try:
+        return Params.model_validate(content)
+    except ValidationError as error:
+        faults: dict[str, list[str]] = {}  # a union's members complain one by one of one fault
+        for detail in error.errors():
+            fault, allowed = _explain(detail)
+            faults.setdefault(fault, []).append(allowed)
+        texts = [f"{where}: {fault}{' or '.join(allowed)}" for fault, allowed in faults.items()]
+        lines = [" ".join(text.splitlines()) for text in texts]  # a key may hold a line break
+        raise InputError("\n".join(lines)) from error
+
+
+def _explain(error: ErrorDetails) -> tuple[str, str]:
+    """Say one validation error as: key and what was given; what is allowed."""
+    parts, kind = _resolve(error["loc"])
+    key = ".".join(map(str, parts)) or "the file"
+    if error["type"] == "extra_forbidden":
+        names = list(_resolve(error["loc"][:-1])[1].model_fields)
+        close = difflib.get_close_matches(str(parts[-1]), names, n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ""
+        return f"{key}: unknown key{hint}; allowed: ", ", ".join(names)
+    if error["type"] == "missing":
+        return f"{key}: missing; it must be given", ""
+    if error["type"] == "union_tag_invalid":
+        given = _show(error["input"].get("algorithm"))
+        return f"{key}.algorithm: given {given}, allowed: ", ", ".join(ALGORITHMS)
+    if error["type"] == "union_tag_not_found":
+        return f"{key}.algorithm: missing; allowed: ", ", ".join(ALGORITHMS)
+    if error["type"] == "value_error":
+        return f"{key}: {error['msg'].removeprefix('Value error, ')}", ""
+    plain = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+    allowed = ALLOWED.get(error["type"], plain)
+    if type(None) in get_args(kind):
+        allowed += " or null"
+    return f"{key}: given {_show(error['input'])}, allowed: ", allowed
+
+
+def _show(given: Any) -> str:
+    """Show a value, long ones by their beginning."""
+    try:
+        shown = repr(given)
+    except ValueError:  # Python does not print whole numbers of thousands of digits
+        shown = "a number too long to show"
+    return shown if len(shown) <= 60 else shown[:57] + "..."
+
+
+def _resolve(location: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
+    """Follow a location of a validation error through the models.
+
+    Pydantic puts names of its own between the file's keys: the tag of an agent's block, the member
+    of a union that complains, and `[key]` where a key itself is at fault.
+
+    Returns:
+        The keys in the file, and the type of what should stand there.
+    """
+    keys: list[int | str] = []
+    kind: Any = Params
+    for part in location:
+        if get_origin(kind) is Annotated:
+            kind = get_args(kind)[0]
+        if isinstance(kind, type) and issubclass(kind, Block):
+            keys.append(part)
+            field = kind.model_fields.get(str(part))
+            kind = field.annotation if field else None
+        elif get_origin(kind) in (dict, list):
+            keys.append(part)
+            kind = get_args(kind)[-1]
+        else:
+            kind = ALGORITHMS.get(str(part))
+    return keys, kind

@@ -1,0 +1,86 @@
+"""The article's printed values among ours, in pictures.
+
+Each seed is a thin line in its agent's colour (see `jumping_ant.words.looks`), what was printed a
+bold one. The same numbers give the same bytes.
+"""
+
+import io
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from PIL import Image
+
+from jumping_ant.judging.reproduction import Reproduction, Trace
+from jumping_ant.showing.figures import STYLES, render
+from jumping_ant.words.looks import INK, Look, label
+
+PANELS = {
+    "fitness_mean": "Mean of the population",
+    "fitness_best": "Best of the population",
+    "fitness_median": "Median of the population",
+}
+NUM_COLOURS = 48
+
+
+def draw(reproduction: Reproduction, looks: Mapping[str, Look]) -> dict[str, Figure]:
+    """Draw all figures.
+
+    Args:
+        reproduction: What `reproduction.reproduce` returns.
+        looks: Of the agents, by name.
+
+    Returns:
+        Figures by agent.
+    """
+    with style.context(STYLES):
+        figures = {
+            agent: _draw_totals(agent, trace, looks[agent])
+            for agent, trace in reproduction.totals.items()
+        }
+        return figures | {"pgpe": _draw_fitness(reproduction.fitness, looks["pgpe"])}
+
+
+def picture(figure: Figure) -> bytes:
+    """Return a figure as a PNG of few colours, which is small enough for git."""
+    with Image.open(io.BytesIO(render(figure, "png"))) as image:
+        few = image.convert("RGB").quantize(NUM_COLOURS, dither=Image.Dither.NONE)
+    content = io.BytesIO()
+    few.save(content, format="PNG", optimize=True)
+    return content.getvalue()
+
+
+def _draw_totals(agent: str, trace: Trace, look: Look) -> Figure:
+    figure = Figure(figsize=(6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    _draw_trace(axes, trace, look)
+    axes.set(xlabel="Control step of the test", ylabel="Total reward so far")
+    axes.set_ylim(bottom=0)
+    axes.legend(loc="upper left")
+    title = f"{label(agent, agent)}, tested as in the article: each seed (thin), printed (bold)"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+def _draw_fitness(fitness: Mapping[str, Trace], look: Look) -> Figure:
+    figure = Figure(figsize=(9, 3.4), layout="constrained")
+    panels = figure.subplots(1, len(fitness))
+    for axes, (name, trace) in zip(panels, fitness.items(), strict=True):
+        _draw_trace(axes, trace, look)
+        axes.set(xlabel="Generation", title=PANELS[name])
+    panels[0].set_ylabel("Fitness (200 steps, less 1 a step)")
+    panels[0].legend(loc="upper left")
+    title = "PGPE's population: each seed (thin), printed (bold)"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    return figure
+
+
+def _draw_trace(axes: Axes, trace: Trace, look: Look) -> None:
+    x = np.arange(1, trace.ours.shape[1] + 1)
+    for number, seed in enumerate(trace.ours):
+        name = "our seeds" if number == 0 else "_"
+        axes.plot(x, seed, color=look.colour, linewidth=0.9, alpha=0.7, label=name)
+    points = list(trace.printed), list(trace.printed.values())
+    axes.plot(*points, color=INK, linewidth=2.4, marker="o", markersize=4, label="printed")

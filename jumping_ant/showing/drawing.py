@@ -1,0 +1,188 @@
+"""Pictures of a robot's states, in order, drawn by as many processes as pay off.
+
+MuJoCo draws under Python's lock, and a software renderer gains little from threads of its own, so
+the pictures are dealt out to processes. Each is a small program that draws its share into a pipe:
+it starts faster than a process of `multiprocessing`, which would import the caller's program too,
+and it waits while its pictures are not read, so that few of them are in memory.
+"""
+
+import contextlib
+import fcntl
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import IO, cast
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.base import machine
+from jumping_ant.base.errors import InputError
+from jumping_ant.sim import gl
+
+Process = subprocess.Popen[bytes]
+
+PICTURES_PER_PROCESS = 100  # fewer are drawn before another process has started
+PIPE_BYTES = 2**20  # what Linux lets everybody have; a picture of 480 x 480 takes two thirds
+MAX_PROCESSES = 4  # an encoder, which takes the pictures one by one, keeps up with no more
+
+_PROGRAM = "from jumping_ant.showing import drawing; drawing.serve()"
+# A process fills a core, so llvmpipe, Mesa's software renderer, needs no threads beside it.
+_ENVIRONMENT = {"LP_NUM_THREADS": "0"}
+
+
+@dataclass(frozen=True, eq=False)
+class Shots:
+    """What to draw: a camera on n states.
+
+    Attributes:
+        model: The scene.
+        qpos: Positions in each state, shape (n, model.nq).
+        lookat: Points that the camera looks at [m], shape (n, 3).
+        width: Of a picture [pixels].
+        height: Of a picture [pixels].
+        distance: Of the camera from its point [m].
+        azimuth: Of the camera's view [degrees].
+        elevation: Of the camera's view [degrees].
+    """
+
+    model: mujoco.MjModel
+    qpos: NDArray[np.float64]
+    lookat: NDArray[np.float64]
+    width: int
+    height: int
+    distance: float
+    azimuth: float
+    elevation: float
+
+    def every(self, step: int, start: int) -> "Shots":
+        """Return every `step`-th shot, beginning with number `start`."""
+        return replace(self, qpos=self.qpos[start::step], lookat=self.lookat[start::step])
+
+
+def draw(shots: Shots, processes: int = 0) -> Iterator[NDArray[np.uint8]]:
+    """Draw shots.
+
+    Args:
+        shots: What to draw.
+        processes: How many draw; pictures do not depend on it. With 1, this one draws itself;
+            0 stands for as many as pay off.
+
+    Yields:
+        Pictures, shape (height, width, 3).
+
+    Raises:
+        InputError: Nothing draws on this machine.
+    """
+    processes = processes or _num_worthwhile(len(shots.qpos))
+    return _draw_here(shots) if processes == 1 else _draw_apart(shots, processes)
+
+
+def serve() -> None:
+    """Draw the shots that come pickled on standard input, for `_draw_apart`.
+
+    Pictures go to standard output, pickled, and after them the error that ended the work, if any.
+    Where nobody is left to read them, the work ends in silence.
+    """
+    with contextlib.suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as pipe:
+        os.dup2(2, 1)  # what libraries print goes to standard error
+        try:
+            for picture in _draw_here(pickle.load(sys.stdin.buffer)):
+                pickle.dump(picture, pipe)
+                pipe.flush()
+        except InputError as error:
+            pickle.dump(error, pipe)
+
+
+def _num_worthwhile(num_pictures: int) -> int:
+    useful = min(machine.num_cores(), MAX_PROCESSES)
+    return max(1, min(useful, num_pictures // PICTURES_PER_PROCESS))
+
+
+def _draw_here(shots: Shots) -> Iterator[NDArray[np.uint8]]:
+    data = mujoco.MjData(shots.model)
+    camera = mujoco.MjvCamera()
+    camera.distance, camera.azimuth = shots.distance, shots.azimuth
+    camera.elevation = shots.elevation
+    with gl.open_renderer(shots.model, shots.width, shots.height) as renderer:
+        for qpos, lookat in zip(shots.qpos, shots.lookat, strict=True):
+            data.qpos[:] = qpos
+            mujoco.mj_kinematics(shots.model, data)
+            mujoco.mj_camlight(shots.model, data)
+            camera.lookat[:] = lookat
+            renderer.update_scene(data, camera)
+            _finish(renderer.scene)
+            yield renderer.render()
+
+
+def _finish(scene: mujoco.MjvScene) -> None:
+    """Lay haze over the horizon of the ground z = 0, and let planes cast no shadow.
+
+    MuJoCo draws haze for infinite planes alone; the one added here, of size zero, shows nothing
+    itself. And it spares decoration the casting of shadows. A plane's would fall on nothing but,
+    by rounding errors, on the plane.
+    """
+    mujoco.mjv_initGeom(
+        scene.geoms[scene.ngeom],
+        mujoco.mjtGeom.mjGEOM_PLANE,
+        size=np.zeros(3),
+        pos=np.zeros(3),
+        mat=np.eye(3).ravel(),
+        rgba=np.ones(4, dtype=np.float32),
+    )
+    scene.ngeom += 1
+    for geom in scene.geoms[: scene.ngeom]:
+        if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+            geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+
+
+def _draw_apart(shots: Shots, processes: int) -> Iterator[NDArray[np.uint8]]:
+    """Deal the shots out to processes, and collect the pictures in turn."""
+    gl.select_backend()  # once for all of them
+    with contextlib.ExitStack() as stack:
+        artists = [stack.enter_context(_start()) for _ in range(processes)]
+        for number, artist in enumerate(artists):
+            _send(artist, shots.every(processes, number))
+        for number in range(len(shots.qpos)):
+            yield _receive(artists[number % processes])
+
+
+@contextlib.contextmanager
+def _start() -> Iterator[Process]:
+    command = [sys.executable, "-c", _PROGRAM]
+    environment = os.environ | _ENVIRONMENT
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment) as process:
+        # With room for a picture in the pipe, the next is drawn before the last is fetched. Systems
+        # without this call, or with a lower limit, only wait longer.
+        with contextlib.suppress(AttributeError, OSError):
+            fcntl.fcntl(cast(IO[bytes], process.stdout), fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+        try:
+            yield process
+        except BaseException:
+            process.kill()
+            raise
+
+
+def _send(process: Process, shots: Shots) -> None:
+    # A process that has died is found out on receiving.
+    with contextlib.suppress(BrokenPipeError), cast(IO[bytes], process.stdin) as pipe:
+        pickle.dump(shots, pipe)
+
+
+def _receive(process: Process) -> NDArray[np.uint8]:
+    try:
+        item = pickle.load(cast(IO[bytes], process.stdout))
+    except (EOFError, pickle.UnpicklingError) as error:
+        raise RuntimeError(
+            f"a process that draws ended early, with exit status {process.wait()}; what it said "
+            "stands above"
+        ) from error
+    if isinstance(item, InputError):
+        raise item
+    picture: NDArray[np.uint8] = item
+    return picture

@@ -1,0 +1,51 @@
+"""A policy that plays in real time, for someone to watch."""
+
+import itertools
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from jumping_ant.policies import Policy
+from jumping_ant.showing.recording.live import Step
+from jumping_ant.sim.env import JumpingAnt
+
+
+def play(
+    env: JumpingAnt, policy: Policy, first_seed: int, num_episodes: int | None
+) -> Iterator[Step]:
+    """Play episodes in real time.
+
+    Args:
+        env: Where the policy plays.
+        policy: What acts.
+        first_seed: Seed of the first episode; the others count up from it.
+        num_episodes: How many; None goes on and on.
+
+    Yields:
+        Each control step, not before its time has passed.
+    """
+    numbers = itertools.count() if num_episodes is None else range(num_episodes)
+    for number in numbers:
+        earned, due = 0.0, time.monotonic()
+        for step in _play_episode(env, policy, first_seed + number):
+            yield step
+            earned += step.reward
+            due = max(due + env.dt, time.monotonic() - env.dt)  # what is late is not made up for
+            time.sleep(max(0.0, due - time.monotonic()))
+        print(f"episode {number}: return {earned:,.0f}", flush=True)
+
+
+def _play_episode(env: JumpingAnt, policy: Policy, seed: int) -> Iterator[Step]:
+    observation, _ = env.reset(seed=seed)
+    policy.start([seed])
+    has_ended = False
+    for number in itertools.count():
+        if has_ended:
+            return
+        if number % policy.actions.hold == 0:
+            torques = policy.act(observation[None])[0]
+        qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()
+        observation, reward, terminated, truncated, _ = env.step(torques.astype(np.float32))
+        has_ended = terminated or truncated
+        yield Step(qpos, qvel, torques, reward)

@@ -1,0 +1,137 @@
+"""The pages of text in recordings, as Markdown: what one sees, and how to move about."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import rerun as rr
+
+from jumping_ant.showing.recording.parts import LEG_COLORS, limb_names
+from jumping_ant.showing.recording.scene import METRES_PER_NEWTON
+from jumping_ant.showing.recording.story import Story
+from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.words import looks
+
+LEG_COLOR_NAMES = ("coral", "yellow", "green", "violet")  # of `LEG_COLORS`
+
+BASELINES = {
+    "random": "a baseline, which acts at random",
+    "open_loop": "a baseline, which moves to a beat and does not look at the robot",
+}
+
+MOVING_ABOUT = """\
+**Moving about.** Drag in the bar below, or click into a plot, to choose a time; space pauses, and
+the loop button lets everything play. Where a robot is, drag to turn, right-drag to shift, scroll to
+come closer; the camera follows the torso. Click a shape or a line for its values."""
+
+
+@dataclass(frozen=True)
+class Opening:
+    """What plays at first.
+
+    Attributes:
+        peak: Time of the highest jump [s].
+        end: It is the highest up to here [s].
+    """
+
+    peak: float
+    end: float
+
+
+def log_page(stream: rr.RecordingStream, text: str) -> None:
+    """Log a page of Markdown, for the view `About`."""
+    page = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+    stream.log("about", page, static=True)
+
+
+def episode_page(
+    model: mujoco.MjModel, trajectory: Trajectory, story: Story, opening: Opening
+) -> str:
+    """Tell of one episode.
+
+    Args:
+        model: The robot.
+        trajectory: The episode.
+        story: What is known of it.
+        opening: What plays at first; it ends with the film.
+    """
+    measures = story.measures
+    seconds = len(trajectory.ctrl) * trajectory.frame_skip * trajectory.timestep
+    arrow = f"{100 * METRES_PER_NEWTON:g} m for 100 N"
+    return f"""\
+## {story.label}, seed {trajectory.seed}, episode {trajectory.episode}
+
+| return | peak height | jumps | off the ground |
+|---|---|---|---|
+| {measures["return"]:,.0f} | {measures["peak_height"]:.2f} m | {measures["jumps"]:.0f} | \
+{measures["airborne_seconds"]:.1f} of {seconds:.1f} s |
+
+The median of the held-out episodes of `{story.agent}`: {_algorithm(story)}.{_robot(story)}
+What plays again and again is the highest jump of the {opening.end:g} s that are filmed, at
+{opening.peak:.1f} s.
+
+**What to look at.** Arrows are the forces of the ground on each limb ({arrow}): long where the
+robot pushes off and lands, none while it flies. The blue trail is the torso's way. The reward
+follows the torso's height and saturates, so that higher jumps earn by lasting longer. Of the
+learning curves the blue one is this seed's, the grey ones are the other seeds'.
+
+**Colours.** {_legend(model)}; the same for shapes, arrows, torques and forces.
+
+{MOVING_ABOUT}
+"""
+
+
+def lineup_page(
+    stories: Mapping[str, Story], trajectories: Mapping[str, Trajectory], opening: Opening
+) -> str:
+    """Tell of all agents' episodes side by side.
+
+    Args:
+        stories: What is known of each agent's episode.
+        trajectories: The episodes.
+        opening: What plays at first.
+    """
+    rows = "\n".join(
+        f"| **{story.label}**{_remark(story)} | {trajectories[agent].seed} | "
+        f"{story.measures['return']:,.0f} | {story.mean_return:,.0f} | "
+        f"{story.measures['peak_height']:.2f} m | {story.measures['jumps']:.0f} |"
+        for agent, story in stories.items()
+    )
+    return f"""\
+## The agents side by side
+
+Each agent's median held-out episode, all begun at the same time.
+
+| agent | seed | return | mean return | peak | jumps |
+|---|---|---|---|---|---|
+{rows}
+
+A baseline learns nothing. The mean is over all seeds and held-out episodes. An agent has one
+colour: of its torso, of the trail behind it, and of its height in the plot; baselines are grey.
+Arrows are the forces of the ground. What plays again and again is the
+highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
+
+{MOVING_ABOUT}
+"""
+
+
+def _algorithm(story: Story) -> str:
+    """Say what an agent runs."""
+    return BASELINES.get(story.algorithm, story.algorithm.upper())
+
+
+def _robot(story: Story) -> str:
+    return " Its robot is Gymnasium's Ant as it comes." if story.robot == "unedited" else ""
+
+
+def _remark(story: Story) -> str:
+    """Return what sets an agent apart from learners on the edited robot, in brackets."""
+    remark = looks.remark(story.algorithm, story.robot)
+    return f" ({remark})" if remark else ""
+
+
+def _legend(model: mujoco.MjModel) -> str:
+    legs = limb_names(model)[1:]
+    names = [LEG_COLOR_NAMES[i % len(LEG_COLORS)] for i in range(len(legs))]
+    words = [f"{leg.replace('_', ' ')} {name}" for leg, name in zip(legs, names, strict=True)]
+    return ", ".join(["Torso sand", *words])

@@ -1,0 +1,66 @@
+"""An agent's episode as a recording: the robot in 3-D beside everything it did.
+
+Entities, over `sim_time` [s] and, but for the film, `control_step`:
+
+| path | what | unit |
+|---|---|---|
+| /world/<body>/<geom> | the robot's shapes, moved with their bodies | m |
+| /trail | the torso's path | m |
+| /contact_arrow/<limb> | force of its contacts on a limb, from their mean point | 100 N/m |
+| /height/torso | height of the torso's centre | m |
+| /reward/height | height reward of each control step, at its end | |
+| /torque/<motor> | torque held from the control step's start | N m |
+| /contact_force/<limb> | sum of the normal forces at the contacts of a leg, or of the torso | N |
+| /contacts | number of contacts | |
+| /phase | `grounded`, or `airborne` without any contact | |
+| /film/frames | the frames of the film | |
+| /learning/curves/seed-<n> | returns of a seed's policy while it learned; always there | |
+| /about | a page of text; always there | |
+"""
+
+import rerun as rr
+
+from jumping_ant.showing.recording import about, curves, film, layout, series, states
+from jumping_ant.showing.recording.file import write
+from jumping_ant.showing.recording.scene import Scene, time_of_peak
+from jumping_ant.showing.recording.story import Story
+from jumping_ant.sim import robot
+from jumping_ant.sim.trajectory import Trajectory
+
+
+def record(xml: str, trajectory: Trajectory, story: Story, mp4: bytes) -> bytes:
+    """Return an episode as the content of an `.rrd` file (see `file.write`).
+
+    It plays the highest jump of its film again and again.
+
+    Args:
+        xml: The robot.
+        trajectory: The episode; it is recorded whole, at the simulation's rate.
+        story: What is told of it.
+        mp4: Its film, from its start on, perhaps not to its end.
+
+    Raises:
+        InputError: The XML is not the robot, or has a shape that is not drawn, or the film is no
+            MP4.
+    """
+    model = robot.load(xml)
+    video = film.Film(mp4)
+    found = states.derive(model, trajectory, trajectory.rows())
+    end = min(int(video.times[-1]), int(found.times[-1]))
+    peak = time_of_peak(model, found, end)
+
+    def log(stream: rr.RecordingStream) -> None:
+        scene = Scene(stream, model)
+        scene.log_shapes()
+        scene.log_states(found)
+        series.log_styles(stream, model)
+        series.log_states(stream, model, found)
+        series.log_control(stream, model, trajectory, len(found.rows))
+        video.log(stream)
+        curves.log_curves(stream, story.curves, trajectory.seed)
+        page = about.episode_page(model, trajectory, story, about.Opening(peak / 1e9, end / 1e9))
+        about.log_page(stream, page)
+
+    name = f"{story.agent}-seed-{trajectory.seed}-episode-{trajectory.episode}"
+    title = f"{story.agent}, seed {trajectory.seed}"
+    return write(name, title, layout.episode_layout(model, layout.around(peak, end), end), log)

@@ -1,0 +1,89 @@
+"""All agents side by side as one recording: each one's robot in 3-D, and their heights together.
+
+Entities, over `sim_time` [s] and `control_step`:
+
+| path | what | unit |
+|---|---|---|
+| /<agent>/world/<body>/<geom> | the robot's shapes, moved with their bodies | m |
+| /<agent>/trail, /<agent>/contact_arrow/<limb> | as in `jumping_ant.showing.recording.episode` | |
+| /height/<agent> | height of the torso's centre | m |
+| /about | a page of text; always there | |
+"""
+
+from collections.abc import Mapping
+
+import mujoco
+import rerun as rr
+
+from jumping_ant.showing.recording import about, layout, series, states
+from jumping_ant.showing.recording.file import write
+from jumping_ant.showing.recording.parts import Color
+from jumping_ant.showing.recording.scene import Scene, time_of_peak, torso_heights
+from jumping_ant.showing.recording.states import States
+from jumping_ant.showing.recording.story import Story
+from jumping_ant.sim import robot
+from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.words import looks
+
+STRIDE = 2  # simulation steps from one recorded state to the next; all would double the file
+OPENING_SECONDS = 20.0  # the highest jump up to here plays at first
+
+
+def record(
+    robots: Mapping[str, str],
+    trajectories: Mapping[str, Trajectory],
+    stories: Mapping[str, Story],
+) -> bytes:
+    """Return the agents' episodes as the content of one `.rrd` file (see `file.write`).
+
+    It plays the highest jump of the first seconds again and again.
+
+    Args:
+        robots: Each agent's robot, as MJCF text.
+        trajectories: An episode of each agent.
+        stories: What is told of each.
+
+    Raises:
+        InputError: The XML is not the robot, or has a shape that is not drawn.
+    """
+    models = {agent: robot.load(xml) for agent, xml in robots.items()}
+    colors = _colors(stories)
+    found = {
+        agent: states.derive(models[agent], trajectory, trajectory.rows(STRIDE))
+        for agent, trajectory in trajectories.items()
+    }
+    ends = [int(own.times[-1]) for own in found.values()]
+    end = min(int(OPENING_SECONDS * 1e9), max(ends))
+    peak = _time_of_peak(models, found, end)
+
+    def log(stream: rr.RecordingStream) -> None:
+        for agent, own in found.items():
+            color, model = colors[agent], models[agent]
+            scene = Scene(stream, model, f"{agent}/", torso_color=color, trail_color=color)
+            scene.log_shapes()
+            scene.log_states(own)
+            series.log_style(stream, f"height/{agent}", stories[agent].label, color)
+            series.log_line(stream, f"height/{agent}", own, torso_heights(model, own))
+        opening = about.Opening(peak / 1e9, end / 1e9)
+        about.log_page(stream, about.lineup_page(stories, trajectories, opening))
+
+    labels = {agent: story.label for agent, story in stories.items()}
+    opened = layout.lineup_layout(labels, layout.around(peak, end))
+    return write("lineup", "All agents", opened, log)
+
+
+def _time_of_peak(
+    models: Mapping[str, mujoco.MjModel], episodes: Mapping[str, States], until: int
+) -> int:
+    """Return when the highest of all torsos is highest [ns], up to a time [ns]."""
+    peaks = []
+    for agent, own in episodes.items():
+        time = time_of_peak(models[agent], own, until)
+        peaks.append((float(torso_heights(models[agent], own)[own.times == time][0]), time))
+    return max(peaks)[1]
+
+
+def _colors(stories: Mapping[str, Story]) -> dict[str, Color]:
+    """Return each agent's colour, that of the figures."""
+    drawn = looks.looks({agent: story.algorithm for agent, story in stories.items()})
+    return {agent: tuple(bytes.fromhex(look.colour[1:])) for agent, look in drawn.items()}

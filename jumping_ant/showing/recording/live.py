@@ -1,0 +1,86 @@
+"""Episodes as they happen, as a recording that grows.
+
+Scene and series are those of `jumping_ant.showing.recording.episode`, one episode after the other
+on one time line.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from jumping_ant.showing.recording import layout, series, states
+from jumping_ant.showing.recording.scene import Scene
+from jumping_ant.sim.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A control step as it is played.
+
+    Attributes:
+        qpos: Positions at its start, shape (15,).
+        qvel: Velocities at its start, shape (14,).
+        torques: Torques over peak torques, shape (8,).
+        reward: What it earned.
+    """
+
+    qpos: NDArray[np.float64]
+    qvel: NDArray[np.float64]
+    torques: NDArray[np.float64]
+    reward: float
+
+
+class LiveRecording:
+    """A recording that grows by a control step at a time.
+
+    Args:
+        stream: Where it goes.
+        model: The robot.
+        frame_skip: Simulation steps of a control step.
+    """
+
+    def __init__(self, stream: rr.RecordingStream, model: mujoco.MjModel, frame_skip: int) -> None:
+        self._stream, self._model, self._frame_skip = stream, model, frame_skip
+        self._scene = Scene(stream, model)
+        self._data = mujoco.MjData(model)
+        self._num_steps = 0
+        self._scene.log_shapes()
+        series.log_styles(stream, model)
+
+    def show(self, step: Step) -> None:
+        """Record a control step; one that breaks off is left out."""
+        trajectory = self._simulate(step)
+        rows, first = trajectory.rows(), self._num_steps
+        self._num_steps += 1
+        if len(rows) == len(trajectory.qpos):
+            found = states.derive(self._model, trajectory, rows, first)
+            self._scene.log_states(found)
+            series.log_states(self._stream, self._model, found)
+            series.log_control(self._stream, self._model, trajectory, len(rows), first)
+        if first == 0:
+            # Not earlier: a camera can turn only to what is there.
+            self._stream.flush()
+            self._stream.send_blueprint(layout.live_layout(self._model))
+
+    def _simulate(self, step: Step) -> Trajectory:
+        """Return the control step with all its simulation steps."""
+        data, positions, velocities = self._data, [step.qpos], [step.qvel]
+        data.qpos[:], data.qvel[:], data.ctrl[:] = step.qpos, step.qvel, step.torques
+        for _ in range(self._frame_skip):
+            mujoco.mj_step(self._model, data)
+            positions.append(data.qpos.copy())
+            velocities.append(data.qvel.copy())
+        return Trajectory(
+            qpos=np.array(positions),
+            qvel=np.array(velocities),
+            ctrl=step.torques[None],
+            reward_height=np.array([step.reward]),
+            seed=0,
+            episode=0,
+            episode_return=step.reward,
+            timestep=float(self._model.opt.timestep),
+            frame_skip=self._frame_skip,
+        )

@@ -1,0 +1,65 @@
+"""The robot's parts in a recording: what they are called, what belongs together, its colours."""
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.sim import robot
+
+Color = tuple[int, ...]
+
+FLOOR_COLOR: Color = (52, 62, 76)
+TORSO_COLOR: Color = (232, 222, 204)
+# One colour a leg, in the order of the bodies; the legs' shapes, arrows and series share it.
+LEG_COLORS: tuple[Color, ...] = ((240, 120, 90), (250, 195, 80), (90, 190, 170), (130, 140, 245))
+
+
+def body_names(model: mujoco.MjModel) -> list[str]:
+    """Return the bodies' names; a nameless one, the tip of a leg, is its parent's foot."""
+    names = [model.body(index).name for index in range(model.nbody)]
+    for index, name in enumerate(names):
+        if not name:
+            names[index] = f"{names[model.body_parentid[index]]}_foot"
+    return names
+
+
+def geom_paths(model: mujoco.MjModel) -> list[str]:
+    """Return the entity path of every geom; a nameless one is numbered."""
+    bodies = body_names(model)
+    paths = []
+    for index in range(model.ngeom):
+        name = model.geom(index).name or f"geom_{index}"
+        body = model.geom_bodyid[index]
+        paths.append(f"world/{bodies[body]}/{name}" if body else f"world/{name}")
+    return paths
+
+
+def limb_names(model: mujoco.MjModel) -> list[str]:
+    """Return the names of the limbs: the torso and the legs that begin at it."""
+    names = body_names(model)
+    return [names[body] for body in _limb_roots(model)]
+
+
+def limb_color(limb: int) -> Color:
+    """Return the colour of a limb, by its number among `limb_names`."""
+    return TORSO_COLOR if limb == 0 else LEG_COLORS[(limb - 1) % len(LEG_COLORS)]
+
+
+def limbs_of_bodies(model: mujoco.MjModel) -> NDArray[np.int64]:
+    """Return the number of each body's limb, -1 for the world's, shape (num_bodies,)."""
+    roots = _limb_roots(model)
+    limbs = np.full(model.nbody, -1)
+    for body in range(1, model.nbody):  # a parent comes before its children
+        limbs[body] = roots.index(body) if body in roots else limbs[model.body_parentid[body]]
+    return limbs
+
+
+def limbs_of_motors(model: mujoco.MjModel) -> NDArray[np.int64]:
+    """Return the number of the limb that each motor moves, shape (num_motors,)."""
+    joints = model.actuator_trnid[:, 0]
+    return limbs_of_bodies(model)[model.jnt_bodyid[joints]]
+
+
+def _limb_roots(model: mujoco.MjModel) -> list[int]:
+    torso = model.body(robot.TORSO).id
+    return [torso, *np.flatnonzero(model.body_parentid == torso).tolist()]

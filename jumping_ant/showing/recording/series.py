@@ -1,0 +1,107 @@
+"""What is plotted over time: height, contacts, torques, reward, and the phases of a jump."""
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from jumping_ant.showing.recording.parts import (
+    LEG_COLORS,
+    Color,
+    limb_color,
+    limb_names,
+    limbs_of_motors,
+)
+from jumping_ant.showing.recording.scene import TRAIL_COLOR, torso_heights
+from jumping_ant.showing.recording.states import States, indexes
+from jumping_ant.sim.trajectory import Trajectory
+
+HEIGHT_COLOR: Color = TRAIL_COLOR
+REWARD_COLOR: Color = (160, 225, 140)
+CONTACTS_COLOR: Color = (140, 156, 176)
+PHASE_COLORS: dict[str, Color] = {"airborne": TRAIL_COLOR, "grounded": LEG_COLORS[1]}
+
+
+def log_styles(stream: rr.RecordingStream, model: mujoco.MjModel) -> None:
+    """Log the name and colour of every series."""
+    log_style(stream, "height/torso", "torso height [m]", HEIGHT_COLOR)
+    log_style(stream, "contacts", "contacts", CONTACTS_COLOR)
+    log_style(stream, "reward/height", "height reward", REWARD_COLOR)
+    for limb, name in enumerate(limb_names(model)):
+        log_style(stream, f"contact_force/{name}", name.replace("_", " "), limb_color(limb))
+    for motor, limb in enumerate(limbs_of_motors(model)):
+        name = model.actuator(motor).name
+        log_style(stream, f"torque/{name}", name, limb_color(limb), steps=True)
+    phases = rr.StateConfiguration(values=list(PHASE_COLORS), colors=list(PHASE_COLORS.values()))
+    stream.log("phase", phases, static=True)
+
+
+def log_style(
+    stream: rr.RecordingStream, path: str, label: str, color: Color, steps: bool = False
+) -> None:
+    """Log how a series is drawn; `steps` holds each value until the next."""
+    mode = rr.components.InterpolationMode.StepAfter if steps else None
+    style = rr.SeriesLines(names=[label], colors=[color], widths=[1.5], interpolation_mode=mode)
+    stream.log(path, style, static=True)
+
+
+def log_states(stream: rr.RecordingStream, model: mujoco.MjModel, states: States) -> None:
+    """Log what has a value in every state: height and contacts."""
+    log_line(stream, "height/torso", states, torso_heights(model, states))
+    log_line(stream, "contacts", states, states.contacts)
+    for limb, name in enumerate(limb_names(model)):
+        log_line(stream, f"contact_force/{name}", states, states.normal_forces[:, limb])
+    _log_phases(stream, states)
+
+
+def log_line(
+    stream: rr.RecordingStream,
+    path: str,
+    states: States,
+    values: NDArray[np.float64] | NDArray[np.int64],
+) -> None:
+    """Log a series that has a value in every state."""
+    columns = indexes(states.times, states.steps)
+    stream.send_columns(path, columns, rr.Scalars.columns(scalars=values))
+
+
+def log_control(
+    stream: rr.RecordingStream,
+    model: mujoco.MjModel,
+    trajectory: Trajectory,
+    num_rows: int,
+    first_step: int = 0,
+) -> None:
+    """Log what has a value in every control step: torques at its start, reward at its end.
+
+    Args:
+        stream: The recording.
+        model: The robot.
+        trajectory: The episode, or a part of one.
+        num_rows: Its states that are recorded; a step that they do not end earned nothing.
+        first_step: Number of the trajectory's first control step in the recording.
+    """
+    skip, last = trajectory.frame_skip, num_rows - 1
+    begun, ended = -(-last // skip), last // skip
+    steps = first_step + np.arange(begun)
+    times = np.rint(
+        np.arange(first_step, first_step + begun + 1) * skip * trajectory.timestep * 1e9
+    )
+    times = times.astype(np.int64)
+    torques = trajectory.ctrl[:begun] * model.actuator_gear[:, 0]
+    columns = indexes(times[:-1], steps)
+    for motor in range(model.nu):
+        values = rr.Scalars.columns(scalars=torques[:, motor])
+        stream.send_columns(f"torque/{model.actuator(motor).name}", columns, values)
+    columns = indexes(times[1 : ended + 1], steps[:ended])
+    rewards = rr.Scalars.columns(scalars=trajectory.reward_height[:ended])
+    stream.send_columns("reward/height", columns, rewards)
+
+
+def _log_phases(stream: rr.RecordingStream, states: States) -> None:
+    """Log when the robot leaves the ground and when it is back."""
+    airborne = states.contacts == 0
+    changes = np.flatnonzero(np.diff(airborne, prepend=~airborne[0]))
+    phases = np.where(airborne[changes], "airborne", "grounded")
+    columns = indexes(states.times[changes], states.steps[changes])
+    stream.send_columns("phase", columns, rr.StateChange.columns(state=phases.tolist()))

@@ -1,0 +1,233 @@
+"""Videos of recorded episodes, drawn off screen and encoded to the same bytes at every run."""
+
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import imageio.v2 as imageio
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.params.models import RecordParams
+from jumping_ant.showing import drawing
+from jumping_ant.showing.drawing import Shots
+from jumping_ant.sim.robot import FLOOR, TORSO
+from jumping_ant.sim.trajectory import Trajectory
+
+# The camera follows the torso's path, smoothed over this long [s].
+CAMERA_SMOOTHING = 0.25
+# As shares of the camera's distance: the height it looks at, and how far above that the torso
+# rises before the camera rises too. Below, ground and horizon stand still and jumps show.
+CAMERA_HEIGHT = 0.22
+CAMERA_SLACK = 0.2
+
+# Corners of round parts: around, and from pole to pole. Of MuJoCo's 28 and 16 the eye misses none
+# at the sizes that films have, and every corner is computed three times a frame.
+SLICES, STACKS = 16, 10
+LIGHT_HEIGHT = 8.0  # [m] of the lamp above the torso
+SHADOW_REACH = 2.0  # [m] from below the torso, as far as a shadow may lie
+TILE = 2.0  # [m] side of the floor's squares
+# [m] from the origin to where the floor ends, farther than episodes lead. A floor without end is
+# what MuJoCo cuts into 40,000 pieces, which took longer to draw than all else. The number of tiles
+# is odd, which puts corners of tiles at the origin.
+FLOOR_REACH = 501 * TILE
+DARK_TILE = (0.30, 0.37, 0.45)
+LIGHT_TILE = (0.36, 0.44, 0.53)
+TILE_EDGE = (0.62, 0.70, 0.78)
+ZENITH = (0.45, 0.62, 0.80)
+HORIZON = (0.80, 0.87, 0.94)
+
+
+def film(xml: str, trajectory: Trajectory, params: RecordParams, processes: int = 0) -> bytes:
+    """Return an episode's first seconds as an MP4 file (see `frames` and `encode`)."""
+    return encode(frames(xml, trajectory, params, processes), params.fps)
+
+
+def frames(
+    xml: str, trajectory: Trajectory, params: RecordParams, processes: int = 0
+) -> Iterator[NDArray[np.uint8]]:
+    """Draw an episode.
+
+    Args:
+        xml: The robot.
+        trajectory: The episode; its first `params.seconds` are drawn, all of a shorter one.
+        params: Size, frame rate, shadow and camera.
+        processes: How many draw (see `drawing.draw`).
+
+    Returns:
+        Pictures, shape (height, width, 3), drawn as they are asked for.
+
+    Raises:
+        InputError: The frame rate does not divide the simulation's, the XML is not a robot with
+            a torso and a floor, or another than the trajectory's, or nothing draws on this machine.
+    """
+    rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
+    model = scene(xml, params.shadow_size)
+    if trajectory.qpos.shape[1] != model.nq:
+        raise InputError(
+            f"trajectory: given states of {trajectory.qpos.shape[1]} positions, allowed: the "
+            f"robot's {model.nq}; it shows another robot, and `dvc repro` evaluates this one"
+        )
+    shots = Shots(
+        model=model,
+        qpos=trajectory.qpos[rows],
+        lookat=camera_path(trajectory.qpos[rows, :3], params),
+        width=params.width,
+        height=params.height,
+        distance=params.camera_distance,
+        azimuth=params.camera_azimuth,
+        elevation=params.camera_elevation,
+    )
+    return drawing.draw(shots, processes)
+
+
+def frame_stride(timestep: float, fps: int) -> int:
+    """Return the number of simulation steps from one frame to the next.
+
+    Raises:
+        InputError: The frame rate does not divide the simulation's.
+    """
+    rate = round(1 / timestep)
+    if fps > rate or rate % fps:
+        divisors = [str(number) for number in range(1, rate + 1) if rate % number == 0]
+        raise InputError(
+            f"record.fps: given {fps}, allowed: the divisors of the simulation's {rate} Hz: "
+            f"{', '.join(divisors)}"
+        )
+    return rate // fps
+
+
+def camera_path(torso: NDArray[np.float64], params: RecordParams) -> NDArray[np.float64]:
+    """Return the points the camera looks at.
+
+    Args:
+        torso: The torso's position in each frame [m], shape (num_frames, 3).
+        params: Frame rate and distance of the camera.
+
+    Returns:
+        Points [m], shape (num_frames, 3): the path, smoothed, at a height that stands still until
+        the torso would leave the picture.
+    """
+    height = CAMERA_HEIGHT * params.camera_distance
+    slack = CAMERA_SLACK * params.camera_distance
+    points = torso.copy()
+    points[:, 2] = np.maximum(height, torso[:, 2] - slack)
+    smoothing = CAMERA_SMOOTHING * params.fps
+    smooth: NDArray[np.float64] = gaussian_filter1d(points, smoothing, axis=0, mode="nearest")
+    return smooth
+
+
+def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
+    """Compile a robot for pictures: a calm floor to the horizon, sky, and a lamp overhead.
+
+    Only what is seen changes, not the robot. The source's lamp hangs at 1.3 m, below a jump.
+
+    Args:
+        xml: The robot.
+        shadow_size: Side of the shadow map [pixels]; 0 draws no shadow.
+
+    Raises:
+        InputError: The XML is not MJCF, or has no torso or floor.
+    """
+    try:
+        spec = mujoco.MjSpec.from_string(xml)
+    except ValueError as error:
+        raise InputError(f"robot XML: not valid MJCF: {' '.join(str(error).split())}") from error
+    torso, floor = spec.body(TORSO), spec.geom(FLOOR)
+    if torso is None or floor is None:
+        raise InputError(f"robot XML: given no {TORSO} body or no {FLOOR} geom; both are needed")
+    _paint(spec, floor)
+    _light(spec, torso)
+    spec.stat.extent = 4.0  # [m] the unit of the distances below, else a guess from the robot
+    spec.visual.map.zfar = 20.0
+    spec.visual.map.shadowclip = SHADOW_REACH / spec.stat.extent
+    spec.visual.quality.shadowsize = shadow_size
+    spec.visual.quality.numslices, spec.visual.quality.numstacks = SLICES, STACKS
+    spec.visual.quality.offsamples = 0  # smoother edges would double the time of a frame
+    return spec.compile()
+
+
+def encode(pictures: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
+    """Encode pictures as an MP4 file that every browser plays: H.264, yuv420p, index first.
+
+    Equal pictures make equal bytes: one encoder thread, no dates, no versions.
+
+    Args:
+        pictures: Pictures of one size, shape (height, width, 3), both even.
+        fps: Frame rate [1/s].
+    """
+    options = (
+        "-crf 19 -preset veryfast -threads 1 "
+        "-vf scale=out_color_matrix=bt709:out_range=tv,"
+        "setparams=range=tv:colorspace=bt709:color_primaries=bt709:color_trc=bt709 "
+        "-fflags +bitexact -flags:v +bitexact -map_metadata -1 -movflags +faststart"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mp4"
+        writer: Any = imageio.get_writer(
+            path,
+            format="FFMPEG",
+            fps=fps,
+            codec="libx264",
+            pixelformat="yuv420p",
+            quality=None,
+            macro_block_size=1,  # sizes stay as given: even ones fit yuv420p
+            output_params=options.split(),
+        )
+        with writer:
+            for picture in pictures:
+                writer.append_data(picture)
+        return path.read_bytes()
+
+
+def _paint(spec: mujoco.MjSpec, floor: mujoco.MjsGeom) -> None:
+    """Give the scene a tiled floor to the horizon, and a sky that meets it in haze."""
+    spec.add_texture(
+        name="tiles",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        mark=mujoco.mjtMark.mjMARK_EDGE,
+        rgb1=DARK_TILE,
+        rgb2=LIGHT_TILE,
+        markrgb=TILE_EDGE,
+        width=256,
+        height=256,
+    )
+    tiles = spec.add_material(
+        name="tiles",
+        texuniform=True,
+        texrepeat=[1.0 / TILE] * 2,  # of half the texture, which is two tiles wide
+        specular=0.1,
+        shininess=0.1,
+        reflectance=0.0,
+    )
+    tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
+    floor.material = "tiles"
+    floor.rgba = [1.0] * 4
+    floor.size = [FLOOR_REACH] * 3  # in four pieces: the last is the side of each
+    for texture in spec.textures:
+        if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
+            texture.rgb1, texture.rgb2 = ZENITH, HORIZON
+    spec.visual.rgba.haze = [*HORIZON, 1.0]
+
+
+def _light(spec: mujoco.MjSpec, torso: mujoco.MjsBody) -> None:
+    """Hang one lamp straight above the torso, so that the shadow tells where it is."""
+    for light in spec.lights:
+        spec.delete(light)
+    torso.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        pos=[0.0, 0.0, LIGHT_HEIGHT],
+        dir=[0.0, 0.0, -1.0],
+        ambient=[0.0] * 3,
+        diffuse=[0.75] * 3,
+        specular=[0.3] * 3,
+    )
+    spec.visual.headlight.ambient = [0.38] * 3
+    spec.visual.headlight.diffuse = [0.38] * 3
+    spec.visual.headlight.specular = [0.1] * 3

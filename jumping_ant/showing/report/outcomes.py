@@ -1,0 +1,143 @@
+"""The report's tables of outcomes, and its claims, as text."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from jumping_ant.judging import comparison
+from jumping_ant.judging.results import AgentResults
+from jumping_ant.words import looks
+from jumping_ant.words.measures import MEASURES
+from jumping_ant.words.wording import estimate, interval, number, p_value
+
+BEHAVIOUR = ("apex", "flight", "fluidity", "jumps")
+BUDGETS = ("return_at_equal_steps", "return_at_equal_seconds")
+COSTS = ("env_steps", "train_seconds")
+SIGNS = {"supported": "\u2713", "refuted": "\u2717", "inconclusive": "?"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number of a table, as text; `interval` is empty where there is none."""
+
+    value: str = "\u2013"
+    interval: str = ""
+    is_best: bool = False
+
+
+@dataclass(frozen=True)
+class Row:
+    """An agent's row: its name, what sets it apart from learners on the edited robot, cells."""
+
+    label: str
+    remark: str
+    cells: Sequence[Cell]
+
+
+def returns(
+    results: Mapping[str, AgentResults], summary: Mapping[str, Any], confidence: float
+) -> list[Row]:
+    """Return the returns of each agent.
+
+    Args:
+        results: What `results.load` returns.
+        summary: `agents` of `results/comparison.json`.
+        confidence: Of the intervals.
+
+    Returns:
+        Of each agent the interquartile mean, the mean and the worst seed of the published
+        policies, then interquartile means of the final policies, and after equal budgets if any
+        agent learns.
+    """
+    budgets = BUDGETS if any(not agent.is_baseline for agent in results.values()) else ()
+
+    def cells(name: str) -> Iterator[Cell]:
+        own = summary[name]["return"]
+        yield _cell(results, summary, name, "return")
+        yield Cell(number(own["mean"]))
+        yield Cell(number(own["worst"]))
+        final = results[name].variants.get("final")
+        described = comparison.describe(final["return"], confidence) if final else None
+        yield _estimate(described, summary[name]["seeds"])
+        for budget in budgets:
+            yield _estimate(summary[name].get(budget), summary[name]["seeds"])
+
+    return [_row(agent, list(cells(name))) for name, agent in results.items()]
+
+
+def behaviour(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> list[Row]:
+    """Return how each agent jumps, and what its training took; arguments as in `returns`."""
+
+    def cells(name: str) -> Iterator[Cell]:
+        for measure in BEHAVIOUR:
+            yield _cell(results, summary, name, measure)
+        for cost in COSTS:  # follow from the budget given: none is best
+            yield Cell(number(summary[name][cost]))
+
+    return [_row(agent, list(cells(name))) for name, agent in results.items()]
+
+
+def claims(entries: Sequence[Mapping[str, Any]], num_seeds: int) -> list[dict[str, str]]:
+    """Return the claims in words.
+
+    Args:
+        entries: `claims` of `results/comparison.json`.
+        num_seeds: Of each agent.
+    """
+    return [
+        {
+            "verdict": entry["verdict"],
+            "sign": SIGNS[entry["verdict"]],
+            "text": entry["text"],
+            "effect": _effect(entry["effect"], num_seeds),
+            "p": f"p = {p_value(entry['p'])}, {p_value(entry['p_holm'])} after Holm",
+            "needed": _needed(entry),
+            "evidence": entry["evidence"],
+        }
+        for entry in entries
+    ]
+
+
+def remark(agent: AgentResults) -> str:
+    """Return what sets an agent apart from those that learn on the edited robot, if anything."""
+    return looks.remark(agent.algorithm, agent.block.robot)
+
+
+def _row(agent: AgentResults, cells: Sequence[Cell]) -> Row:
+    return Row(agent.label, remark(agent), cells)
+
+
+def _estimate(entry: Mapping[str, float] | None, num_seeds: int, is_best: bool = False) -> Cell:
+    if entry is None:
+        return Cell()
+    ends = interval(entry["low"], entry["high"], num_seeds)
+    return Cell(number(entry["iqm"]), ends, is_best)
+
+
+def _cell(
+    results: Mapping[str, AgentResults], summary: Mapping[str, Any], name: str, measure: str
+) -> Cell:
+    """Return an agent's cell of a measure, marked if no agent that learns does better."""
+    direction = MEASURES[measure].is_better
+    scores = {
+        learner: direction * summary[learner][measure]["iqm"]
+        for learner, agent in results.items()
+        if direction and not agent.is_baseline and measure in summary[learner]
+    }
+    is_best = name in scores and scores[name] == max(scores.values())
+    return _estimate(summary[name].get(measure), summary[name]["seeds"], is_best)
+
+
+def _effect(effect: Mapping[str, Any], num_seeds: int) -> str:
+    name = f"{effect['name'][:1].upper()}{effect['name'][1:]}"
+    if effect["value"] is None:
+        return f"{name}: no seed has a value that can be compared"
+    return f"{name}: {estimate(effect['value'], effect['low'], effect['high'], num_seeds)}"
+
+
+def _needed(entry: Mapping[str, Any]) -> str:
+    """Return how many seeds would decide an open claim; nothing of one that is decided."""
+    if entry["verdict"] != "inconclusive":
+        return ""
+    needed = entry["seeds_needed"]
+    return f"about {needed:,} seeds would decide it" if needed else "more than 1,000 seeds needed"

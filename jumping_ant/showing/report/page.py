@@ -1,0 +1,276 @@
+"""The comparison as one page: `results/report.html`.
+
+It opens from disk without a network: charts, their library, styles and pictures stand in the file,
+and the films and recordings are those of `media/` beside it.
+"""
+
+import hashlib
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import jinja2
+import numpy as np
+from plotly.offline import get_plotlyjs
+from ruamel.yaml import YAML
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.judging import comparison
+from jumping_ant.judging.results import AgentResults, load, read_episodes
+from jumping_ant.params.models import Params
+from jumping_ant.showing.report import charts, contests, outcomes, pictures
+from jumping_ant.showing.report.charts import Film
+from jumping_ant.sim import robot, trajectory
+from jumping_ant.words.looks import looks
+from jumping_ant.words.measures import MEASURES
+from jumping_ant.words.wording import estimate, number
+
+FOLDER = Path(__file__).parent
+# What `jumping_ant.tracking` writes, and where `make ui` serves it unless told otherwise.
+MLFLOW = "http://127.0.0.1:5000"
+# The first experiment beside MLflow's own is the project's, in a database that it made itself.
+RUNS = f"{MLFLOW}/#/experiments/1/runs?workflowType=machine_learning"
+MODEL, POLICY_DIGEST = "jumping-ant-", "policy_digest"
+
+
+def build(root: Path, params: Params) -> str:
+    """Return the page's HTML.
+
+    Args:
+        root: The project's folder; assets, models, results and media are read.
+        params: All parameters.
+
+    Raises:
+        InputError: A file is missing or damaged, or nothing draws on this machine.
+    """
+    results = load(root, params)
+    summary = _read_json(root / "results" / "comparison.json", "compare")
+    films = {name: _film(root, params, name) for name in results}
+    context = {
+        "title": _title(results),
+        "agents": _agents(root, results, films),
+        "lead": _lead(results, summary),
+        "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
+        "behaviour": outcomes.behaviour(results, summary["agents"]),
+        "behaviour_measures": [MEASURES[name] for name in outcomes.BEHAVIOUR],
+        "equal_steps": _budget(summary["equal_steps"]),
+        "equal_seconds": _budget(summary["equal_seconds"]),
+        "all_measures": MEASURES,
+        "claims": outcomes.claims(summary["claims"], len(params.seeds)),
+        "charts": _charts(root, params, results, summary, films),
+        "confidence": f"{100 * params.compare.confidence:g}",
+        "level": f"{1 - params.compare.confidence:.2g}",
+        "seeds": len(params.seeds),
+        "episodes": params.evaluate.episodes,
+        "robot": _robot(root),
+        "params": _params_text(params),
+        "policies": _policies(root, params, results),
+        "machines": _machines(root, params, results),
+        "mlflow": MLFLOW,
+        "plotly": get_plotlyjs(),
+        "style": (FOLDER / "style.css").read_text(),
+        "script": (FOLDER / "script.js").read_text(),
+    }
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("template.html").render(context)
+
+
+def _charts(
+    root: Path,
+    params: Params,
+    results: Mapping[str, AgentResults],
+    summary: Mapping[str, Any],
+    films: Mapping[str, Film],
+) -> dict[str, Any]:
+    """Return each chart's JSON by its place in the template, which leaves out what has none."""
+    curves = comparison.learning_curves(results, params.compare)
+    tables = {name: read_episodes(root, name, params.seeds) for name in results}
+    model = robot.load(robot.read(root))
+    motors = [model.actuator(index).name for index in range(model.nu)]
+    figures = {
+        "episodes": charts.episodes(results, tables),
+        "heights": charts.heights(results, films),
+        "torques": charts.torques(results, films, motors),
+    }
+    if len(results) > 1:
+        figures["improvement"] = contests.improvement(results, summary)
+    if _learners(results):
+        figures["learning_steps"] = charts.learning(results, curves, "env_steps")
+        figures["learning_seconds"] = charts.learning(results, curves, "seconds")
+        figures["efficiency"] = charts.efficiency(results)
+    drawn = looks({name: agent.algorithm for name, agent in results.items()})
+    by_label = {agent.label: drawn[name] for name, agent in results.items()}
+    for index, entry in enumerate(summary["claims"]):
+        figures[f"claim_{index}"] = contests.claim(entry, by_label, params.seeds)
+    return {name: json.loads(figure.to_json()) for name, figure in figures.items()}
+
+
+def _agents(
+    root: Path, results: Mapping[str, AgentResults], films: Mapping[str, Film]
+) -> list[dict[str, Any]]:
+    """Return what stands with each agent's film."""
+    drawn = looks({name: agent.algorithm for name, agent in results.items()})
+    shown = []
+    for name, agent in results.items():
+        film = films[name]
+        highest = film.heights.argmax()
+        shown.append(
+            {
+                "name": name,
+                "label": agent.label,
+                "remark": outcomes.remark(agent),
+                "colour": drawn[name].colour,
+                "seed": film.seed,
+                "episode": film.episode,
+                "episode_return": number(film.episode_return),
+                "poster": pictures.still(root / "media" / f"{name}.mp4", film.times[highest]),
+                "highest": f"{film.heights[highest]:.1f}",
+                "model": f"{MODEL}{name}",
+                "model_url": f"{MLFLOW}/#/models/{MODEL}{name}",
+            }
+        )
+    return shown
+
+
+def _learners(results: Mapping[str, AgentResults]) -> list[str]:
+    return [name for name, agent in results.items() if not agent.is_baseline]
+
+
+def _title(results: Mapping[str, AgentResults]) -> str:
+    """Return the page's title, which names those that learn, or else all."""
+    *others, last = [results[name].label for name in _learners(results) or results]
+    names = f"{', '.join(others)} and {last} compared" if others else last
+    return f"Jumping Ant: {names}"
+
+
+def _budget(value: float | None) -> str:
+    """Return the smallest budget among those that learn, in words; nothing if none does."""
+    return "" if value is None else number(value)
+
+
+def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> str:
+    """Return the outcome in a sentence or two."""
+    agents = summary["agents"]
+    best, *others = sorted(results, key=lambda name: -agents[name]["return"]["iqm"])
+    top, num_seeds = agents[best]["return"], agents[best]["seeds"]
+    most = estimate(top["iqm"], top["low"], top["high"], num_seeds)
+    if not others:
+        return f"{results[best].label} returns {most}."
+    aside = ", which learns nothing," if results[best].is_baseline else ""
+    pair = summary["probability_of_improvement"][f"{best}>{others[0]}"]
+    chance = estimate(pair["p"], pair["low"], pair["high"], num_seeds)
+    return (
+        f"{results[best].label}{aside} returns most: {most}. A seed of it beats one of "
+        f"{results[others[0]].label}, which comes second, with probability {chance}."
+    )
+
+
+def _robot(root: Path) -> dict[str, Any]:
+    """Return the robot before and after its edits: figures and pictures."""
+    facts = _read_json(root / "assets" / "jumping_ant.json", "build")
+    before, after = facts["before"], facts["after"]
+
+    def torque(physique: Mapping[str, Any]) -> str:
+        return " / ".join(sorted({number(value) for value in physique["peak_torque"].values()}))
+
+    return {
+        "rows": [
+            ("Mass [kg]", number(before["mass"]), number(after["mass"])),
+            ("Peak torque of a motor [N m]", torque(before), torque(after)),
+            (
+                "Summed peak torque over weight [m]",
+                number(before["peak_torque_over_weight"]),
+                number(after["peak_torque_over_weight"]),
+            ),
+        ],
+        "source": facts["source"],
+        "versions": facts["versions"],
+        "pictures": [
+            ("Gymnasium's Ant", pictures.portrait(robot.SOURCE_PATH.read_text())),
+            ("The jumping Ant", pictures.portrait(robot.read(root))),
+        ],
+    }
+
+
+def _policies(
+    root: Path, params: Params, results: Mapping[str, AgentResults]
+) -> list[dict[str, str]]:
+    """Return every policy with its digest, return and links."""
+    rows = []
+    for name, agent in results.items():
+        for seed, value in zip(params.seeds, agent.quantities["return"], strict=True):
+            path = Path("models") / name / f"seed-{seed}" / "policy.zip"
+            sha256 = hashlib.sha256(_read_bytes(root / path, f"train@{name}")).hexdigest()
+            query = quote(f"tags.{POLICY_DIGEST} = '{sha256}'")
+            rows.append(
+                {
+                    "agent": agent.label,
+                    "seed": str(seed),
+                    "return": number(value),
+                    "path": str(path),
+                    "sha256": sha256,
+                    "run_url": f"{RUNS}&searchFilter={query}",
+                }
+            )
+    return rows
+
+
+def _machines(
+    root: Path, params: Params, results: Mapping[str, AgentResults]
+) -> list[dict[str, str]]:
+    """Return the machines, with their versions, that policies were trained on."""
+    found = {}
+    for name in results:
+        for seed in params.seeds:
+            path = root / "models" / name / f"seed-{seed}" / "machine.json"
+            machine = _read_json(path, f"train@{name}")
+            flat = {key: str(value) for key, value in machine.items() if key != "versions"}
+            flat |= machine["versions"]
+            found[json.dumps(flat)] = flat
+    return list(found.values())
+
+
+def _params_text(params: Params) -> str:
+    """Return the parameters that results depend on, as YAML."""
+    text = io.StringIO()
+    YAML().dump(params.model_dump(exclude={"compute"}), text)
+    return text.getvalue()
+
+
+def _film(root: Path, params: Params, name: str) -> Film:
+    """Return what happens in an agent's film."""
+    episode = trajectory.load(root / "results" / name / "trajectories.npz")
+    rows = episode.rows(seconds=params.record.seconds)
+    return Film(
+        seed=episode.seed,
+        episode=episode.episode,
+        episode_return=episode.episode_return,
+        times=np.asarray(rows * episode.timestep, dtype=np.float64),
+        heights=episode.qpos[rows, 2],
+        torques=episode.ctrl[: (len(rows) - 1) // episode.frame_skip],
+        step_seconds=episode.timestep * episode.frame_skip,
+    )
+
+
+def _read_bytes(path: Path, stage: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; run `dvc repro {stage}`") from error
+
+
+def _read_json(path: Path, stage: str) -> dict[str, Any]:
+    try:
+        content: dict[str, Any] = json.loads(_read_bytes(path, stage))
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
+    return content

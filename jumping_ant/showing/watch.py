@@ -1,0 +1,134 @@
+"""Watch a trained policy play, in real time.
+
+It plays in MuJoCo's window, or, where there is no screen, in a Rerun viewer in a browser on this
+machine. The episodes start as the held-out ones do, and go on until Ctrl-C.
+
+Usage: python -m jumping_ant.showing.watch AGENT [--seed N] [--episodes N]
+"""
+
+import argparse
+import os
+import signal
+import sys
+import warnings
+from contextlib import suppress
+from pathlib import Path
+
+import glfw
+import mujoco
+import numpy as np
+
+from jumping_ant import policies
+from jumping_ant.base import tables
+from jumping_ant.base.errors import InputError, reported
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.params import params_file
+from jumping_ant.params.models import Params
+from jumping_ant.policies import Policy
+from jumping_ant.showing.playing import play
+from jumping_ant.showing.recording import server
+from jumping_ant.showing.recording.live import LiveRecording
+from jumping_ant.sim import robot
+from jumping_ant.sim.env import JumpingAnt
+
+
+def main() -> None:
+    """Play what the command line asks for."""
+    parser = argparse.ArgumentParser(description="Watch a trained policy play.")
+    parser.add_argument("agent", help="its name in params.yaml")
+    parser.add_argument("--seed", type=int, help="which of its policies; default: the best")
+    parser.add_argument("--episodes", type=int, help="how many; default: until Ctrl-C")
+    options = parser.parse_args()
+    settings = params_file.load()
+    settings.agent(options.agent)
+    if options.episodes is not None and options.episodes < 1:
+        raise InputError(f"--episodes: given {options.episodes}, allowed: 1 or more")
+    seed = best_seed(PROJECT_ROOT, options.agent) if options.seed is None else options.seed
+    policy = load_policy(PROJECT_ROOT, options.agent, seed)
+    name = f"{options.agent}, seed {seed}"
+    show = _in_window if has_screen() else _in_browser
+    xml = robot.read(PROJECT_ROOT, settings.agent(options.agent).robot)
+    show(xml, settings, policy, name, options.episodes)
+
+
+def run() -> None:
+    """Run `main`; a mistake, a missing server, and Ctrl-C or SIGTERM each end in one line."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with reported():
+            main()
+    except KeyboardInterrupt:
+        print("\nended", file=sys.stderr)  # on a line of its own, after the terminal's ^C
+
+
+def best_seed(root: Path, agent: str) -> int:
+    """Return the seed whose policy returned most in the held-out episodes.
+
+    Raises:
+        InputError: The agent has not been evaluated.
+    """
+    path = root / "results" / "seeds" / f"{agent}.csv"
+    table = tables.read(path, ("seed", "return"), f"evaluate@{agent}")
+    return int(table["seed"][np.argmax(table["return"])])
+
+
+def load_policy(root: Path, agent: str, seed: int) -> Policy:
+    """Read a trained policy.
+
+    Raises:
+        InputError: The seed is not trained; the message lists those that are.
+    """
+    folder = root / "models" / agent
+    trained = sorted(
+        int(path.parent.name.removeprefix("seed-")) for path in folder.glob("seed-*/policy.zip")
+    )
+    if seed not in trained:
+        allowed = ", ".join(map(str, trained)) or f"none yet; `dvc repro train@{agent}` trains them"
+        raise InputError(f"seed of {agent}: given {seed}, allowed: {allowed}")
+    return policies.load_file(folder / f"seed-{seed}" / "policy.zip")
+
+
+def has_screen() -> bool:
+    """Tell whether a window can open here."""
+    names = ("DISPLAY", "WAYLAND_DISPLAY")
+    return sys.platform != "linux" or any(os.environ.get(name) for name in names)
+
+
+def _in_window(
+    xml: str, settings: Params, policy: Policy, name: str, num_episodes: int | None
+) -> None:
+    """Play in a window; closing it is an end too.
+
+    Raises:
+        InputError: No window opens.
+    """
+    env = JumpingAnt(xml, settings.env, render_mode="human")
+    warnings.simplefilter("error", glfw.GLFWError)
+    try:
+        env.reset()
+        print(f"{name}: plays in MuJoCo's window (Ctrl-C ends it)", flush=True)
+        with suppress(glfw.GLFWError):  # from drawing into a window that was closed
+            for _ in play(env, policy, settings.evaluate.seed, num_episodes):
+                pass  # the environment draws itself
+    except (glfw.GLFWError, mujoco.FatalError) as error:
+        raise InputError(
+            f"display: no window opens here ({error}); unset DISPLAY and WAYLAND_DISPLAY to watch "
+            "in a browser"
+        ) from error
+    finally:
+        warnings.simplefilter("ignore")  # what is said while a closed window is tidied up
+
+
+def _in_browser(
+    xml: str, settings: Params, policy: Policy, name: str, num_episodes: int | None
+) -> None:
+    env = JumpingAnt(xml, settings.env)
+    with server.serve(name) as (stream, address):
+        print(f"{name}: open {address} (Ctrl-C ends it)", flush=True)
+        recording = LiveRecording(stream, env.model, settings.env.frame_skip)
+        for step in play(env, policy, settings.evaluate.seed, num_episodes):
+            recording.show(step)
+
+
+if __name__ == "__main__":
+    run()

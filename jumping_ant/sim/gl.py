@@ -1,0 +1,111 @@
+"""Which OpenGL draws the pictures: found out once, without a screen.
+
+MuJoCo reads the environment variable `MUJOCO_GL` when it is imported, and takes GLFW, which needs a
+screen, where it is not set. `select_backend` makes up for that at any time before the first
+picture. Its choice stands in `MUJOCO_GL`, where Gymnasium's renderer and child processes find it.
+"""
+
+import functools
+import importlib
+import os
+import subprocess
+import sys
+
+import mujoco
+from mujoco.rendering.classic import gl_context
+
+from jumping_ant.base.errors import InputError
+
+HEADLESS_BACKENDS = ("egl", "osmesa")  # the better first
+
+# A library that is there may still draw nothing, or take the process down: each is tried apart.
+_PROBE = """
+import mujoco
+model = mujoco.MjModel.from_xml_string(
+    '<mujoco><visual><quality shadowsize="0"/></visual>'
+    '<worldbody><geom size="1"/></worldbody></mujoco>'
+)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+with mujoco.Renderer(model, 32, 32) as renderer:
+    renderer.update_scene(data)
+    if renderer.render().max() == 0:
+        raise SystemExit("a black picture")
+"""
+_PROBE_SECONDS = 60
+
+
+@functools.cache
+def select_backend() -> str:
+    """Make off-screen rendering work in this process, whatever was imported before.
+
+    A `MUJOCO_GL` that is already set is obeyed. Otherwise, on Linux, each headless backend draws a
+    picture in a process of its own, and the first that succeeds is taken; elsewhere the system's
+    own OpenGL serves.
+
+    Returns:
+        The value of `MUJOCO_GL`, empty where the system's own OpenGL serves.
+
+    Raises:
+        InputError: No backend draws; the message says what to install.
+    """
+    if not os.environ.get("MUJOCO_GL") and sys.platform == "linux":
+        os.environ["MUJOCO_GL"] = _first_that_draws()
+    importlib.reload(gl_context)  # it read the variable when mujoco was imported
+    return os.environ.get("MUJOCO_GL", "")
+
+
+def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    """Open an off-screen renderer; use it as a context manager, so that it is closed.
+
+    Args:
+        model: What to draw; its off-screen buffer is enlarged to the picture where needed.
+        width: Width of the pictures [pixels].
+        height: Height of the pictures [pixels].
+
+    Raises:
+        InputError: No backend draws, or the one in `MUJOCO_GL` does not.
+    """
+    backend = select_backend()
+    visual = model.vis.global_
+    visual.offwidth = max(visual.offwidth, width)
+    visual.offheight = max(visual.offheight, height)
+    try:
+        return mujoco.Renderer(model, height, width)
+    except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:
+        raise InputError(
+            f"MUJOCO_GL: given {backend!r}, which draws nothing here ({error}); allowed: "
+            f"{', '.join(HEADLESS_BACKENDS)}, or leave it unset to take the first that works"
+        ) from error
+
+
+def _first_that_draws() -> str:
+    faults = []
+    for backend in HEADLESS_BACKENDS:
+        fault = _probe(backend)
+        if fault is None:
+            return backend
+        faults.append(f"{backend}: {fault}")
+    raise InputError(
+        "rendering: no OpenGL draws without a screen here. Install one, on Debian and Ubuntu with "
+        "`apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0`; all else works "
+        f"without. Tried {'; '.join(faults)}"
+    )
+
+
+def _probe(backend: str) -> str | None:
+    """Return why a backend draws nothing, or None where it draws."""
+    try:
+        probe = subprocess.run(
+            [sys.executable, "-c", _PROBE],
+            env=os.environ | {"MUJOCO_GL": backend},
+            capture_output=True,
+            text=True,
+            timeout=_PROBE_SECONDS,
+        )
+    except subprocess.TimeoutExpired:
+        return f"no picture in {_PROBE_SECONDS} s"
+    if probe.returncode == 0:
+        return None
+    lines = probe.stderr.strip().splitlines()
+    return lines[-1] if lines else f"exit status {probe.returncode}"

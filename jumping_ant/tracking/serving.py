@@ -1,0 +1,44 @@
+"""A policy as an MLflow model.
+
+MLflow stores this file, the package and the policy file, and runs this file to load the model
+("models from code"): nothing is pickled. The input is a batch of observations, shape (n, 27), the
+output the torques over peak torque, shape (n, 8) (see `jumping_ant.sim.task`).
+"""
+
+from pathlib import Path
+from typing import Any
+
+import mlflow
+import numpy as np
+from mlflow.pyfunc import PythonModel, PythonModelContext
+from numpy.typing import NDArray
+
+from jumping_ant import policies
+
+
+class ServedPolicy(PythonModel):
+    """Feeds observations to the policy file stored with the model.
+
+    Row `i` of every batch belongs to episode `i`; a batch of another size begins new episodes,
+    which matters only to a policy that draws its torques.
+    """
+
+    def load_context(self, context: PythonModelContext) -> None:
+        """Read the policy file."""
+        self._policy = policies.load(Path(context.artifacts["policy"]).read_bytes())
+        self._num_episodes = 0
+
+    def predict(
+        self,
+        context: PythonModelContext,
+        model_input: np.ndarray,  # the one kind of array hint that MLflow knows
+        params: dict[str, Any] | None = None,
+    ) -> NDArray[np.float64]:
+        """Return torques, shape (n, 8), for observations of shape (n, 27)."""
+        if len(model_input) != self._num_episodes:
+            self._num_episodes = len(model_input)
+            self._policy.start(range(self._num_episodes))
+        return self._policy.act(model_input)
+
+
+mlflow.models.set_model(ServedPolicy())

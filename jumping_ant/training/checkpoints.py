@@ -1,0 +1,211 @@
+"""How far every seed of an agent has come, on disk, to resume from after a kill.
+
+The folder `.checkpoints/<agent>/<key>/` stands outside DVC's outputs, which DVC deletes before a
+stage runs. The key is a digest of all that a seed's results depend on, so what other parameters,
+another robot, other code or other versions have left is never gone on from. In the folder:
+
+| file | what |
+|---|---|
+| seed-N.M.checkpoint | seed N at its M-th checkpoint; the last two are kept |
+| seed-N.finished | seed N, trained |
+| complete.json | the seeds of a training that came to its end |
+
+Every file is whole or absent (see `jumping_ant.base.files`), begins with the digest of the rest,
+and holds numbers and text: nothing in it is executed.
+
+Finished seeds outlive the training, so that one with more seeds trains the new ones alone. Asked
+for the same seeds as before, it trains them anew: that is what `dvc repro --force` is for.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, TextIO
+
+from jumping_ant.base.archive import pack, unpack
+from jumping_ant.base.files import write_bytes, write_json
+
+GENERATIONS = 2
+_HEADER, _CONTENT, _BEST = "header.json", "content", "best"
+
+
+@dataclass(frozen=True)
+class Saved:
+    """A seed as it stood.
+
+    Attributes:
+        env_steps: Control steps so far.
+        seconds: Training seconds so far.
+        timing: Training seconds at each row of the curve: (control steps, seconds).
+        machine: Of a finished seed, where it was trained.
+        curve: Content of `curve.csv` so far.
+        best_return: Mean validation return of the best snapshot, None before the first.
+        best: That snapshot's policy file.
+        content: The trainer's checkpoint; of a finished seed, the last policy's file.
+    """
+
+    env_steps: int
+    seconds: float
+    timing: list[tuple[int, float]]
+    machine: dict[str, Any] | None
+    curve: str
+    best_return: float | None
+    best: bytes
+    content: bytes
+
+    def to_bytes(self) -> bytes:
+        """Return the file's content."""
+        header = {name: getattr(self, name) for name in self._header_names()}
+        entries = {_HEADER: json.dumps(header).encode(), _BEST: self.best, _CONTENT: self.content}
+        packed = pack(entries)
+        return hashlib.sha256(packed).hexdigest().encode() + b"\n" + packed
+
+    @classmethod
+    def from_bytes(cls, file: bytes) -> "Saved":
+        """Read a file's content.
+
+        Raises:
+            ValueError: It is damaged.
+        """
+        digest, _, packed = file.partition(b"\n")
+        if hashlib.sha256(packed).hexdigest().encode() != digest:
+            raise ValueError("the digest does not match")
+        entries = unpack(packed)
+        header = json.loads(entries[_HEADER])
+        header["timing"] = [tuple(row) for row in header["timing"]]
+        return cls(best=entries[_BEST], content=entries[_CONTENT], **header)
+
+    def _header_names(self) -> list[str]:
+        return [field.name for field in fields(self) if field.name not in (_BEST, _CONTENT)]
+
+
+class Checkpoints:
+    """The checkpoints of an agent's seeds.
+
+    Args:
+        root: The project's folder.
+        agent: The agent's name.
+        key: Digest of what the seeds' results depend on.
+        say: Takes a line about what was found.
+    """
+
+    def __init__(self, root: Path, agent: str, key: str, say: Callable[[str], None]) -> None:
+        self._agent = agent
+        self._agent_folder = root / ".checkpoints" / agent
+        self._folder = self._agent_folder / key
+        self._say = say
+
+    @contextmanager
+    def opened(self, seeds: Sequence[int]) -> Iterator[None]:
+        """Keep others out while an agent trains; clear up if it comes to its end.
+
+        Where another process is training the agent, as one does whose `dvc repro` was killed, its
+        end is waited for, and what it has reached is gone on from.
+
+        Args:
+            seeds: Those to train.
+        """
+        self._folder.mkdir(parents=True, exist_ok=True)
+        with (self._agent_folder / "lock").open("a+") as lock:
+            has_waited = self._take(lock)
+            completed = self._folder / "complete.json"
+            is_asked_again = _read_json(completed) == list(seeds)
+            if is_asked_again and not has_waited:
+                shutil.rmtree(self._folder)
+            completed.unlink(missing_ok=True)
+            yield
+            write_json(completed, list(seeds))
+            self._forget_others(seeds)
+
+    def load(self, seed: int) -> Saved | None:
+        """Return a seed's newest checkpoint that is sound, if there is any; remove those above."""
+        for path in reversed(self._generations(seed)):
+            if saved := self._read(path):
+                return saved
+            path.unlink()
+        return None
+
+    def finished(self, seed: int) -> Saved | None:
+        """Return a seed that has been trained already, None if it has not."""
+        path = self._finished_path(seed)
+        return self._read(path) if path.exists() else None
+
+    def save(self, seed: int, saved: Saved) -> None:
+        """Write a seed's next checkpoint.
+
+        Raises:
+            OSError: It cannot be written, as on a full disk; older ones are as they were.
+        """
+        old = self._generations(seed)
+        number = int(old[-1].suffixes[-2][1:]) + 1 if old else 1
+        write_bytes(self._folder / f"seed-{seed}.{number}.checkpoint", saved.to_bytes())
+        for path in old[: 1 - GENERATIONS]:
+            path.unlink()
+
+    def finish(self, seed: int, saved: Saved) -> None:
+        """Write a trained seed, and remove its checkpoints.
+
+        Raises:
+            OSError: It cannot be written, as on a full disk; older ones are as they were.
+        """
+        write_bytes(self._finished_path(seed), saved.to_bytes())
+        for path in self._generations(seed):
+            path.unlink()
+
+    def _read(self, path: Path) -> Saved | None:
+        try:
+            return Saved.from_bytes(path.read_bytes())
+        except Exception as error:  # whatever a damaged file provokes
+            self._say(f"{path.name} is damaged ({error}), and not used")
+            return None
+
+    def _generations(self, seed: int) -> list[Path]:
+        """Return a seed's checkpoints, oldest first."""
+        paths = self._folder.glob(f"seed-{seed}.*.checkpoint")
+        return sorted(paths, key=lambda path: int(path.suffixes[-2][1:]))
+
+    def _finished_path(self, seed: int) -> Path:
+        return self._folder / f"seed-{seed}.finished"
+
+    def _take(self, lock: TextIO) -> bool:
+        """Lock the agent, and tell whether that took a wait; the lock goes with the process."""
+        has_waited = False
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            process = lock.read()
+            self._say(
+                f"waiting for process {process}, which is training it already and will not be "
+                f"started again; `kill {process}` has it stop with a checkpoint"
+            )
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            has_waited = True
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
+        return has_waited
+
+    def _forget_others(self, seeds: Sequence[int]) -> None:
+        """Remove what a later training cannot need: other keys' seeds, and those dropped."""
+        for folder in self._agent_folder.iterdir():
+            if folder.is_dir() and folder != self._folder:
+                shutil.rmtree(folder)
+        kept = {self._finished_path(seed) for seed in seeds} | {self._folder / "complete.json"}
+        for path in self._folder.iterdir():
+            if path not in kept:
+                path.unlink()
+
+
+def _read_json(path: Path) -> Any:
+    """Return what a JSON file holds, None if it is missing or damaged."""
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,349 @@
+"""From trainers' events to files: the driver of the `train` stage.
+
+It alone touches files while training runs. For each seed, `curve.csv` grows row by row. When
+training ends, `policy.zip` appears whole: the snapshot that did best in validation, or the last
+policy, as `training.publish` says. `final.zip` is the last policy in any case, and `machine.json`
+says where both come from.
+
+Validation episodes start from states of their own: neither training nor the held-out episodes of
+`jumping_ant.judging.evaluation` ever see them, and held-out episodes select nothing.
+
+Wall-clock figures, which no two runs share, stand apart in `results/timing/`. Checkpoints let a run
+that was killed resume where it was (see `jumping_ant.training.checkpoints`); the files come out the
+same.
+"""
+
+import hashlib
+import importlib
+import json
+import math
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, TextIO
+
+import numpy as np
+
+from jumping_ant import policies
+from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
+from jumping_ant.base import imports, machine
+from jumping_ant.base.errors import StoppedError
+from jumping_ant.base.files import write_bytes, write_json, write_text
+from jumping_ant.params.models import AgentParams, EnvParams, Params, TrainingParams
+from jumping_ant.sim import robot, rollout
+from jumping_ant.training import compute
+from jumping_ant.training.checkpoints import Checkpoints, Saved
+from jumping_ant.training.progress import TrainingProgress
+
+COLUMNS = (
+    "env_steps",
+    "updates",
+    "episodes",
+    "return_mean",
+    "return_std",
+    "evaluation_return_mean",
+    "evaluation_return_std",
+)
+
+
+@dataclass(frozen=True)
+class Report:
+    """An event as it leaves a worker.
+
+    Attributes:
+        event: What the trainer said.
+        seconds: Training seconds of this seed so far, evaluations not counted.
+        returns: Returns of the evaluation of a snapshot, shape (episodes,).
+        machine: With the last event, where it comes from.
+    """
+
+    event: Event
+    seconds: float
+    returns: tuple[float, ...] = ()
+    machine: dict[str, Any] | None = None
+
+
+def train(root: Path, params: Params, agent_name: str) -> None:
+    """Train every seed of an agent, each from where it stands.
+
+    Args:
+        root: The project's folder; `assets/jumping_ant.xml` is read, and `models/<agent>/` and
+            `results/timing/<agent>.csv` are written.
+        params: All parameters.
+        agent_name: Which agent.
+
+    Raises:
+        InputError: There is no such agent, or no robot yet.
+        WorkerError: The workers of one seed died again and again.
+        StoppedError: A signal asked for an end; another call resumes from there.
+        OSError: A file cannot be written, as on a full disk; what was there before is as it was.
+    """
+    agent = params.agent(agent_name)
+    xml = robot.read(root, agent.robot)
+    with ExitStack() as stack:
+        display = TrainingProgress(agent_name, params.seeds, agent.max_env_steps)
+        stack.enter_context(display)
+        key = dependencies(xml, params, agent)
+        checkpoints = Checkpoints(root, agent_name, key, display.say)
+        stack.enter_context(checkpoints.opened(params.seeds))
+        folder = root / "models" / agent_name
+        seeds = {
+            seed: stack.enter_context(
+                _Seed(
+                    seed,
+                    folder / f"seed-{seed}",
+                    checkpoints,
+                    display,
+                    params.training.publish,
+                )
+            )
+            for seed in params.seeds
+        }
+        untrained = [number for number, seed in seeds.items() if not seed.is_finished]
+        threads = compute.num_threads(params.compute.workers, len(untrained))
+        num_threads = dict(zip(untrained, threads, strict=True))
+
+        def start(number: int) -> compute.Job:
+            return partial(
+                train_seed,
+                xml,
+                params.env,
+                agent,
+                params.training,
+                number,
+                num_threads=num_threads[number],
+                saved=seeds[number].start(),
+                checkpoint_seconds=params.compute.checkpoint_seconds,
+            )
+
+        is_trivial = agent.max_env_steps == 0  # not worth starting processes
+        workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(untrained))
+        for number, report in compute.stream(
+            start, untrained, workers, display.say, "seed {}".format
+        ):
+            seeds[number].write(report)
+        if unfinished := [seed for seed in seeds.values() if not seed.is_finished]:
+            places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
+            raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
+        _write_timing(root / "results" / "timing" / f"{agent_name}.csv", seeds)
+
+
+def train_seed(
+    xml: str,
+    env: EnvParams,
+    agent: AgentParams,
+    training: TrainingParams,
+    seed: int,
+    stop: threading.Event,
+    num_threads: int = 1,
+    saved: Saved | None = None,
+    checkpoint_seconds: float = math.inf,
+) -> Iterator[Report]:
+    """Train one seed, evaluating its snapshots on the way.
+
+    Args:
+        xml: The robot as MJCF text.
+        env: The task.
+        agent: The agent's block.
+        training: How often and on which episodes snapshots are evaluated.
+        seed: Determines the run.
+        stop: Once it is set, a last checkpoint follows and training ends.
+        num_threads: Threads that step the simulations; results do not depend on it.
+        saved: Where to resume from.
+        checkpoint_seconds: Time from one checkpoint to the next [s].
+    """
+    trainer = importlib.import_module(f"jumping_ant.agents.{agent.trainer}.trainer")
+    episode_seeds = [training.evaluation_seed + i for i in range(training.evaluation_episodes)]
+    started = last = time.perf_counter()
+    paused = -saved.seconds if saved else 0.0
+
+    def is_checkpoint_due() -> bool:
+        return stop.is_set() or time.perf_counter() - last >= checkpoint_seconds
+
+    for event in trainer.train(
+        xml,
+        env,
+        agent,
+        seed,
+        training.evaluations,
+        num_threads,
+        saved.content if saved else None,
+        is_checkpoint_due,
+    ):
+        now = time.perf_counter()
+        report = Report(event, now - started - paused)
+        if isinstance(event, Snapshot):
+            policy = policies.load(event.policy)
+            episodes = rollout.run(xml, env, policy, episode_seeds, num_threads)
+            returns = tuple(float(episode.rewards.sum()) for episode in episodes)
+            report = replace(report, returns=returns)
+        elif isinstance(event, Finished):
+            report = replace(report, machine=machine.describe())
+        yield report
+        if isinstance(event, Checkpoint):
+            if stop.is_set():
+                return
+            last = time.perf_counter()
+        paused += time.perf_counter() - now
+
+
+def dependencies(xml: str, params: Params, agent: AgentParams) -> str:
+    """Return the digest of all that the bytes of an agent's seeds depend on.
+
+    These are the robot, the parameters, the code of training and of the agent's trainer, and the
+    machine with its versions.
+
+    Args:
+        xml: The robot as MJCF text.
+        params: All parameters; of them the task and how snapshots are evaluated count.
+        agent: The agent's block.
+    """
+    trainer = Path(__file__).parents[1] / "agents" / agent.trainer / "trainer.py"
+    code = sorted(imports.closure(Path(__file__), trainer))
+    content = {
+        "robot": xml,
+        "params": [block.model_dump() for block in (params.env, params.training, agent)],
+        "code": [path.read_text() for path in code],
+        "machine": machine.describe(),
+    }
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+class _Seed:
+    """The files of one seed, and how far it has come."""
+
+    def __init__(
+        self,
+        number: int,
+        folder: Path,
+        checkpoints: Checkpoints,
+        display: TrainingProgress,
+        publish: Literal["best", "final"],
+    ) -> None:
+        self.number = number
+        self.timing: list[tuple[int, float]] = []
+        self.is_finished = False
+        self.saved_steps = 0
+        self._folder = folder
+        self._checkpoints = checkpoints
+        self._display = display
+        self._publish = publish
+        self._curve = ""
+        self._best_return: float | None = None
+        self._best = b""
+        self._file: TextIO
+
+    def __enter__(self) -> "_Seed":
+        self._folder.mkdir(parents=True, exist_ok=True)
+        # DVC clears the folder; where it did not, no older policy may stand by the new curve.
+        for name in ("policy.zip", "final.zip"):
+            (self._folder / name).unlink(missing_ok=True)
+        self._file = (self._folder / "curve.csv").open("w", newline="")
+        if saved := self._checkpoints.finished(self.number):
+            self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")
+            self._go_on_from(saved)
+            self._finish(saved)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def start(self) -> Saved | None:
+        """Return where training begins, None for the start, and bring the files there."""
+        saved = self._checkpoints.load(self.number)
+        if saved:
+            self._display.say(f"seed {self.number}: resumes from {saved.env_steps:,} steps")
+        self._go_on_from(saved)
+        return saved
+
+    def write(self, report: Report) -> None:
+        """Take note of an event."""
+        event = report.event
+        if isinstance(event, Checkpoint):
+            self._checkpoints.save(self.number, self._saved(report, event.content))
+            self.saved_steps = event.env_steps
+        elif isinstance(event, Finished):
+            saved = self._saved(report, event.policy)
+            self._checkpoints.finish(self.number, saved)
+            self._finish(saved)
+            self._display.finish(self.number, event.env_steps, report.seconds)
+        else:
+            self._write_row(_row(event, report.returns))
+            if isinstance(event, Snapshot):
+                self._take_if_best(event.policy, float(np.mean(report.returns)))
+            self.timing.append((event.env_steps, report.seconds))
+            if isinstance(event, Progress):
+                latest = None if math.isnan(event.return_mean) else event.return_mean
+                self._display.update(self.number, event.env_steps, report.seconds, latest)
+
+    def _saved(self, report: Report, content: bytes) -> Saved:
+        return Saved(
+            env_steps=report.event.env_steps,
+            seconds=report.seconds,
+            timing=self.timing,
+            machine=report.machine,
+            curve=self._curve,
+            best_return=self._best_return,
+            best=self._best,
+            content=content,
+        )
+
+    def _take_if_best(self, policy: bytes, mean_return: float) -> None:
+        if self._best_return is None or mean_return > self._best_return:
+            self._best_return, self._best = mean_return, policy
+
+    def _go_on_from(self, saved: Saved | None) -> None:
+        self.timing = list(saved.timing) if saved else []
+        self.saved_steps = saved.env_steps if saved else 0
+        self._best_return = saved.best_return if saved else None
+        self._best = saved.best if saved else b""
+        self._curve = ""
+        self._file.seek(0)
+        self._file.truncate()
+        self._write(saved.curve if saved else "")
+
+    def _finish(self, saved: Saved) -> None:
+        write_json(self._folder / "machine.json", saved.machine)
+        published = saved.best if self._publish == "best" and saved.best else saved.content
+        write_bytes(self._folder / "final.zip", saved.content)
+        write_bytes(self._folder / "policy.zip", published)
+        self.is_finished = True
+
+    def _write_row(self, row: dict[str, float]) -> None:
+        if not self._curve:
+            columns = [*COLUMNS, *(key for key in row if key not in COLUMNS)]
+            self._write(",".join(columns) + "\n")
+        columns = self._curve.partition("\n")[0].split(",")
+        self._write(",".join(_cell(row.get(column)) for column in columns) + "\n")
+
+    def _write(self, text: str) -> None:
+        self._curve += text
+        self._file.write(text)
+        self._file.flush()  # live tracking reads along
+
+
+def _row(event: Progress | Snapshot, returns: tuple[float, ...]) -> dict[str, float]:
+    if isinstance(event, Snapshot):
+        return {
+            "env_steps": event.env_steps,
+            "evaluation_return_mean": float(np.mean(returns)),
+            "evaluation_return_std": float(np.std(returns)),
+        }
+    fields = {name: getattr(event, name) for name in COLUMNS[:5]}
+    return fields | event.extra
+
+
+def _cell(value: Any) -> str:
+    """Show a number so that it reads back the same; nothing where there is none."""
+    return "" if value is None or math.isnan(value) else repr(value)
+
+
+def _write_timing(path: Path, seeds: dict[int, _Seed]) -> None:
+    lines = ["seed,env_steps,seconds"]
+    for number, seed in seeds.items():
+        lines += [f"{number},{env_steps},{seconds:.3f}" for env_steps, seconds in seed.timing]
+    write_text(path, "\n".join(lines) + "\n")

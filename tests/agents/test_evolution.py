@@ -1,0 +1,113 @@
+"""PGPE: EvoTorch's own problem and search, on a batch of simulations."""
+
+import numpy as np
+import pytest
+import torch
+from evotorch import SolutionBatch
+from evotorch.neuroevolution import GymNE
+from evotorch.neuroevolution.net import RunningStat
+
+from jumping_ant import policies
+from jumping_ant.actions import ActionSet
+from jumping_ant.agents.events import Finished, Progress, Snapshot
+from jumping_ant.agents.evolution.problem import SOLUTION_LENGTH, JumpProblem
+from jumping_ant.agents.evolution.trainer import train
+from jumping_ant.base.seeding import derive
+from jumping_ant.params import params_file
+from jumping_ant.sim.env import Decisions, JumpingAnt
+
+PARAMS = params_file.load()
+AGENT = PARAMS.agents["pgpe"].model_copy(
+    update={"population_size": 6, "generations": 3, "episode_steps": 40}
+)
+
+
+@pytest.mark.parametrize(
+    ("hold", "amplitude", "decrease"),
+    [(1, 1.0, 1.0), (3, 0.5, 0.0)],  # GymNE takes something off every decision, not control step
+)
+def test_returns_are_those_of_gymne(
+    robot_xml: str, hold: int, amplitude: float, decrease: float
+) -> None:
+    """Same parameter vectors, start states and normaliser as EvoTorch's own Gymnasium problem."""
+    actions = AGENT.actions.model_copy(update={"hold": hold, "amplitude": amplitude})
+    agent = AGENT.model_copy(update={"actions": actions, "decrease_rewards_by": decrease})
+    task = PARAMS.env.model_copy(update={"max_episode_steps": agent.episode_steps})
+    generator = np.random.default_rng(0)
+    seen = generator.normal(0.5, 2.0, (500, 27)).astype(np.float32)
+    solutions = torch.from_numpy(generator.normal(0, 0.2, (6, SOLUTION_LENGTH))).float()
+
+    problem = JumpProblem(robot_xml, PARAMS.env, agent, seed=10)
+    for observation in seen:
+        problem.normalizer.update(observation.copy())  # it keeps the first
+    batch = SolutionBatch(problem, popsize=6)
+    batch.set_values(solutions)
+    problem.evaluate(batch)
+
+    for index in range(6):
+
+        def start_like_ours(seed: int = derive(10, "starts", index)) -> Decisions:
+            env = JumpingAnt(robot_xml, task)
+            env.reset(seed=seed)  # a batch draws one episode when it is made
+            return Decisions(env, ActionSet.of(agent.actions))
+
+        reference = GymNE(
+            start_like_ours,
+            "Linear(obs_length, act_length)",
+            observation_normalization=True,
+            decrease_rewards_by=decrease,
+            episode_length=agent.episode_steps,
+        )
+        stats = RunningStat()
+        for observation in seen:
+            stats.update(observation)
+        reference.set_observation_stats(stats)
+        network = reference.parameterize_net(solutions[index])
+        theirs = reference._rollout(policy=network, update_stats=False)["cumulative_reward"]
+        assert float(batch.evals[index]) == np.float32(theirs)
+
+
+def test_the_policy_scores_what_the_solution_scored(robot_xml: str) -> None:
+    agent = AGENT.model_copy(update={"observation_normalization": False})
+    problem = JumpProblem(robot_xml, PARAMS.env, agent, seed=0)
+    batch = problem.generate_batch(6)
+    problem.evaluate(batch)
+    policy = problem.policy(batch[2].values, torch.zeros(SOLUTION_LENGTH))
+    env = JumpingAnt(robot_xml, PARAMS.env)
+    env.reset(seed=derive(0, "starts", 2))
+    observation, _ = env.reset()
+    total = 0.0
+    for _ in range(agent.episode_steps):
+        observation, reward, *_ = env.step(policy.act(observation[None])[0])
+        total += reward
+    assert problem.returns[2] == pytest.approx(total, rel=1e-3, abs=1e-6)
+
+
+def test_the_seed_alone_determines_the_run(robot_xml: str) -> None:
+    runs = [list(train(robot_xml, PARAMS.env, AGENT, seed, 3)) for seed in (1, 1, 2)]
+    assert runs[0][-1].policy == runs[1][-1].policy
+    assert runs[0][-1].policy != runs[2][-1].policy
+
+
+def test_the_policy_tells_how_wide_the_search_still_is(robot_xml: str) -> None:
+    events = list(train(robot_xml, PARAMS.env, AGENT, 0, evaluations=1))
+    policy = policies.load(events[-1].policy)
+    spread = np.append(policy.weight_spread, policy.bias_spread)
+    told = [event.extra["stdev_mean"] for event in events if isinstance(event, Progress)]
+    assert spread.mean() == pytest.approx(told[-1]) and spread.std() > 0
+    center = np.append(policy.weight, policy.bias)
+    drawn = policy.sample(np.random.default_rng(0))
+    moved = np.append(drawn.weight, drawn.bias) - center
+    assert 0.5 < np.std(moved / spread) < 2
+
+
+def test_events_tell_the_run(robot_xml: str) -> None:
+    events = list(train(robot_xml, PARAMS.env, AGENT, 0, evaluations=3))
+    rows = [event for event in events if isinstance(event, Progress)]
+    assert [row.updates for row in rows] == [1, 2, 3]
+    assert [row.episodes for row in rows] == [6, 12, 18]
+    assert rows[-1].env_steps <= AGENT.max_env_steps
+    assert all(row.extra["return_best"] >= row.return_mean for row in rows)
+    assert sum(isinstance(event, Snapshot) for event in events) == 3
+    assert isinstance(events[-1], Finished)
+    assert isinstance(policies.load(events[-1].policy), policies.LinearPolicy)

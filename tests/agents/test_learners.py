@@ -1,0 +1,189 @@
+"""Against Stable-Baselines3's own classes, from the same state and with the same random numbers."""
+
+import copy
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+from stable_baselines3 import DQN, SAC
+from stable_baselines3.common.buffers import NStepReplayBuffer, ReplayBuffer
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
+from jumping_ant.agents.off_policy import trainer
+from jumping_ant.agents.off_policy.adam import FlatAdam, denormals_flushed
+from jumping_ant.agents.off_policy.mlp import MLP
+from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer
+from jumping_ant.params import params_file
+
+PARAMS = params_file.load()
+ENV = PARAMS.env.model_copy(update={"max_episode_steps": 45})
+STOCK = {"LeanDQN": DQN, "LeanSAC": SAC}
+
+
+def filled_model(xml: str, name: str, **changes: object) -> OffPolicyAlgorithm:
+    """Return a model whose buffer is filled by random actions, not yet trained."""
+    small = {"num_envs": 4, "learning_starts": 10**6, "batch_size": 64, "net_arch": [48, 32]}
+    small |= {"episode_steps": 30, "long_episodes": 0.5}  # the buffer holds ends of episodes
+    agent = PARAMS.agents[name].model_copy(update=small | changes)
+    model = trainer.make_model(trainer.make_envs(xml, ENV, agent, seed=0), agent, seed=0)
+    model.set_logger(Logger(folder=None, output_formats=[]))
+    model.learn(400)
+    return model
+
+
+def weights(model: OffPolicyAlgorithm) -> torch.Tensor:
+    return torch.cat([parameter.detach().flatten() for parameter in model.policy.parameters()])
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("dqn", {"n_steps": 1, "max_grad_norm": 0.5}),
+        ("dqn", {"n_steps": 4}),
+        ("sac", {"n_steps": 1, "ent_coef": 0.05}),
+        ("sac", {"n_steps": 3, "ent_coef": "auto"}),
+    ],
+)
+def test_updates_are_those_of_sb3(
+    robot_xml: str, monkeypatch: pytest.MonkeyPatch, name: str, changes: dict
+) -> None:
+    lean = filled_model(robot_xml, name, **changes)
+    with monkeypatch.context() as patch:
+        for attribute, stock in STOCK.items():
+            patch.setattr(trainer, attribute, stock)
+        reference = filled_model(robot_xml, name, **changes)
+    assert type(reference) in STOCK.values() and type(lean) not in STOCK.values()
+    start = weights(lean)
+    assert torch.equal(start, weights(reference))
+
+    for gradient_steps in (1, 4, 25):
+        for model in (lean, reference):
+            torch.manual_seed(1)
+            np.random.seed(1)
+            model.train(gradient_steps, batch_size=64)
+    moved = (weights(reference) - start).norm()
+    assert moved > 0.01
+    assert (weights(lean) - weights(reference)).norm() < 1e-3 * moved
+    theirs = reference.logger.name_to_value
+    assert {key for key in theirs if key != "train/ent_coef_loss"} == set(lean.logger.name_to_value)
+    for key, value in lean.logger.name_to_value.items():
+        assert value == pytest.approx(theirs[key], rel=1e-3), key
+
+
+@pytest.mark.parametrize("epsilon", [0.0, 0.5, 1.0])
+def test_one_environment_explores_as_in_sb3(robot_xml: str, epsilon: float) -> None:
+    model = filled_model(robot_xml, "dqn", num_envs=1)
+    model.exploration_rate = epsilon
+    observations = np.random.default_rng(0).normal(0, 1, (100, 1, 27)).astype(np.float32)
+    choices = []
+    for predict in (model.predict, partial(DQN.predict, model)):
+        np.random.seed(3)
+        model.action_space.seed(4)
+        choices.append([predict(observation)[0].tolist() for observation in observations])
+        choices[-1].append([np.random.rand()])  # as many coins were tossed
+    assert choices[0] == choices[1]
+    greedy = [model.predict(observation, deterministic=True)[0] for observation in observations]
+    others = np.mean(np.array(choices[0][:-1]) != greedy)
+    assert others == pytest.approx(0.8 * epsilon, abs=0.15), "one of five is the greedy one"
+
+
+def test_each_environment_tosses_a_coin_of_its_own(robot_xml: str) -> None:
+    """SB3 tosses one for all: either every environment explores or none does."""
+    model = filled_model(robot_xml, "dqn", num_envs=4)
+    model.exploration_rate = 0.5
+    observation = np.random.default_rng(0).normal(0, 1, (4, 27)).astype(np.float32)
+    greedy = model.predict(observation, deterministic=True)[0]
+
+    def between_environments(predict: Callable[..., Any]) -> float:
+        np.random.seed(3)
+        model.action_space.seed(4)
+        explored = np.array([predict(observation)[0] != greedy for _ in range(1000)])
+        np.testing.assert_allclose(explored.mean(axis=0), 0.4, atol=0.07)
+        return float(np.corrcoef(explored.T)[np.triu_indices(4, 1)].mean())
+
+    assert abs(between_environments(model.predict)) < 0.05
+    assert between_environments(partial(DQN.predict, model)) > 0.5
+
+
+def test_sb3_sees_the_state_of_the_optimizers(robot_xml: str) -> None:
+    lean = filled_model(robot_xml, "sac")
+    lean.train(gradient_steps=3, batch_size=64)
+    for optimizer in (lean.actor.optimizer, lean.critic.optimizer):
+        states = optimizer.state_dict()["state"].values()
+        assert len(states) == len(optimizer.param_groups[0]["params"])
+        assert all(state["step"] == 3 and state["exp_avg_sq"].any() for state in states)
+
+
+@pytest.mark.parametrize("n_steps", [1, 3])
+@pytest.mark.parametrize("num_added", [50, 130])  # before and after the buffer of 80 rows is full
+def test_batches_are_those_of_sb3(n_steps: int, num_added: int) -> None:
+    generator = np.random.default_rng(0)
+    spaces_ = (spaces.Box(-1, 1, (5,), np.float32), spaces.Box(-1, 1, (2,), np.float32))
+    ours = BatchedReplayBuffer(240, *spaces_, "cpu", 3, n_steps=n_steps, gamma=0.9)
+    if n_steps == 1:
+        theirs: ReplayBuffer = ReplayBuffer(240, *spaces_, "cpu", 3)
+    else:
+        theirs = NStepReplayBuffer(240, *spaces_, "cpu", 3, n_steps=n_steps, gamma=0.9)
+    for _ in range(num_added):
+        observations = generator.normal(size=(2, 3, 5)).astype(np.float32)
+        actions = generator.uniform(-1, 1, (3, 2)).astype(np.float32)
+        rewards, dones = generator.normal(size=3), generator.random(3) < 0.1
+        infos = [{"TimeLimit.truncated": bool(done and generator.random() < 0.5)} for done in dones]
+        for buffer in (ours, theirs):
+            buffer.add(*observations, actions, rewards, dones, infos)
+
+    np.random.seed(5)
+    batches = list(ours.draw(3, 200).split(200))
+    np.random.seed(5)
+    for batch in batches:
+        sample = theirs.sample(200)
+        assert torch.equal(batch.observations, sample.observations)
+        assert torch.equal(batch.actions, sample.actions)
+        assert torch.equal(batch.rewards, sample.rewards)
+        assert torch.equal(batch.next_observations, sample.next_observations)
+        discounts = 0.9 if sample.discounts is None else sample.discounts
+        assert torch.equal(batch.discounts, (1 - sample.dones) * discounts)
+    assert len(batches) == 3
+
+
+def test_gradients_are_those_of_autograd() -> None:
+    torch.manual_seed(0)
+    layers = [torch.nn.Linear(6, 9), torch.nn.Linear(9, 7), torch.nn.Linear(7, 1)]
+    relu = torch.nn.ReLU()
+    network = torch.nn.Sequential(layers[0], relu, layers[1], relu, layers[2])
+    reference = copy.deepcopy(network)
+    FlatAdam(torch.optim.Adam(network.parameters()))  # gives every parameter a gradient to fill
+    mlp = MLP(layers)
+    inputs = torch.randn(20, 6, requires_grad=True)
+    gradient = torch.randn(20, 1)
+    gradient[::3] = 0
+    outputs = reference(inputs)
+    outputs.backward(gradient)
+    with torch.no_grad():
+        assert torch.allclose(mlp.forward(inputs), outputs, atol=1e-6)
+        assert torch.allclose(mlp.input_gradient(gradient, first=2), inputs.grad[:, 2:], atol=1e-6)
+        by_inputs = mlp.backward(gradient.clone(), to_inputs=True)
+    assert torch.allclose(by_inputs, inputs.grad, atol=1e-6)
+    for mine, theirs in zip(network.parameters(), reference.parameters(), strict=True):
+        assert torch.allclose(mine.grad, theirs.grad, atol=1e-6)
+
+
+def test_means_of_silent_neurons_vanish() -> None:
+    """Left alone they stay denormal, the smallest numbers there are, and cost a hundredfold."""
+    tiny = torch.finfo(torch.float32).tiny
+    network = torch.nn.Linear(8, 8)
+    optimizer = torch.optim.Adam(network.parameters())
+    adam = FlatAdam(optimizer)
+    adam.gradient.fill_(1.0)
+    with torch.no_grad(), denormals_flushed():
+        adam.step()
+        adam.gradient.zero_()
+        for _ in range(1200):
+            adam.step()
+    assert optimizer.state[network.weight]["exp_avg"].abs().max() == 0
+    assert torch.tensor(tiny) / 2 > 0, "denormals are back afterwards"

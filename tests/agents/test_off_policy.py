@@ -1,0 +1,135 @@
+"""DQN and SAC: Stable-Baselines3's own loop, with what this project adds to it."""
+
+import io
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.agents.events import Finished, Progress, Snapshot
+from jumping_ant.agents.off_policy.trainer import make_envs, make_model, train
+from jumping_ant.base.archive import unpack
+from jumping_ant.base.seeding import derive
+from jumping_ant.params import params_file
+from jumping_ant.sim.env import Decisions, JumpingAnt
+
+PARAMS = params_file.load()
+ENV = PARAMS.env.model_copy(update={"max_episode_steps": 60})
+SMALL = {
+    "total_steps": 240,
+    "episode_steps": 40,  # several resets
+    "long_episodes": 0.0,
+    "tumbled_starts": 0.0,
+    "num_envs": 1,
+    "learning_starts": 50,
+    "batch_size": 16,
+    "net_arch": [16],
+    "gradient_steps": 1,
+    "log_interval": 40,
+    "buffer_size": 1000,
+}
+
+
+def small(name: str, hold: int = 2, **changes: object):
+    agent = PARAMS.agents[name]
+    actions = agent.actions.model_copy(update={"hold": hold})
+    return agent.model_copy(update=SMALL | {"actions": actions} | changes)
+
+
+def trained_weights(events: list) -> bytes:
+    return unpack(events[-1].policy)["policy.pth"]
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+@pytest.mark.parametrize("name", ["dqn", "sac"])
+def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, hold: int) -> None:
+    """Against SB3 as anyone would call it: its own `learn`, on Gymnasium's single environment."""
+    agent = small(name, hold)
+
+    def single() -> gym.Env:
+        task = ENV.model_copy(update={"max_episode_steps": agent.episode_steps})
+        env: gym.Env = gym.wrappers.DtypeObservation(JumpingAnt(robot_xml, task), np.float32)
+        return Monitor(Decisions(env, ActionSet.of(agent.actions)))
+
+    torch.set_num_threads(1)
+    envs = DummyVecEnv([single])
+    reference = make_model(envs, agent, seed=3)
+    envs.seed(derive(3, "starts"))
+    reference.learn(agent.total_steps // hold)
+
+    events = list(train(robot_xml, ENV, agent, seed=3, evaluations=2))
+    ours = make_model(make_envs(robot_xml, ENV, agent, seed=4), agent, seed=4)
+    ours.policy.load_state_dict(read_weights(events[-1].policy))
+    for theirs, mine in zip(reference.policy.parameters(), ours.policy.parameters(), strict=True):
+        assert torch.equal(theirs, mine)
+
+
+def read_weights(policy: bytes) -> dict:
+    return torch.load(io.BytesIO(unpack(policy)["policy.pth"]), weights_only=True)
+
+
+@pytest.mark.parametrize("name", ["dqn", "sac"])
+def test_the_seed_alone_determines_the_policy(robot_xml: str, name: str) -> None:
+    agent = small(name, num_envs=4)
+    runs = [list(train(robot_xml, ENV, agent, seed, evaluations=2)) for seed in (1, 1, 2)]
+    assert runs[0][-1].policy == runs[1][-1].policy
+    assert trained_weights(runs[0]) != trained_weights(runs[2])
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+@pytest.mark.parametrize("name", ["dqn", "sac"])
+def test_events_tell_the_run(robot_xml: str, name: str, hold: int) -> None:
+    """In control steps, however long a decision lasts; rows and updates go by decisions."""
+    agent = small(name, hold, num_envs=2, gradient_steps=2)
+    events = list(train(robot_xml, ENV, agent, seed=0, evaluations=3))
+    rows = [event for event in events if isinstance(event, Progress)]
+    evaluated = [80, 160, 240]
+    logged = range(agent.log_interval * hold, 241, agent.log_interval * hold)
+    # A row is written with each evaluation, too: a decision of three steps may pass the mark.
+    assert {row.env_steps for row in rows} >= set(logged)
+    snapshots = [event.env_steps for event in events if isinstance(event, Snapshot)]
+    assert all(0 <= at - due < 2 * hold for at, due in zip(snapshots, evaluated, strict=True))
+    assert {row.env_steps for row in rows} == set(logged) | set(snapshots)
+    assert isinstance(events[-1], Finished) and events[-1].env_steps == 240
+    assert rows[-1].updates == agent.total_steps // hold - agent.learning_starts
+    longest = -(-agent.episode_steps // hold)  # decisions of an episode
+    assert rows[-1].episodes >= 2 * (agent.total_steps // hold // 2 // longest) > 2
+    assert all(set(row.extra) == set(rows[0].extra) for row in rows)
+    assert np.isfinite(list(rows[-1].extra.values())).all()
+
+
+def test_truncation_is_not_taken_for_an_end(robot_xml: str) -> None:
+    agent = small("sac", hold=2, num_envs=2)
+    envs = make_envs(robot_xml, ENV, agent, seed=0)
+    envs.reset()
+    for _ in range(agent.episode_steps // 2):
+        observations, _, dones, infos = envs.step(np.zeros((2, 8), np.float32))
+    assert dones.all()
+    for index, info in enumerate(infos):
+        assert info["TimeLimit.truncated"]
+        assert info["episode"]["l"] == agent.episode_steps // 2  # decisions
+        assert not np.array_equal(info["terminal_observation"], observations[index])
+
+
+LENGTHS = {"none": (0.0, 0), "a quarter": (0.25, 2), "half": (0.5, 4), "all": (1.0, 8)}
+
+
+@pytest.mark.parametrize(("share", "num_long"), LENGTHS.values(), ids=LENGTHS.keys())
+@pytest.mark.parametrize("short", [4, None])
+def test_a_share_of_the_environments_has_long_episodes(
+    robot_xml: str, share: float, num_long: int, short: int | None
+) -> None:
+    """Long is as the task says; null cuts no episode. Nothing falls below this floor."""
+    env = PARAMS.env.model_copy(update={"max_episode_steps": 10, "min_torso_height": -1.0})
+    agent = small("sac", hold=1, num_envs=8, long_episodes=share, episode_steps=short)
+    envs = make_envs(robot_xml, env, agent, seed=0)
+    envs.reset()
+    cut = [envs.step(np.zeros((8, 8), np.float32))[2] for _ in range(40)]
+    ends = [(np.flatnonzero(column) + 1).tolist() for column in np.transpose(cut)]
+    long = [10, 20, 30, 40]
+    others = [] if short is None else list(range(4, 41, 4))
+    assert ends == [long] * num_long + [others] * (8 - num_long)

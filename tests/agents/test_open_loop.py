@@ -1,0 +1,81 @@
+"""The sceptic's baseline: rhythms tried in turn, and the best of them played blindly."""
+
+import numpy as np
+import pytest
+
+from jumping_ant import policies
+from jumping_ant.actions import COMMAND_SIGNS
+from jumping_ant.agents.events import Finished, Progress, Snapshot
+from jumping_ant.agents.open_loop.trainer import metronome, train
+from jumping_ant.base.seeding import derive_all
+from jumping_ant.params.models import OpenLoopParams, Params
+from jumping_ant.sim import rollout
+
+AGENT = OpenLoopParams(
+    trainer="open_loop",
+    robot="edited",
+    algorithm="open_loop",
+    amplitude=0.75,
+    half_periods=[1, 4, 2],
+    episodes=3,
+    episode_steps=60,
+)
+
+
+@pytest.fixture(scope="module")
+def events(robot_xml: str, known_params: Params) -> list:
+    return list(train(robot_xml, known_params.env, AGENT, seed=5, evaluations=9))
+
+
+def test_the_best_rhythm_is_kept(events: list, robot_xml: str, known_params: Params) -> None:
+    """Each rhythm's returns are those of its policy's episodes from the seed's start states."""
+    env = known_params.env.model_copy(update={"max_episode_steps": AGENT.episode_steps})
+    starts, returns = derive_all(5, "starts", AGENT.episodes), {}
+    rows = [event for event in events if isinstance(event, Progress)]
+    for row, half_period in zip(rows, AGENT.half_periods, strict=True):
+        episodes = rollout.run(robot_xml, env, metronome(0.75, half_period), starts)
+        values = np.array([episode.rewards.sum() for episode in episodes])
+        assert (row.return_mean, row.return_std) == pytest.approx((values.mean(), values.std()))
+        assert row.extra == {"half_period": half_period}
+        returns[half_period] = values.mean()
+    assert len(set(returns.values())) == 3
+    best = max(returns, key=returns.__getitem__)
+    assert best != AGENT.half_periods[0], "not by being the first"
+    snapshot, finished = events[-2:]
+    assert isinstance(snapshot, Snapshot) and isinstance(finished, Finished)
+    assert snapshot.policy == finished.policy == metronome(0.75, best).to_bytes()
+
+
+def test_control_steps_are_counted(robot_xml: str, known_params: Params, events: list) -> None:
+    """Those of episodes that end early until their end."""
+    full = AGENT.episodes * AGENT.episode_steps
+    assert [event.env_steps for event in events] == [full, 2 * full, 3 * full, 3 * full, 3 * full]
+    assert AGENT.max_env_steps == 3 * full
+    high = known_params.env.model_copy(update={"min_torso_height": 0.55})
+    starts = derive_all(5, "starts", AGENT.episodes)
+    steps, expected = [event.env_steps for event in train(robot_xml, high, AGENT, 5, 1)], []
+    limited = high.model_copy(update={"max_episode_steps": AGENT.episode_steps})
+    for half_period in AGENT.half_periods:
+        episodes = rollout.run(robot_xml, limited, metronome(0.75, half_period), starts)
+        expected.append(sum(len(episode.rewards) for episode in episodes))
+    assert steps[:3] == np.cumsum(expected).tolist()
+    assert expected[0] < full
+
+
+def test_the_policy_plays_a_square_wave(events: list, robot_xml: str, known_params: Params) -> None:
+    policy = policies.load(events[-1].policy)
+    half_period = policy.actions.hold
+    (episode,) = rollout.run(robot_xml, known_params.env, policy, [1])
+    down, up = 0.75 * COMMAND_SIGNS[3], 0.75 * COMMAND_SIGNS[4]
+    turns = np.arange(len(episode.torques)) // half_period % 2
+    np.testing.assert_array_equal(episode.torques, np.where(turns[:, None] == 0, down, up))
+    assert len(turns) > 2 * half_period
+
+
+def test_the_seed_alone_determines_the_run(robot_xml: str, known_params: Params) -> None:
+    first, second, other = (
+        list(train(robot_xml, known_params.env, AGENT, seed, 1, num_threads))
+        for seed, num_threads in ((1, 1), (1, 2), (2, 1))
+    )
+    assert first == second
+    assert first[0].return_mean != other[0].return_mean

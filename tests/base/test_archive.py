@@ -1,0 +1,48 @@
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+
+from jumping_ant.base import archive
+
+STATE = {
+    "weights": np.arange(6, dtype=np.float32).reshape(2, 3),
+    "inner": {"mask": np.array([True, False]), "generator": {"state": 2**100, "gauss": None}},
+    "returns": [0.1, float("nan")],
+    "empty": {},
+}
+
+
+def test_equal_entries_are_equal_bytes() -> None:
+    entries = {"a.txt": b"a", "b": b"\x00"}
+    assert archive.pack(entries) == archive.pack(dict(entries))
+    assert archive.unpack(archive.pack(entries)) == entries
+
+
+def test_a_state_comes_back() -> None:
+    content = archive.pack_state(STATE)
+    assert content == archive.pack_state(STATE)
+    state = archive.unpack_state(content)
+    np.testing.assert_array_equal(state["weights"], STATE["weights"])
+    assert state["weights"].dtype == np.float32
+    np.testing.assert_array_equal(state["inner"]["mask"], [True, False])
+    assert state["inner"]["generator"] == {"state": 2**100, "gauss": None}
+    assert state["returns"][0] == 0.1 and np.isnan(state["returns"][1])
+    assert state["empty"] == {}
+
+
+def test_objects_are_neither_written_nor_read() -> None:
+    with pytest.raises(ValueError, match="allow_pickle"):
+        archive.pack_state({"a": np.array([object()], dtype=object)})
+    for payload in (pickle.dumps([1]), pickle.dumps(np.arange(3))):
+        with pytest.raises(ValueError, match="allow_pickle"):
+            archive.to_array(payload)
+
+
+def test_a_damaged_entry_is_found() -> None:
+    content = archive.pack_state(STATE)
+    place = content.index(STATE["weights"].tobytes()) + 4
+    damaged = content[:place] + b"\xff" + content[place + 1 :]
+    with pytest.raises(zipfile.BadZipFile, match="CRC"):
+        archive.unpack_state(damaged)

@@ -1,0 +1,40 @@
+"""Which files a file runs."""
+
+from pathlib import Path
+
+import pytest
+
+from jumping_ant.base import imports
+
+FILES = {
+    "stage.py": "import json\nfrom house import kitchen\n",
+    "house/__init__.py": "",
+    "house/kitchen.py": "def cook():\n    from house.cellar.wine import pour\n",
+    "house/cellar/__init__.py": "SHELVES = 2\n",
+    "house/cellar/wine.py": "import house.garden\n",
+    "house/garden.py": "",
+    "house/attic.py": "import house.kitchen\n",
+}
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    for name, content in FILES.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(content)
+    return tmp_path
+
+
+def names(files: set[Path], root: Path) -> set[str]:
+    return {str(file.relative_to(root)) for file in files}
+
+
+def test_imports_of_the_project_are_found_wherever_they_stand(project: Path) -> None:
+    found = imports.direct(project / "house/kitchen.py", project)
+    assert names(found, project) == {"house/cellar/__init__.py", "house/cellar/wine.py"}
+
+
+def test_the_closure_follows_them(project: Path) -> None:
+    found = imports.closure(project / "stage.py", root=project)
+    cellar = {"house/cellar/__init__.py", "house/cellar/wine.py"}
+    assert names(found, project) == {"stage.py", "house/kitchen.py"} | cellar

@@ -1,0 +1,42 @@
+"""Streams of random numbers: none is shared, and none changes from release to release."""
+
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from jumping_ant.base.seeding import Purpose, derive, derive_all
+
+PURPOSES = get_args(Purpose)
+
+
+@pytest.mark.parametrize("bits", [32, 128])
+def test_no_two_streams_coincide(bits: int) -> None:
+    seeds = [
+        derive(seed, purpose, index, bits)
+        for seed in range(21)
+        for purpose in PURPOSES
+        for index in range(41)
+    ]
+    assert len(set(seeds)) == len(seeds) == 21 * len(PURPOSES) * 41
+    assert min(seeds) >= 0 and 2 ** (bits - 3) < max(seeds) < 2**bits
+
+
+def test_the_seeds_are_part_of_every_result() -> None:
+    """NumPy promises that its SeedSequence stays as it is; what is made of it here must, too."""
+    assert PURPOSES == ("starts", "learner", "replay", "actions", "search", "samples", "test")
+    assert derive(7, "starts", 3) == 211193353590839443487384849143270691103
+    assert derive(7, "starts", 3, bits=32) == 31412511
+    assert derive(7, "samples", 3) == 26359170599376513052782447718271347371
+    assert derive(0, "learner", bits=32) == 3953331965
+
+
+def test_all_of_a_purpose_are_counted_from_zero() -> None:
+    assert derive_all(5, "starts", 3) == [derive(5, "starts", index) for index in range(3)]
+
+
+def test_derived_seeds_seed_generators() -> None:
+    """Of a whole 128 bits; generators of older kinds take the short ones."""
+    first, second = (np.random.default_rng(derive(0, "starts", index)) for index in range(2))
+    assert first.random() != second.random()
+    np.random.RandomState(derive(0, "replay", bits=32))

@@ -1,0 +1,389 @@
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from small_project import COMPARE
+
+from jumping_ant.judging.claims import verdicts
+from jumping_ant.judging.claims.field import lacks_constant, out_of_luck, robot_of
+from jumping_ant.judging.results import AgentResults, SeedCurve
+from jumping_ant.params.models import ALGORITHMS, CommandParams
+
+LOW, MIDDLE, HIGH = (np.linspace(start, 1.1 * start, 8) for start in (300.0, 700.0, 3000.0))
+TORN = np.array([100.0, 150.0, 200.0, 290.0, 340.0, 500.0, 700.0, 900.0])  # on both sides of LOW
+JUMPS, OPEN_LOOP, FLUID = "learns to jump", "does not look at the robot", "less fluidly than SAC."
+STIFF, SLOW, BETTER = "make movements less fluid", "more time to train", "much better"
+ROUNDED, ROBUST, HEAVY = "Discrete actions are inefficient", "is robust", "is computationally heavy"
+CENTRE, CONSTANT, PARALLEL = "its best policy", "A constant off the reward", "parallelises"
+LIGHTER = "A lighter body"
+
+
+def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block):
+    """Return an agent whose seeds all reach their return at `reached_at`, from 0 before."""
+    steps = np.array([50.0, reached_at, budget])
+    curves = {
+        seed: SeedCurve(
+            env_steps=steps,
+            seconds=steps * (1 + 0.001 * seed) / 1000,
+            evaluation_return=np.where(steps >= reached_at, float(value), 0.0),
+        )
+        for seed, value in enumerate(returns)
+    }
+    if algorithm == "pgpe":
+        block = {"population_size": 20, "decrease_rewards_by": 1.0} | block
+    settings = ALGORITHMS[algorithm].model_construct(algorithm=algorithm, **block)
+    quantities = dict.fromkeys(("flight", "apex", "fluidity"), np.linspace(1.0, 1.2, len(returns)))
+    quantities |= {"return": np.array(returns, dtype=float)}
+    return AgentResults(name, settings, quantities, curves, episode_returns=LOW)
+
+
+def having(one, variants=None, **quantities):
+    """Return an agent with other quantities, and with variants as {variant: {quantity: values}}."""
+    own = {name: np.asarray(values, dtype=float) for name, values in quantities.items()}
+    variants = {
+        variant: {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+        for variant, columns in (variants or {}).items()
+    }
+    return replace(one, quantities=one.quantities | own, variants=variants)
+
+
+def check(*agents):
+    return verdicts.check({one.name: one for one in agents}, COMPARE, 2)
+
+
+def the_claim(part, *agents):
+    """Return the only claim whose text has a part."""
+    matching = [claim for claim in check(*agents) if part in claim["text"]]
+    assert len(matching) == 1
+    return matching[0]
+
+
+def one_verdict(part, *agents):
+    return the_claim(part, *agents)["verdict"]
+
+
+RANDOM, METRONOME = agent("random", "random", LOW), agent("metronome", "open_loop", LOW)
+
+
+@pytest.mark.parametrize(
+    ("flight", "apex", "verdict"),
+    [
+        (HIGH, HIGH, "supported"),
+        (LOW, LOW, "refuted"),
+        (HIGH, np.append(LOW[:4], HIGH[4:]), "inconclusive"),
+        (LOW, HIGH, "inconclusive"),  # in the air for less time, but higher
+    ],
+)
+def test_jumping_is_flight_and_height(flight, apex, verdict):
+    dqn = having(agent("dqn", "dqn"), flight=flight, apex=apex)
+    random = having(RANDOM, flight=MIDDLE, apex=MIDDLE)
+    assert one_verdict(JUMPS, dqn, random) == verdict
+
+
+def test_the_weaker_half_of_jumping_decides():
+    half = np.append(LOW[:3], HIGH[3:])
+    random = having(RANDOM, flight=MIDDLE, apex=MIDDLE)
+    both = the_claim(JUMPS, having(agent("dqn", "dqn"), flight=HIGH, apex=half), random)
+    weak = the_claim(JUMPS, having(agent("dqn", "dqn"), flight=half, apex=half), random)
+    assert both["p"] == weak["p"] > 0.05
+    assert both["effect"]["value"] == pytest.approx(5 / 8)
+    assert both["plot"]["axis"] == "Apex of a jump [m]"
+
+
+def test_random_commands_come_before_random_torques():
+    torques = agent("noise", "random", actions=SimpleNamespace(kind="torques"))
+    commands = agent("typing", "random", actions=SimpleNamespace(kind="commands"))
+    claim = the_claim(JUMPS, agent("dqn", "dqn"), torques, commands)
+    assert "than typing" in claim["text"]
+
+
+@pytest.mark.parametrize(
+    ("returns", "verdict"), [(HIGH, "supported"), (LOW / 9, "refuted"), (TORN, "inconclusive")]
+)
+@pytest.mark.parametrize("algorithm", ["dqn", "sac", "pgpe"])
+def test_sceptics_ask_for_more_than_open_loop(algorithm, returns, verdict):
+    learner, worse = agent(algorithm, algorithm, returns), agent("worse", "open_loop", LOW / 10)
+    claim = the_claim(OPEN_LOOP, learner, worse, METRONOME)
+    assert (claim["verdict"], claim["statement"]) == (verdict, None)
+    assert "more than metronome" in claim["text"]  # the better one
+
+
+def test_a_metronome_is_no_stronger_than_the_learner():
+    commands = CommandParams(kind="commands", amplitude=0.5, hold=3)
+    dqn = agent("dqn", "dqn", LOW, actions=commands)
+    weak = agent("weak", "open_loop", LOW / 10, amplitude=0.5)
+    strong = agent("strong", "open_loop", HIGH, amplitude=1.0)
+    assert "more than weak" in the_claim(OPEN_LOOP, dqn, weak, strong)["text"]
+    assert "more than strong" in the_claim(OPEN_LOOP, agent("sac", "sac"), weak, strong)["text"]
+    assert not [c for c in check(dqn, strong) if OPEN_LOOP in c["text"]]
+
+
+@pytest.mark.parametrize(
+    ("part", "first", "second", "verdict"),
+    [
+        (FLUID, {"fluidity": -LOW}, {"fluidity": -HIGH}, "supported"),
+        (FLUID, {"fluidity": -HIGH}, {"fluidity": -LOW}, "refuted"),
+        (FLUID, {"fluidity": -LOW}, {"fluidity": -TORN}, "inconclusive"),
+        (BETTER, {"return": HIGH}, {"return": MIDDLE}, "supported"),
+        (BETTER, {"return": 1.5 * MIDDLE}, {"return": MIDDLE}, "refuted"),
+        (BETTER, {"return": 2 * LOW}, {"return": TORN}, "inconclusive"),
+    ],
+)
+def test_sac_beside_dqn(part, first, second, verdict):
+    sac, dqn = having(agent("sac", "sac"), **first), having(agent("dqn", "dqn"), **second)
+    assert one_verdict(part, sac, dqn) == verdict
+
+
+@pytest.mark.parametrize(
+    ("budget", "verdict"), [(9000, "supported"), (200, "refuted"), (1000, "inconclusive")]
+)
+def test_training_time_is_that_in_all(budget, verdict):
+    agents = agent("sac", "sac", budget=budget), agent("dqn", "dqn", budget=1000)
+    assert one_verdict(SLOW, *agents) == verdict
+
+
+@pytest.mark.parametrize(
+    ("rounded", "verdict"),
+    [(MIDDLE - 50, "supported"), (MIDDLE + 50, "refuted"), (MIDDLE, "inconclusive")],
+)
+@pytest.mark.parametrize("algorithm", ["sac", "pgpe"])
+def test_rounding_is_judged_on_the_same_seeds(algorithm, rounded, verdict):
+    # The spread over seeds exceeds the difference: only pairs tell them apart.
+    learner = having(agent(algorithm, algorithm), {"rounded": {"return": rounded}})
+    assert one_verdict(ROUNDED, learner) == verdict
+
+
+def test_rounding_stiffens_where_the_robot_moves():
+    rounded = -HIGH.copy()
+    rounded[0] = np.nan
+    variants = {"rounded": {"return": MIDDLE, "fluidity": rounded}}
+    sac = having(agent("sac", "sac"), variants, fluidity=-LOW)
+    claim = the_claim(STIFF, sac, agent("dqn", "dqn"))
+    assert claim["p"] == 2 / 2**7
+    assert "left out: 1 of SAC, rounded" in claim["evidence"]
+    assert claim["plot"]["values"]["SAC, rounded"][0] is None
+    assert claim["plot"]["paired"] is True
+
+
+def test_where_nothing_moves_nothing_is_said_of_fluidity():
+    sac = having(agent("sac", "sac"), fluidity=np.full(8, np.nan))
+    claim = the_claim(FLUID, sac, agent("dqn", "dqn"))
+    assert (claim["verdict"], claim["p"], claim["effect"]["value"]) == ("inconclusive", 1.0, None)
+    assert "no seed has a value" in claim["evidence"]
+
+
+@pytest.mark.parametrize(
+    ("spread", "rivals_spread", "verdict"),
+    [(0.01, 0.5, "supported"), (0.5, 0.01, "refuted"), (0.3, 0.3, "inconclusive")],
+)
+def test_robust_means_less_spread_relative_to_the_median(spread, rivals_spread, verdict):
+    shape = np.array([-1.0, -0.9, -0.8, -0.7, 0.7, 0.8, 0.9, 1.0])
+    # In absolute terms PGPE always spreads most: it returns the most.
+    pgpe = agent("pgpe", "pgpe", 1e6 * (1 + spread * shape))
+    claim = the_claim(ROBUST, pgpe, agent("sac", "sac", 100 * (1 + rivals_spread * shape)))
+    assert claim["verdict"] == verdict
+    assert f"worst seed {1e6 * (1 - spread):,.0f}" in claim["evidence"]
+
+
+@pytest.mark.parametrize(
+    ("reached_at", "verdict"), [(900, "supported"), (60, "refuted"), (100, "inconclusive")]
+)
+@pytest.mark.parametrize("unit", ["control steps", "training seconds"])
+def test_heavy_means_more_effort_until_something_is_learned(reached_at, verdict, unit):
+    pgpe = agent("pgpe", "pgpe", HIGH, reached_at=reached_at)
+    rival = agent("sac", "sac", HIGH)
+    assert one_verdict(f"more {unit}", pgpe, rival, RANDOM) == verdict
+
+
+def test_a_rival_that_never_learned_in_its_shorter_budget_settles_nothing():
+    pgpe = agent("pgpe", "pgpe", HIGH, reached_at=900)
+    stuck = agent("dqn", "dqn", LOW, budget=500)
+    claim = the_claim("more control steps", pgpe, stuck, RANDOM)
+    assert (claim["verdict"], claim["p"]) == ("inconclusive", 1.0)
+    assert "0 of 8 seeds got there" in claim["evidence"]
+    longer = agent("dqn", "dqn", LOW, budget=2000)
+    assert one_verdict("more control steps", pgpe, longer, RANDOM) == "refuted"
+
+
+def test_a_return_counts_where_it_lasts():
+    luck = SeedCurve(np.arange(5.0), np.arange(5.0), np.array([9.0, np.nan, 0.0, 8.0, 9.0]))
+    assert luck.sustained(5.0) == 3
+    assert luck.sustained(8.0) == 4
+    assert luck.sustained(-1.0) == 0
+    assert luck.sustained(9.0) is None
+
+
+def test_random_policies_stay_below_what_counts_as_learning():
+    generator = np.random.default_rng(0)
+    returns = generator.gamma(2.0, 200.0, 1000)  # skewed, as theirs are
+    threshold = out_of_luck(replace(RANDOM, episode_returns=returns), 5)
+    assert threshold == pytest.approx(returns.mean() + 5 * returns.std() / np.sqrt(5))
+    assert np.mean(generator.gamma(2.0, 200.0, (20_000, 5)).mean(axis=1) > threshold) < 0.001
+
+
+@pytest.mark.parametrize(
+    ("best_sample", "verdict"),
+    [(MIDDLE - 1, "supported"), (MIDDLE + 1, "refuted"), (MIDDLE, "inconclusive")],
+)
+def test_the_centre_is_that_of_the_final_search(best_sample, verdict):
+    variants = {"final": {"return": MIDDLE}, "best_sample": {"return": best_sample}}
+    assert one_verdict(CENTRE, having(agent("pgpe", "pgpe", HIGH), variants)) == verdict
+
+
+def test_a_constant_is_judged_beside_a_pgpe_like_it():
+    own = agent("pgpe", "pgpe", MIDDLE)
+    plain = agent("pgpe-plain", "pgpe", TORN, decrease_rewards_by=0.0)
+    other = agent("pgpe-wide", "pgpe", TORN, decrease_rewards_by=0.0, population_size=40)
+    assert lacks_constant(own, plain)
+    assert not any(lacks_constant(*pair) for pair in ((plain, own), (own, own), (own, other)))
+    assert one_verdict(CONSTANT, own, plain) == "supported"
+    assert not any("pgpe-plain is robust" in claim["text"]
+                   for claim in check(own, plain, agent("sac", "sac")))  # fmt: skip
+    assert not any(CONSTANT in claim["text"] for claim in check(own, other))
+
+
+@pytest.mark.parametrize(
+    ("speed_up", "rivals", "verdict"),
+    [(1.9, 1.1, "supported"), (1.0, 1.5, "refuted"), (1.5, 1.5, "inconclusive")],
+)
+def test_a_population_parallelises_if_cores_bring_more_than_to_one_policy(
+    speed_up, rivals, verdict
+):
+    one = np.linspace(2.0, 2.1, 8)
+    jitter = np.linspace(-0.02, 0.02, 8)
+    pgpe, sac = (
+        replace(agent(name, name), step_seconds={1: one, 2: one / (factor + jitter)})
+        for name, factor in (("pgpe", speed_up), ("sac", rivals))
+    )
+    assert one_verdict(PARALLEL, pgpe, sac) == verdict
+
+
+def test_one_core_says_nothing_of_parallel_work():
+    alone = [replace(agent(n, n), step_seconds={1: np.ones(8)}) for n in ("pgpe", "sac")]
+    claim = the_claim(PARALLEL, *alone)
+    assert (claim["verdict"], claim["seeds_needed"]) == ("inconclusive", None)
+
+
+def test_robots_are_compared_within_an_algorithm():
+    plain = having(agent("sac-plain", "sac", robot="unedited"), apex=LOW)
+    edited = having(agent("sac", "sac", robot="edited"), apex=HIGH)
+    assert (robot_of(plain), robot_of(agent("dqn", "dqn"))) == ("unedited", "edited")
+    found = check(plain, edited, agent("dqn", "dqn"))
+    assert [claim["verdict"] for claim in found if LIGHTER in claim["text"]] == ["supported"]
+    assert sum("sac-plain" in claim["text"] for claim in found) == 1  # it stands for nothing else
+
+
+def test_agents_that_differ_by_more_than_their_robot_are_not_compared():
+    plain = agent("plain", "open_loop", amplitude=1.0, robot="unedited")
+    like = agent("like", "open_loop", amplitude=1.0, robot="edited")
+    weaker = agent("weaker", "open_loop", amplitude=0.5, robot="edited")
+    texts = [claim["text"] for claim in check(plain, like, weaker) if LIGHTER in claim["text"]]
+    assert len(texts) == 1 and "like gets higher" in texts[0]
+
+
+def test_claims_without_their_agents_are_left_out():
+    dqn, sac, pgpe = (agent(name, name) for name in ("dqn", "sac", "pgpe"))
+    for agents, parts in [
+        ((RANDOM, METRONOME), []),
+        ((RANDOM, dqn), [JUMPS]),
+        ((dqn, METRONOME), [OPEN_LOOP]),
+        ((dqn, sac), [FLUID, SLOW, BETTER]),
+        ((pgpe, RANDOM), []),
+        ((pgpe, sac), [ROBUST]),
+        ((pgpe, sac, RANDOM), [ROBUST, HEAVY, HEAVY]),
+    ]:
+        texts = [claim["text"] for claim in check(*agents)]
+        assert len(texts) == len(parts)
+        assert all(part in text for part, text in zip(parts, texts, strict=True))
+
+
+def test_agents_stand_for_their_algorithm_whatever_their_name():
+    buttons, levers = agent("buttons", "dqn"), agent("levers", "dqn")
+    texts = [claim["text"] for claim in check(agent("noise", "random"), buttons, levers)]
+    assert [text.split(":")[0] for text in texts] == [
+        "buttons learns to jump", "levers learns to jump"
+    ]  # fmt: skip
+    assert all("noise" in text for text in texts)
+
+
+@pytest.mark.parametrize("num_seeds", [1, 2, 3])
+def test_few_seeds_are_inconclusive_and_say_so(num_seeds):
+    variants = {"rounded": {"return": LOW[:num_seeds], "fluidity": LOW[:num_seeds]}}
+    agents = [
+        having(agent(name, name, HIGH[:num_seeds]), variants)
+        for name in ("random", "open_loop", "dqn", "sac", "pgpe")
+    ]
+    found = check(*agents)
+    assert {claim["verdict"] for claim in found} == {"inconclusive"}
+    assert all("too few seeds for a verdict" in claim["evidence"] for claim in found)
+    json.dumps(found, allow_nan=False)
+
+
+def test_entries_follow_their_contract():
+    (claim,) = check(agent("dqn", "dqn", HIGH), METRONOME)
+    assert list(claim) == [
+        "text", "statement", "verdict", "evidence", "effect", "test", "p", "p_holm", "plot",
+    ]  # fmt: skip
+    assert claim["effect"] == {
+        "name": "probability that a seed of DQN exceeds one of metronome",
+        "value": 1.0, "low": 1.0, "high": 1.0,
+    }  # fmt: skip
+    assert claim["plot"] == {
+        "axis": "Return", "values": {"DQN": HIGH.tolist(), "metronome": LOW.tolist()}
+    }  # fmt: skip
+    assert "DQN 3,150 [" in claim["evidence"]
+    assert "exact rank test, 8 seeds: p = 0.00016, 0.00016 among 1 claims" in claim["evidence"]
+    json.dumps(claim, allow_nan=False)
+
+
+def test_p_values_are_corrected_together():
+    variants = {"rounded": {"return": MIDDLE - 50, "fluidity": MIDDLE}}
+    sac = having(agent("sac", "sac"), variants)
+    assert one_verdict(ROUNDED, sac) == "supported"
+    # Eight open questions more, and what eight pairs can show is not rare enough any more.
+    others = [agent(f"dqn-{i}", "dqn", TORN) for i in range(4)]
+    claim = the_claim(ROUNDED, sac, METRONOME, *others)
+    assert claim["p"] == 2 / 256
+    assert (claim["verdict"], claim["p_holm"] > 0.05) == ("inconclusive", True)
+    assert claim["seeds_needed"] > 8
+
+
+def test_open_claims_say_how_many_seeds_they_need():
+    claim = the_claim(OPEN_LOOP, agent("dqn", "dqn", TORN), METRONOME)
+    assert claim["verdict"] == "inconclusive"
+    assert claim["seeds_needed"] is None or claim["seeds_needed"] > 8
+    nothing = the_claim(OPEN_LOOP, agent("dqn", "dqn", LOW), METRONOME)
+    assert nothing["seeds_needed"] is None
+    assert "more than 1,000 seeds" in nothing["evidence"]
+
+
+@pytest.mark.parametrize(
+    ("side", "p_holm", "verdict"),
+    [
+        (0.4, 0.05, "supported"),
+        (-0.4, 0.05, "refuted"),
+        (0.4, 0.051, "inconclusive"),
+        (-0.4, 0.051, "inconclusive"),
+        (0.0, 0.0, "inconclusive"),
+    ],
+)
+def test_the_rule_of_verdicts(side, p_holm, verdict):
+    assert verdicts.verdict(side, p_holm, 0.95) == verdict
+
+
+def test_seeds_that_all_agree_are_a_constant():
+    same = agent("same", "open_loop", [600.0] * 8)
+    above = the_claim(OPEN_LOOP, agent("dqn", "dqn", HIGH), same)
+    assert (above["verdict"], above["p"]) == ("supported", 2 / 2**8)
+    assert "all seeds of same are the same policy" in above["evidence"]
+    below = agent("dqn", "dqn", [*LOW[:7], 2000.0])
+    assert one_verdict(OPEN_LOOP, below, same) == "inconclusive"
+
+
+def test_two_agents_without_spread_are_not_tested():
+    edited = having(agent("edited", "open_loop", robot="edited"), apex=[2.0] * 8)
+    plain = having(agent("plain", "open_loop", robot="unedited"), apex=[1.0] * 8)
+    claim = the_claim(LIGHTER, edited, plain)
+    assert (claim["verdict"], claim["p"], claim["seeds_needed"]) == ("inconclusive", 1.0, None)

@@ -1,0 +1,77 @@
+import json
+from typing import Any
+
+import jsonschema
+import pytest
+from ruamel.yaml import YAML
+
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.params import schema
+
+CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
+VALIDATOR = jsonschema.Draft202012Validator(json.loads(schema.text()))
+
+
+def blocks(content: Any) -> list[dict[str, Any]]:
+    """Return all schemas of blocks, at any depth."""
+    inner = [block for part in _parts(content) for block in blocks(part)]
+    return inner + ([content] if isinstance(content, dict) and "properties" in content else [])
+
+
+def _parts(content: Any) -> list[Any]:
+    if isinstance(content, dict):
+        return list(content.values())
+    return content if isinstance(content, list) else []
+
+
+def test_the_file_is_current() -> None:
+    assert schema.PATH.read_text() == schema.text(), "run `make schema`"
+
+
+def test_editors_find_it() -> None:
+    first = (PROJECT_ROOT / "params.yaml").read_text().splitlines()[0]
+    assert first == f"# yaml-language-server: $schema={schema.PATH.name}"
+
+
+def test_the_parameters_fit() -> None:
+    jsonschema.Draft202012Validator.check_schema(VALIDATOR.schema)
+    VALIDATOR.validate(CONTENT)
+
+
+def test_every_key_is_explained() -> None:
+    found = blocks(VALIDATOR.schema)
+    assert len(found) > 10
+    for block in found:
+        assert block["additionalProperties"] is False
+        for name, key in block["properties"].items():
+            assert key.get("description"), name
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("seeds", []),
+        ("seeds", [1, 1]),
+        ("robot.density", 0),
+        ("robot.densty", 1.0),
+        ("agents.sac.algorithm", "ppo"),
+        ("agents.sac.gamma", 2),
+        ("agents.sac.learning_rte", 0.1),
+        ("agents.sac.ent_coef", "often"),
+        ("agents.sac.actions.kind", "commands"),
+        ("agents.dqn.actions.kind", "torques"),
+        ("agents.dqn.actions.amplitude", 1.5),
+        ("agents.dqn.actions.hod", 3),
+        ("agents.Big Name", CONTENT["agents"]["random"]),
+        ("record.fps", 30),
+        ("record.fps", True),
+    ],
+)
+def test_a_mistake_is_marked(path: str, value: Any) -> None:
+    content = json.loads(json.dumps(CONTENT))
+    *parents, last = path.split(".")
+    block = content
+    for parent in parents:
+        block = block[parent]
+    block[last] = value
+    assert not VALIDATOR.is_valid(content)

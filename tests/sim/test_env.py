@@ -1,0 +1,281 @@
+"""The single environment, against Gymnasium's Ant-v5 and by its own rules."""
+
+import os
+import subprocess
+import sys
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from jumping_ant.actions import COMMAND_SIGNS, ActionSet
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.params import article
+from jumping_ant.params.models import EnvParams, Params
+from jumping_ant.sim import robot
+from jumping_ant.sim.env import Decisions, JumpingAnt
+from jumping_ant.sim.vector import JumpingAntVectorEnv
+
+DRAW = """
+import gymnasium, jumping_ant.sim.env
+
+env = gymnasium.make("JumpingAnt-v0", render_mode="rgb_array")
+env.reset(seed=0)
+picture = env.render()
+assert picture.shape == (480, 480, 3), picture.shape
+assert picture.dtype == "uint8"
+assert picture.max() > 0 and picture.std() > 1
+env.close()
+"""
+
+
+@pytest.fixture
+def env(robot_xml: str, known_params: Params) -> JumpingAnt:
+    return JumpingAnt(robot_xml, known_params.env)
+
+
+def task(params: Params, **changes: Any) -> EnvParams:
+    return params.env.model_copy(update=changes)
+
+
+def torques(count: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1, 1, (count, 8)).astype(np.float32)
+
+
+def test_gymnasiums_own_checks_pass(env: JumpingAnt) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for harmless in ("space minimum", "space maximum", "not having a spec"):
+            warnings.filterwarnings("ignore", f".*{harmless}.*")
+        check_env(env)
+
+
+def test_it_is_ant_v5_to_the_last_bit(source_xml: str, known_params: Params) -> None:
+    ours = JumpingAnt(source_xml, task(known_params, max_episode_steps=10**9))
+    theirs: Any = gym.make(
+        "Ant-v5",
+        include_cfrc_ext_in_observation=False,
+        healthy_z_range=(known_params.env.min_torso_height, np.inf),
+        max_episode_steps=10**9,
+    )
+    for step, action in enumerate(torques(1000)):
+        if step % 300 == 0:
+            np.testing.assert_array_equal(ours.reset(seed=step)[0], theirs.reset(seed=step)[0])
+        observation, _, terminated, truncated, _ = ours.step(action)
+        reference, _, over, _, _ = theirs.step(action)
+        np.testing.assert_array_equal(observation, reference)
+        assert (terminated, truncated) == (bool(over), False)
+        if terminated or step % 70 == 69:
+            np.testing.assert_array_equal(ours.reset()[0], theirs.reset()[0])
+    theirs.close()
+
+
+def test_termination_is_ant_v5s(source_xml: str, known_params: Params) -> None:
+    """In a fall: the torso sinks through a limit on the way."""
+    ours = JumpingAnt(source_xml, task(known_params, min_torso_height=0.7))
+    theirs: Any = gym.make("Ant-v5", healthy_z_range=(0.7, np.inf))
+    ended = []
+    for seed in range(4):
+        ours.reset(seed=seed)
+        theirs.reset(seed=seed)
+        for step in range(20):
+            mine, other = ours.step(np.zeros(8))[2], theirs.step(np.zeros(8))[2]
+            assert mine == other
+            if mine:
+                ended.append(step)
+                break
+    assert max(ended) > 0
+    theirs.close()
+
+
+def test_reward_is_the_sum_of_its_terms_and_follows_the_height(env: JumpingAnt) -> None:
+    env.reset(seed=0)
+    for action in torques(100):
+        observation, reward, _, _, info = env.step(action)
+        terms = [value for key, value in info.items() if key.startswith("reward_")]
+        assert reward == sum(terms)
+        assert info["torso_height"] == observation[0] == env.data.qpos[2]
+        assert reward == pytest.approx(10 * np.clip(observation[0] - 0.6, 0, 1))
+
+
+def test_the_seed_determines_the_episodes(env: JumpingAnt) -> None:
+    def run(seed: int) -> np.ndarray:
+        first, _ = env.reset(seed=seed)
+        steps = [env.step(action)[0] for action in torques(20)]
+        return np.array([first, *steps, env.reset()[0]])
+
+    np.testing.assert_array_equal(run(1), run(1))
+    assert (run(1)[0] != run(2)[0]).all()
+    assert (run(1)[-1] != run(1)[0]).all()  # the next episode starts otherwise
+
+
+def test_start_states_are_as_noisy_as_asked(robot_xml: str, known_params: Params) -> None:
+    still = JumpingAnt(robot_xml, task(known_params, reset_noise_scale=0.0))
+    observation, info = still.reset(seed=0)
+    assert info["torso_height"] == observation[0] == 0.75
+    np.testing.assert_array_equal(observation, [0.75, 1] + [0] * 25)
+
+
+def test_an_episode_is_cut_at_the_limit(robot_xml: str, known_params: Params) -> None:
+    env = JumpingAnt(robot_xml, task(known_params, max_episode_steps=3))
+    for _ in range(2):
+        env.reset(seed=0)
+        assert [env.step(np.zeros(8))[2:4] for _ in range(3)] == [
+            (False, False),
+            (False, False),
+            (False, True),
+        ]
+
+
+def test_a_fall_at_the_limit_is_a_fall(robot_xml: str, known_params: Params) -> None:
+    env = JumpingAnt(robot_xml, task(known_params, max_episode_steps=1, min_torso_height=5.0))
+    env.reset(seed=0)
+    assert env.step(np.zeros(8))[2:4] == (True, False)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
+def test_a_state_that_breaks_down_ends_the_episode(env: JumpingAnt, bad: float) -> None:
+    env.reset(seed=0)
+    env.data.qvel[7] = bad
+    observation, reward, terminated, truncated, _ = env.step(np.zeros(8))
+    assert (terminated, truncated) == (True, False)
+    assert np.isfinite(observation).all()
+    assert np.isfinite(reward)
+    assert env.reset()[0][0] > 0.5
+    assert not env.step(np.zeros(8))[2]
+
+
+def test_returned_observations_share_no_memory(env: JumpingAnt) -> None:
+    returned = [env.reset(seed=0)[0], *(env.step(np.zeros(8))[0] for _ in range(3))]
+    for index, one in enumerate(returned):
+        assert not np.shares_memory(one, env.data.qpos)
+        assert not np.shares_memory(one, env.data.qvel)
+        assert all(not np.shares_memory(one, other) for other in returned[:index])
+
+
+def test_decisions_for_commands_apply_the_torques_of_the_table(env: JumpingAnt) -> None:
+    decisions = Decisions(env, ActionSet(0.5 * COMMAND_SIGNS))
+    assert decisions.action_space == gym.spaces.Discrete(5)
+    decisions.reset(seed=0)
+    for number in range(5):
+        decisions.step(number)
+        np.testing.assert_array_equal(env.data.ctrl, 0.5 * COMMAND_SIGNS[number])
+
+
+@pytest.mark.parametrize("limit", [1000, 8])
+def test_a_decision_is_so_many_steps_of_the_same_torques(
+    robot_xml: str, known_params: Params, limit: int
+) -> None:
+    """With an episode cut after eight steps, too: in the middle of the third decision."""
+    params = task(known_params, max_episode_steps=limit)
+    single = JumpingAnt(robot_xml, params)
+    decisions = Decisions(JumpingAnt(robot_xml, params), ActionSet(amplitude=0.5, hold=3))
+    np.testing.assert_array_equal(decisions.reset(seed=2)[0], single.reset(seed=2)[0])
+    for number, chosen in enumerate(torques(3)):
+        observation, reward, terminated, truncated, info = decisions.step(chosen)
+        expected = []
+        for _ in range(3):
+            expected.append(single.step(np.float32(0.5) * chosen))
+            if expected[-1][3]:
+                break
+        assert len(expected) == (2 if number == 2 and limit == 8 else 3)
+        np.testing.assert_array_equal(observation, expected[-1][0])
+        assert reward == sum(step[1] for step in expected) == info["reward_height"]
+        assert (terminated, truncated) == expected[-1][2:4] == (False, len(expected) < 3)
+        assert info["torso_height"] == expected[-1][4]["torso_height"]
+
+
+def pinned() -> JumpingAnt:
+    return JumpingAnt(robot.build(article.ROBOT), article.ENV)
+
+
+def test_make_gives_the_articles_robot_and_task() -> None:
+    made, same = gym.make("JumpingAnt-v0"), pinned()
+    np.testing.assert_array_equal(made.reset(seed=3)[0], same.reset(seed=3)[0])
+    for action in torques(30):
+        step, expected = made.step(action), same.step(action)
+        np.testing.assert_array_equal(step[0], expected[0])
+        assert step[1:] == expected[1:]
+    made.close()
+
+
+def test_make_vec_gives_a_batch_that_steps_as_make_does() -> None:
+    batch = gym.make_vec("JumpingAnt-v0", num_envs=3)
+    assert isinstance(batch, JumpingAntVectorEnv)
+    singles = [gym.make("JumpingAnt-v0") for _ in range(3)]
+    starts = [single.reset(seed=5 + row)[0] for row, single in enumerate(singles)]
+    np.testing.assert_array_equal(batch.reset(seed=5)[0], starts)
+    rewards = 0.0
+    for actions in np.random.default_rng(0).uniform(-1, 1, (50, 3, 8)).astype(np.float32):
+        steps = [single.step(action) for single, action in zip(singles, actions, strict=True)]
+        outcome = batch.step(actions)
+        for part in range(4):
+            np.testing.assert_array_equal(outcome[part], [step[part] for step in steps])
+        rewards += sum(outcome[1])
+    assert rewards > 0, "nothing was earned: a comparison of zeros"
+    for env in (batch, *singles):
+        env.close()
+
+
+def test_the_pinned_task_has_the_articles_numbers() -> None:
+    """Ant-v4's control step and noise; 0 to 10 for heights from 0.6 to 1.6 m; over below 0.2 m."""
+    env = pinned()
+    assert env.dt == 0.05 and env.params.frame_skip == 5
+    assert env.observation_space.shape == (27,) and env.action_space.shape == (8,)
+    for height, reward, terminated in [
+        (0.19, 0.0, True),
+        (0.21, 0.0, False),
+        (0.6, 0.0, False),
+        (1.1, 5.0, False),
+        (1.6, 10.0, False),
+        (5.0, 10.0, False),
+    ]:
+        env.reset(seed=0)
+        env.model.opt.timestep = 1e-9  # it stays where it is put
+        env.data.qpos[2] = height
+        outcome = env.step(np.zeros(8))
+        assert outcome[1] == pytest.approx(reward, abs=1e-5) and outcome[2] == terminated, height
+    starts = np.array([env.reset()[0] for _ in range(500)])
+    offsets = starts[:, :13] - env.model.qpos0[2:]
+    assert 0.099 < np.abs(offsets).max() < 0.1
+    np.testing.assert_allclose(starts[:, 13:].std(axis=0), 0.1, rtol=0.15)
+
+
+def test_pictures_are_shown_as_fast_as_the_robot_moves(
+    robot_xml: str, known_params: Params
+) -> None:
+    env = JumpingAnt(robot_xml, task(known_params, frame_skip=4))
+    assert (env.dt, env.metadata["render_fps"]) == (0.04, 25)
+
+
+def test_pictures_are_drawn_without_a_screen() -> None:
+    settings = ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY", "WAYLAND_DISPLAY")
+    environment = {key: value for key, value in os.environ.items() if key not in settings}
+    process = subprocess.run(
+        [sys.executable, "-c", DRAW],
+        cwd=PROJECT_ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert process.returncode == 0, process.stderr
+    assert "Traceback" not in process.stderr
+
+
+def test_without_a_render_mode_nothing_is_drawn(env: JumpingAnt) -> None:
+    env.reset(seed=0)
+    assert env.render() is None
+    env.close()
+    env.close()
+
+
+def test_other_render_modes_and_robots_are_refused(robot_xml: str, known_params: Params) -> None:
+    with pytest.raises(ValueError, match="given 'ascii', allowed: None, 'human', 'rgb_array'"):
+        JumpingAnt(robot_xml, known_params.env, render_mode="ascii")
+    with pytest.raises(InputError, match="not valid MJCF"):
+        JumpingAnt("<mujoco", known_params.env)

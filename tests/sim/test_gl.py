@@ -1,0 +1,84 @@
+"""The OpenGL backend: found without a screen, remembered, obeyed, and refused in plain words.
+
+A process keeps its backend, so each test asks a fresh one.
+"""
+
+import os
+import subprocess
+import sys
+
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.sim import gl
+
+SETTINGS = ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY", "WAYLAND_DISPLAY")
+
+DRAW_AFTER_IMPORTING_MUJOCO = """
+import os, sys
+import mujoco
+from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
+from jumping_ant.sim import gl
+
+assert "MUJOCO_GL" not in os.environ
+backend = gl.select_backend()
+assert os.environ["MUJOCO_GL"] == backend
+sys.executable = "/nonexistent"  # another probe would fail
+assert gl.select_backend() == backend
+model = mujoco.MjModel.from_xml_string(
+    '<mujoco><worldbody><light pos="0 0 3"/><geom size="1"/></worldbody></mujoco>'
+)
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+with gl.open_renderer(model, 800, 700) as renderer:
+    renderer.update_scene(data)
+    picture = renderer.render()
+    assert picture.shape == (700, 800, 3) and picture.std() > 1
+viewer = MujocoRenderer(model, data, width=64, height=48)
+picture = viewer.render("rgb_array")
+assert picture.shape == (48, 64, 3) and picture.std() > 1
+viewer.close()
+print(backend)
+"""
+
+OPEN = """
+import mujoco
+from jumping_ant.sim import gl
+
+gl.open_renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 64, 64).close()
+"""
+
+
+def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    clean = {key: value for key, value in os.environ.items() if key not in SETTINGS}
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env=clean | environment,
+        cwd=PROJECT_ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+def test_it_draws_though_mujoco_was_imported_before() -> None:
+    process = run(DRAW_AFTER_IMPORTING_MUJOCO)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.strip() in gl.HEADLESS_BACKENDS
+    assert "Traceback" not in process.stderr  # nor at the interpreter's exit
+
+
+def test_a_backend_that_is_set_is_obeyed_and_blamed() -> None:
+    process = run(OPEN, MUJOCO_GL="glfw")
+    assert process.returncode == 1
+    message = process.stderr.splitlines()[-1]
+    assert "InputError: MUJOCO_GL: given 'glfw'" in message
+    assert "allowed: egl, osmesa" in message
+
+
+def test_without_any_backend_the_message_says_what_to_install() -> None:
+    # No backend loads under a foreign platform, as on a machine without their libraries.
+    process = run(OPEN, PYOPENGL_PLATFORM="none")
+    assert process.returncode == 1
+    message = process.stderr.splitlines()[-1]
+    assert "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0" in message
+    assert "egl: " in message
+    assert "osmesa: " in message

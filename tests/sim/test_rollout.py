@@ -1,0 +1,94 @@
+"""Episodes run side by side are those of a plain loop over the single environment."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.params.models import EnvParams, Params
+from jumping_ant.policies import LinearPolicy, UniformPolicy
+from jumping_ant.sim import rollout
+from jumping_ant.sim.env import JumpingAnt
+from jumping_ant.sim.rollout import Episode
+
+SEEDS = [11, 5, 8]
+
+
+@pytest.fixture(scope="module")
+def task(known_params: Params) -> EnvParams:
+    """Short, and high enough that some episodes end before their limit."""
+    return known_params.env.model_copy(update={"max_episode_steps": 80, "min_torso_height": 0.3})
+
+
+@pytest.fixture(scope="module")
+def episodes(robot_xml: str, task: EnvParams) -> list[Episode]:
+    return rollout.run(robot_xml, task, UniformPolicy(4, ActionSet()), SEEDS)
+
+
+def assert_same(one: Episode, other: Episode) -> None:
+    for name, value in vars(one).items():
+        np.testing.assert_array_equal(value, getattr(other, name), err_msg=name)
+
+
+def test_episodes_are_those_of_a_plain_loop(
+    robot_xml: str, task: EnvParams, episodes: list[Episode]
+) -> None:
+    env = JumpingAnt(robot_xml, task)
+    for seed, episode in zip(SEEDS, episodes, strict=True):
+        policy = UniformPolicy(4, ActionSet())
+        policy.start([seed])
+        observation, _ = env.reset(seed=seed)
+        np.testing.assert_array_equal(episode.start_qpos, env.data.qpos)
+        np.testing.assert_array_equal(episode.start_qvel, env.data.qvel)
+        for step in range(len(episode.rewards)):
+            torques: Any = policy.act(observation[None])[0]
+            observation, reward, terminated, truncated, _ = env.step(torques)
+            np.testing.assert_array_equal(episode.torques[step], torques)
+            np.testing.assert_array_equal(episode.qpos[step], env.data.qpos)
+            np.testing.assert_array_equal(episode.qvel[step], env.data.qvel)
+            assert episode.rewards[step] == reward
+            assert episode.airborne[step] == (env.data.ncon == 0)
+            is_last = step == len(episode.rewards) - 1
+            assert (terminated or truncated) == is_last
+        assert episode.terminated == terminated
+
+
+def test_both_ends_occur(episodes: list[Episode], task: EnvParams) -> None:
+    lengths = {episode.terminated: len(episode.rewards) for episode in episodes}
+    assert lengths[False] == task.max_episode_steps
+    assert lengths[True] < task.max_episode_steps
+    assert {bool(flag) for episode in episodes for flag in episode.airborne} == {True, False}
+
+
+@pytest.mark.parametrize("num_threads", [1, 2])
+@pytest.mark.parametrize("seeds", [[5], [8, 11], [1, 5, 2, 8, 11]])
+def test_nothing_depends_on_threads_or_company(
+    robot_xml: str, task: EnvParams, episodes: list[Episode], seeds: list[int], num_threads: int
+) -> None:
+    ran = rollout.run(robot_xml, task, UniformPolicy(4, ActionSet()), seeds, num_threads)
+    expected = dict(zip(SEEDS, episodes, strict=True))
+    for seed, episode in zip(seeds, ran, strict=True):
+        if seed in expected:
+            assert_same(episode, expected[seed])
+
+
+@pytest.mark.parametrize("hold", [1, 3])
+def test_a_choice_is_held_as_long_as_the_policy_says(
+    robot_xml: str, task: EnvParams, hold: int
+) -> None:
+    """The policy sees the state at each of its decisions, and no state in between."""
+    generator = np.random.default_rng(0)
+    weight = generator.normal(0, 0.05, (8, 27)).astype(np.float32)
+    zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
+    actions = ActionSet(amplitude=0.5, hold=hold)
+    policy = LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], actions)
+    (episode,) = rollout.run(robot_xml, task, policy, [3])
+    states = np.concatenate([episode.qpos[:, 2:], episode.qvel], axis=1)
+    first = np.concatenate([episode.start_qpos[2:], episode.start_qvel])
+    seen = np.vstack([first, states[:-1]])
+    chosen = np.concatenate([policy.act(seen[step][None]) for step in range(0, len(seen), hold)])
+    expected = np.repeat(chosen, hold, axis=0)[: len(seen)]
+    np.testing.assert_array_equal(episode.torques, expected)
+    assert len(np.unique(chosen, axis=0)) == len(chosen) > 5
+    assert np.abs(episode.torques).max() <= 0.5

@@ -1,0 +1,132 @@
+"""What the single and the batched environment have in common."""
+
+from typing import Literal
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from jumping_ant.actions import COMMAND_SIGNS, ActionSet
+from jumping_ant.params.models import ActionParams
+from jumping_ant.sim import robot
+from jumping_ant.sim.task import action_space, observe, start_state
+
+
+def action_set(kind: Literal["torques", "commands"], amplitude: float, hold: int = 1) -> ActionSet:
+    return ActionSet.of(ActionParams(kind=kind, amplitude=amplitude, hold=hold))
+
+
+def test_the_five_commands_are_the_articles() -> None:
+    actions = action_set("commands", 0.5)
+    assert action_space(actions) == gym.spaces.Discrete(5)
+    assert actions.torques(np.arange(5)).tolist() == [
+        [0, 0, 0, 0, 0, 0, 0, 0],
+        [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5],
+        [-0.5, -0.5, -0.5, -0.5, -0.5, -0.5, -0.5, -0.5],
+        [0.5, 0.5, 0.5, 0.5, -0.5, -0.5, -0.5, -0.5],
+        [-0.5, -0.5, -0.5, -0.5, 0.5, 0.5, 0.5, 0.5],
+    ]
+    with pytest.raises(ValueError, match="read-only"):
+        COMMAND_SIGNS[0] = 1.0
+
+
+def test_commands_have_the_amplitude_told() -> None:
+    torques = action_set("commands", 0.75).torques(np.array([3, 0]))
+    assert torques.tolist() == [[0.75] * 4 + [-0.75] * 4, [0] * 8]
+
+
+def test_torques_are_scaled_by_the_amplitude() -> None:
+    actions = action_set("torques", 0.25, hold=4)
+    assert action_space(actions) == gym.spaces.Box(-1, 1, (8,), np.float32)
+    assert actions.hold == 4
+    chosen = np.linspace(-1, 1, 16, dtype=np.float32).reshape(2, 8)
+    assert actions.torques(chosen).tolist() == (chosen / 4).tolist()
+    assert action_set("torques", 1.0).torques(chosen) is chosen
+
+
+def test_random_choices_cover_the_set() -> None:
+    generator = np.random.default_rng(0)
+    commands = action_set("commands", 0.5)
+    drawn = [tuple(commands.sample(generator)) for _ in range(1000)]
+    counts = [drawn.count(tuple(row)) for row in commands.torques(np.arange(5))]
+    assert sum(counts) == 1000 and min(counts) > 150
+    some = action_set("torques", 0.25)
+    torques = np.array([some.sample(generator) for _ in range(1000)])
+    assert 0.24 < torques.max() <= 0.25 and -0.25 <= torques.min() < -0.24
+    np.testing.assert_allclose(torques.mean(axis=0), 0, atol=0.025)
+
+
+def test_the_first_motors_drive_the_front_legs_and_the_others_the_back_legs(robot_xml: str) -> None:
+    model = robot.load(robot_xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    bodies = model.jnt_bodyid[model.actuator_trnid[:, 0]]
+    ahead = data.xpos[bodies, 0] - data.body("torso").xpos[0]
+    assert (ahead > 0.1).tolist() == [True] * 4 + [False] * 4
+    assert (ahead < -0.1).tolist() == [False] * 4 + [True] * 4
+
+
+def feet_under(command: int, xml: str) -> tuple[NDArray[np.float64], float]:
+    """Hold a command for 0.05 s in zero gravity, ankles in the middle of their ranges before.
+
+    Returns:
+        The fall of the feet's centres in the torso's frame [m], (4,), in the order of the legs'
+        motors, and the tilt of the torso [rad].
+    """
+    model = robot.load(xml)
+    model.opt.gravity[:] = 0
+    data = mujoco.MjData(model)
+    joints = model.actuator_trnid[1::2, 0]  # ankles
+    data.qpos[2] = 10.0
+    data.qpos[model.jnt_qposadr[joints]] = model.jnt_range[joints].mean(axis=1)
+    feet, torso = model.jnt_bodyid[joints], data.body("torso")
+
+    def heights() -> NDArray[np.float64]:
+        mujoco.mj_forward(model, data)
+        return (data.xipos[feet] - torso.xpos) @ torso.xmat.reshape(3, 3)[:, 2]
+
+    before = heights()
+    data.ctrl[:] = COMMAND_SIGNS[command]
+    mujoco.mj_step(model, data, nstep=5)
+    return before - heights(), float(np.arccos(min(1.0, torso.xmat[8])))
+
+
+def test_command_3_pushes_all_feet_down_and_4_lifts_them(robot_xml: str) -> None:
+    down, _ = feet_under(3, robot_xml)
+    up, _ = feet_under(4, robot_xml)
+    assert (down > 0.01).all()
+    assert (up < -0.01).all()
+
+
+def test_the_same_torque_on_all_tilts_the_body(robot_xml: str) -> None:
+    _, tilt_of_3 = feet_under(3, robot_xml)
+    fall, tilt = feet_under(1, robot_xml)
+    assert (fall[:2] > 0.01).all() and (fall[2:] < -0.01).all()
+    assert tilt > 2 * tilt_of_3
+
+
+def test_observe_shows_zero_for_what_is_not_finite() -> None:
+    qpos, qvel = np.arange(15.0)[None], np.full((1, 14), 7.0)
+    qvel[0, 3] = np.inf
+    expected = [*range(2, 15), *[7.0] * 14]
+    expected[13 + 3] = 0.0
+    assert observe(qpos, qvel).tolist() == [expected]
+
+
+def test_observe_hides_where_the_robot_is_and_copies() -> None:
+    qpos, qvel = np.arange(30.0).reshape(2, 15), np.arange(28.0).reshape(2, 14)
+    observations = observe(qpos, qvel)
+    assert observations[1].tolist() == [*range(17, 30), *range(14, 28)]
+    assert not np.shares_memory(observations, qpos)
+
+
+def test_start_states_are_as_noisy_as_told(robot_xml: str) -> None:
+    model, generator = robot.load(robot_xml), np.random.default_rng(0)
+    states = [start_state(model, 0.2, generator) for _ in range(2000)]
+    offsets = np.array([qpos for qpos, _ in states]) - model.qpos0
+    speeds = np.array([qvel for _, qvel in states])
+    assert 0.19 < np.abs(offsets).max() < 0.2
+    np.testing.assert_allclose(offsets.std(axis=0), 0.2 / np.sqrt(3), rtol=0.1)
+    np.testing.assert_allclose(speeds.std(axis=0), 0.2, rtol=0.1)

@@ -1,0 +1,124 @@
+"""Trajectories: saved and loaded, chosen rows, and refusals."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.sim import trajectory
+from jumping_ant.sim.trajectory import Trajectory
+
+
+def make(steps: int = 4, frame_skip: int = 5) -> Trajectory:
+    generator = np.random.default_rng(0)
+    return Trajectory(
+        qpos=generator.normal(size=(steps * frame_skip + 1, 15)),
+        qvel=generator.normal(size=(steps * frame_skip + 1, 14)),
+        ctrl=generator.uniform(-1, 1, (steps, 8)),
+        reward_height=generator.uniform(0, 10, steps),
+        seed=3,
+        episode=7,
+        episode_return=12.5,
+        timestep=0.01,
+        frame_skip=frame_skip,
+    )
+
+
+def test_a_saved_trajectory_loads_as_it_was(tmp_path: Path) -> None:
+    saved = make()
+    saved.save(tmp_path / "new" / "trajectories.npz")
+    loaded = trajectory.load(tmp_path / "new" / "trajectories.npz")
+    for field in dataclasses.fields(Trajectory):
+        expected, given = getattr(saved, field.name), getattr(loaded, field.name)
+        np.testing.assert_array_equal(given, expected)
+        assert type(given) is type(expected)
+
+
+def test_equal_trajectories_make_equal_bytes(tmp_path: Path) -> None:
+    make().save(tmp_path / "a.npz")
+    make().save(tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    dataclasses.replace(make(), seed=4).save(tmp_path / "c.npz")
+    assert (tmp_path / "a.npz").read_bytes() != (tmp_path / "c.npz").read_bytes()
+
+
+def test_the_file_holds_what_numpy_reads_without_pickles(tmp_path: Path) -> None:
+    make().save(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as content:
+        assert set(content) == {field.name for field in dataclasses.fields(Trajectory)}
+        assert content["seed"].shape == ()
+        assert content["qpos"].dtype == np.float64
+
+
+@pytest.mark.parametrize("length", [0, 3, 200, 2000])
+def test_a_truncated_file_is_refused(tmp_path: Path, length: int) -> None:
+    path = tmp_path / "a.npz"
+    make().save(path)
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(InputError, match="a.npz"):
+        trajectory.load(path)
+
+
+def test_a_changed_byte_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    make().save(path)
+    content = bytearray(path.read_bytes())
+    content[500] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="CRC"):
+        trajectory.load(path)
+
+
+def test_foreign_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    with pytest.raises(InputError, match="No such file"):
+        trajectory.load(path)
+    path.write_text("seed,episode\n0,1\n")
+    with pytest.raises(InputError, match="cannot read"):
+        trajectory.load(path)
+    np.savez(path, qpos=np.zeros((6, 15)))
+    with pytest.raises(InputError, match="qvel"):
+        trajectory.load(path)
+    np.savez(path, qpos=np.array([None]))
+    with pytest.raises(InputError, match="allow_pickle"):
+        trajectory.load(path)
+    with path.open("wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(InputError, match="cannot read"):
+        trajectory.load(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("qpos", np.zeros((20, 15))), ("qvel", np.zeros((21, 15))), ("reward_height", np.zeros(5))],
+)
+def test_shapes_that_do_not_fit_are_refused(tmp_path: Path, name: str, value: np.ndarray) -> None:
+    fields = vars(make())
+    with pytest.raises(ValueError, match=name):
+        Trajectory(**(fields | {name: value}))
+    np.savez(tmp_path / "a.npz", **(fields | {name: value}))
+    with pytest.raises(InputError, match=name):
+        trajectory.load(tmp_path / "a.npz")
+
+
+def test_an_empty_trajectory_is_refused() -> None:
+    with pytest.raises(ValueError, match="0 control steps"):
+        make(steps=0)
+
+
+def test_rows_step_by_the_stride_up_to_the_seconds() -> None:
+    episode = make()  # 21 states, 0.2 s
+    assert episode.rows().tolist() == list(range(21))
+    assert episode.rows(stride=2, seconds=0.07).tolist() == [0, 2, 4, 6]
+    assert episode.rows(stride=5, seconds=9.0).tolist() == [0, 5, 10, 15, 20]
+
+
+def test_rows_end_before_the_first_state_that_is_not_finite() -> None:
+    episode = make()
+    episode.qvel[13, 2] = np.nan
+    assert episode.rows(stride=4).tolist() == [0, 4, 8, 12]
+    episode.qpos[0, 0] = np.inf
+    with pytest.raises(InputError, match="nothing to show"):
+        episode.rows()

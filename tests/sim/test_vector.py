@@ -1,0 +1,320 @@
+"""The batched environment: each of its rows is the single environment, whatever runs beside it."""
+
+import copy
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+from jumping_ant.actions import COMMAND_SIGNS, ActionSet
+from jumping_ant.params.models import Params
+from jumping_ant.sim.env import Decisions, JumpingAnt
+from jumping_ant.sim.vector import JumpingAntVectorEnv
+
+STILL = np.zeros((3, 8))
+
+
+@pytest.fixture
+def make(robot_xml: str, known_params: Params) -> Any:
+    def make_envs(
+        num_envs: int = 3,
+        num_threads: int = 1,
+        mode: AutoresetMode = AutoresetMode.SAME_STEP,
+        xml: str = robot_xml,
+        actions: ActionSet | None = None,
+        episode_steps: Any = None,
+        **task: Any,
+    ) -> JumpingAntVectorEnv:
+        params = known_params.env.model_copy(update=task)
+        return JumpingAntVectorEnv(xml, params, num_envs, num_threads, mode, actions, episode_steps)
+
+    return make_envs
+
+
+def torques(*shape: int) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-1, 1, (*shape, 8)).astype(np.float32)
+
+
+def test_every_row_is_the_single_environment_to_the_last_bit(
+    make: Any, robot_xml: str, known_params: Params
+) -> None:
+    task = {"max_episode_steps": 120, "min_torso_height": 0.3}
+    actions = torques(1000, 2)
+    batches = [make(2, threads, **task) for threads in (1, 2)]
+    steps = [envs.reset(seed=7)[0] for envs in batches]
+    singles = [JumpingAnt(robot_xml, batches[0].params) for _ in range(2)]
+    for row, single in enumerate(singles):
+        start = single.reset(seed=7 + row)[0]
+        assert all(np.array_equal(observations[row], start) for observations in steps)
+    ends = {"fall": 0, "limit": 0}
+    for action in actions:
+        outcomes = [envs.step(action) for envs in batches]
+        for row, single in enumerate(singles):
+            observation, reward, terminated, truncated, info = single.step(action[row])
+            final = observation
+            if terminated or truncated:
+                ends["fall" if terminated else "limit"] += 1
+                observation, _ = single.reset()
+            for observations, rewards, terminations, truncations, infos in outcomes:
+                np.testing.assert_array_equal(observations[row], observation)
+                assert rewards[row] == infos["reward_height"][row] == reward
+                assert infos["torso_height"][row] == info["torso_height"]
+                assert (terminations[row], truncations[row]) == (terminated, truncated)
+                if terminated or truncated:
+                    np.testing.assert_array_equal(infos["final_obs"][row], final)
+                    assert infos["_final_obs"][row]
+    assert min(ends.values()) > 0, ends
+
+
+def test_episodes_do_not_depend_on_how_many_run(make: Any) -> None:
+    def episodes(num_envs: int, num_threads: int) -> np.ndarray:
+        envs = make(num_envs, num_threads, max_episode_steps=10)
+        steps = [envs.reset(seed=3)[0]]
+        steps += [envs.step(action[:num_envs])[0] for action in torques(25, 9)]
+        return np.array(steps)
+
+    few, many = episodes(2, 1), episodes(9, 2)
+    np.testing.assert_array_equal(few, many[:, :2])
+    assert len(np.unique(many[0, :, 0])) == 9  # each its own noise
+
+
+def test_a_seed_each_or_one_to_count_from(make: Any) -> None:
+    counted, _ = make().reset(seed=5)
+    listed, _ = make().reset(seed=[7, 6, 5])
+    np.testing.assert_array_equal(counted, listed[::-1])
+    envs = make()
+    envs.reset(seed=5)
+    first = envs.reset()[0]
+    envs.reset(seed=5)
+    np.testing.assert_array_equal(envs.reset(seed=None)[0], first)
+    assert (first != counted).all()
+
+
+@pytest.mark.parametrize("seeds", [[], [1, 2], [1, 2, 3, 4]])
+def test_a_wrong_count_of_seeds_is_refused(make: Any, seeds: list[int]) -> None:
+    with pytest.raises(ValueError, match=f"seed: given {len(seeds)} seeds, allowed: 3"):
+        make().reset(seed=seeds)
+
+
+def test_without_autoreset_a_mask_restarts_what_it_names(make: Any) -> None:
+    envs = make(mode=AutoresetMode.DISABLED, max_episode_steps=2)
+    envs.reset(seed=0)
+    for truncated in (False, True, True):  # it simulates on
+        observations, _, _, truncations, infos = envs.step(STILL)
+        assert truncations.tolist() == [truncated] * 3
+        assert "final_obs" not in infos
+    reference = make()
+    reference.reset(seed=0)
+    second_start = reference.reset()[0]
+    mask = np.array([False, True, False])
+    restarted, _ = envs.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(restarted[1], second_start[1])
+    np.testing.assert_array_equal(restarted[~mask], observations[~mask])
+    assert envs.step(STILL)[3].tolist() == [True, False, True]
+
+
+def test_a_mask_guards_the_noise_of_the_others(make: Any) -> None:
+    envs, untouched = make(), make()
+    envs.reset(seed=0)
+    envs.reset(seed=[100, 101, 102], options={"reset_mask": np.array([True, False, False])})
+    untouched.reset(seed=0)
+    np.testing.assert_array_equal(envs.reset()[0][1:], untouched.reset()[0][1:])
+
+
+def test_other_autoreset_modes_are_refused(make: Any) -> None:
+    with pytest.raises(ValueError, match="NEXT_STEP, allowed: SAME_STEP, DISABLED"):
+        make(mode=AutoresetMode.NEXT_STEP)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e12, 1e200])
+def test_a_simulation_that_breaks_down_ends_alone(make: Any, bad: float) -> None:
+    envs, healthy = make(num_threads=2), make()
+    envs.reset(seed=0)
+    healthy.reset(seed=0)
+    envs.qvel[1, 7] = bad
+    for step, action in enumerate(torques(5, 3)):
+        observations, rewards, terminations, truncations, infos = envs.step(action)
+        expected, expected_rewards, *_ = healthy.step(action)
+        assert terminations.tolist() == [False, step == 0, False]
+        assert not truncations.any()
+        assert np.isfinite(observations).all()
+        assert np.isfinite(rewards).all()
+        if step == 0:
+            assert np.isfinite(infos["final_obs"][1]).all()
+            assert infos["final_obs"][0] is None
+        np.testing.assert_array_equal(observations[[0, 2]], expected[[0, 2]])
+        np.testing.assert_array_equal(rewards[[0, 2]], expected_rewards[[0, 2]])
+
+
+def test_a_simulation_that_mujoco_gives_up_ends_alone(make: Any, robot_xml: str) -> None:
+    """Memory for a robot in the air, and too little for one with its feet on the ground."""
+    tight = robot_xml.replace("<default>", '<size memory="10K"/><default>', 1)
+    # Above the limit: there is no other reason to end.
+    envs = make(xml=tight, min_torso_height=0.0, reset_noise_scale=0.0)
+    envs.reset(seed=0)
+    envs.qpos[:, 2] = [5.0, 0.3, 5.0]
+    envs.qpos[1, 8::2] = [1, -1, -1, 1]  # ankles down
+    observations, _, terminations, _, infos = envs.step(STILL)
+    assert terminations.tolist() == [False, True, False]
+    assert np.isfinite(infos["final_obs"][1]).all()
+    assert observations[1, 0] > 0.5
+    assert observations[0, 0] == pytest.approx(5, abs=0.1)
+
+
+def test_airborne_robots_touch_nothing(make: Any) -> None:
+    envs = make()
+    envs.reset(seed=0)
+    envs.qpos[::2, 2] = 50.0
+    for _ in range(20):
+        envs.step(STILL)
+    assert envs.airborne.tolist() == [True, False, True]
+
+
+def test_what_is_returned_does_not_change_later(make: Any) -> None:
+    envs = make(max_episode_steps=4)
+    returned: list[Any] = [*envs.reset(seed=0)]
+    for action in torques(6, 3):
+        returned += envs.step(action)
+    arrays = [part for part in returned if isinstance(part, np.ndarray)]
+    for info in (part for part in returned if isinstance(part, dict)):
+        arrays += [part for part in info.values() if isinstance(part, np.ndarray)]
+        arrays += [part for part in info.get("final_obs", [])]
+    copies = copy.deepcopy(arrays)
+    for action in torques(6, 3):
+        envs.step(action)
+    assert len(arrays) > 6 * 6  # four arrays and two in info of each step, and those of an end
+    for array, as_it_was in zip(arrays, copies, strict=True):
+        assert not np.shares_memory(array, envs.qpos)
+        assert not np.shares_memory(array, envs.qvel)
+        assert str(array) == str(as_it_was)
+
+
+def test_commands_are_the_torques_of_the_table(make: Any) -> None:
+    table = 0.5 * COMMAND_SIGNS
+    commands = np.array([[0, 1, 2], [3, 4, 0], [2, 2, 2]])
+    discrete, continuous = make(actions=ActionSet(table)), make()
+    assert discrete.single_action_space == gym.spaces.Discrete(5)
+    assert discrete.action_space.contains(commands[0])
+    discrete.reset(seed=0)
+    continuous.reset(seed=0)
+    for row in commands:
+        np.testing.assert_array_equal(discrete.step(row)[0], continuous.step(table[row])[0])
+
+
+HELD = {
+    "torques": ActionSet(amplitude=0.5, hold=3),
+    "commands": ActionSet(0.5 * COMMAND_SIGNS, hold=3),
+}
+
+
+@pytest.mark.parametrize("actions", HELD.values(), ids=HELD.keys())
+def test_a_decision_is_so_many_steps_of_the_same_torques(make: Any, actions: ActionSet) -> None:
+    """To the last bit, with ends of both kinds in the middle of decisions."""
+    task = {"max_episode_steps": 50, "min_torso_height": 0.3}
+    held = make(num_threads=2, actions=actions, **task)
+    plain = make(mode=AutoresetMode.DISABLED, **task)
+    held.reset(seed=4)
+    plain.reset(seed=4)
+    ends = set()
+    held.action_space.seed(1)
+    for _ in range(150):
+        choices = held.action_space.sample()
+        observations, rewards, terminations, truncations, infos = held.step(choices)
+        torques_of_all = actions.torques(choices)
+        alive, earned = np.ones(3, dtype=bool), np.zeros(3)
+        final: list[Any] = [None] * 3
+        for step in range(3):
+            seen, reward, terminated, truncated, info = plain.step(torques_of_all)
+            for row in np.flatnonzero(alive):
+                final[row] = seen[row], terminated[row], truncated[row], info["torso_height"][row]
+                earned[row] += reward[row]
+                if terminated[row] or truncated[row]:
+                    ends.add((step, bool(terminated[row])))
+            alive &= ~(terminated | truncated)
+            if not alive.any():
+                break
+        expected = np.array([row[0] for row in final])
+        done = ~alive
+        last = infos["final_info"] if done.any() else {}
+        if done.any():
+            assert infos["_final_obs"].tolist() == done.tolist()
+            for row in np.flatnonzero(done):
+                np.testing.assert_array_equal(infos["final_obs"][row], expected[row])
+                assert last["torso_height"][row] == final[row][3]
+                assert last["reward_height"][row] == earned[row]
+            expected[done] = plain.reset(options={"reset_mask": done})[0][done]
+        np.testing.assert_array_equal(observations, expected)
+        np.testing.assert_array_equal(rewards, earned)
+        np.testing.assert_array_equal(infos["reward_height"], earned)
+        assert terminations.tolist() == [bool(row[1]) for row in final]
+        assert truncations.tolist() == [bool(row[2]) for row in final]
+        np.testing.assert_array_equal(infos["torso_height"], [row[3] for row in final])
+    assert {(0, True), (1, True)} & ends, "falls before a decision is over"
+    assert (1, False) in ends, "a limit of 50 steps within a decision of 3"
+
+
+@pytest.mark.parametrize("actions", HELD.values(), ids=HELD.keys())
+def test_single_decisions_are_those_of_the_batch(
+    make: Any, robot_xml: str, actions: ActionSet
+) -> None:
+    batch = make(2, actions=actions, max_episode_steps=40, min_torso_height=0.3)
+    singles = [Decisions(JumpingAnt(robot_xml, batch.params), actions) for _ in range(2)]
+    batch.reset(seed=6)
+    for row, single in enumerate(singles):
+        single.reset(seed=6 + row)
+    batch.action_space.seed(2)
+    ends = {"fall": 0, "limit": 0}
+    for _ in range(100):
+        choices = batch.action_space.sample()
+        observations, rewards, terminations, truncations, infos = batch.step(choices)
+        for row, single in enumerate(singles):
+            seen, reward, terminated, truncated, info = single.step(choices[row])
+            if terminated or truncated:
+                ends["fall" if terminated else "limit"] += 1
+                np.testing.assert_array_equal(infos["final_obs"][row], seen)
+                seen = single.reset()[0]
+            np.testing.assert_array_equal(observations[row], seen)
+            assert (rewards[row], terminations[row], truncations[row]) == (
+                reward,
+                terminated,
+                truncated,
+            )
+            assert infos["torso_height"][row] == info["torso_height"]
+            assert infos["reward_height"][row] == info["reward_height"]
+    assert min(ends.values()) > 0, ends
+
+
+def test_each_environment_has_an_episode_length_of_its_own(make: Any) -> None:
+    envs = make(episode_steps=np.array([4, 6, np.inf]), max_episode_steps=2, min_torso_height=0.0)
+    envs.reset(seed=0)
+    cut = [envs.step(STILL)[3] for _ in range(24)]
+    ends = [np.flatnonzero(column) + 1 for column in np.transpose(cut)]
+    assert [row.tolist() for row in ends] == [[4, 8, 12, 16, 20, 24], [6, 12, 18, 24], []]
+
+
+def test_spaces_are_those_of_the_single_environment(make: Any, robot_xml: str) -> None:
+    envs = make()
+    single = JumpingAnt(robot_xml, envs.params)
+    assert envs.single_observation_space == single.observation_space
+    assert envs.single_action_space == single.action_space
+    observations, _ = envs.reset(seed=0)
+    assert envs.observation_space.contains(observations)
+    assert envs.action_space.contains(torques(3))
+    assert envs.dt == single.dt == 0.05
+
+
+def test_a_saved_state_goes_on_to_the_last_bit(make: Any) -> None:
+    """Contacts are solved from the last solution, so more than positions must come back."""
+    envs, other = make(max_episode_steps=30), make(max_episode_steps=30, num_threads=2)
+    actions = torques(60, 3)
+    envs.reset(seed=0)
+    for action in actions[:25]:
+        envs.step(action)
+    state = copy.deepcopy(envs.save_state())
+    other.load_state(state)
+    for action in actions[25:]:
+        for mine, theirs in zip(envs.step(action)[:4], other.step(action)[:4], strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+    assert other.save_state()["generators"] == envs.save_state()["generators"]

@@ -1,0 +1,179 @@
+import os
+import resource
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from jumping_ant.training.checkpoints import Checkpoints, Saved
+
+SAVED = Saved(
+    env_steps=100,
+    seconds=1.5,
+    timing=[(50, 0.75), (100, 1.5)],
+    machine=None,
+    curve="env_steps\n50\n100\n",
+    best_return=12.5,
+    best=b"best so far",
+    content=bytes(range(256)),
+)
+POLICY = replace(SAVED, machine={"cpu": "a"}, content=b"policy")
+
+
+class Lines(list[str]):
+    def __call__(self, line: str) -> None:
+        self.append(line)
+
+
+@pytest.fixture
+def said() -> Lines:
+    return Lines()
+
+
+def store(root: Path, said: Lines, key: str = "key") -> Checkpoints:
+    return Checkpoints(root, "sac", key, said)
+
+
+def files(root: Path) -> list[str]:
+    folder = root / ".checkpoints"
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_the_last_two_are_kept_and_the_newest_is_loaded(tmp_path: Path, said: Lines) -> None:
+    checkpoints = store(tmp_path, said)
+    with checkpoints.opened([0, 1]):
+        assert checkpoints.load(0) is None
+        for steps in range(100, 1300, 100):
+            checkpoints.save(0, replace(SAVED, env_steps=steps))
+        checkpoints.save(1, SAVED)
+        assert store(tmp_path, said).load(0) == replace(SAVED, env_steps=1200)
+        checkpoints.save(2, replace(SAVED, best_return=None, best=b""))
+        assert checkpoints.load(2) == replace(SAVED, best_return=None, best=b"")
+        assert files(tmp_path) == [
+            "sac/key/seed-0.11.checkpoint",
+            "sac/key/seed-0.12.checkpoint",
+            "sac/key/seed-1.1.checkpoint",
+            "sac/key/seed-2.1.checkpoint",
+            "sac/lock",
+        ]
+    assert said == []
+
+
+def damage(path: Path, how: str) -> None:
+    content = path.read_bytes()
+    middle = len(content) // 2
+    path.write_bytes(
+        {
+            "torn": content[:middle],
+            "empty": b"",
+            "flipped": content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :],
+            "foreign": b"not a checkpoint",
+        }[how]
+    )
+
+
+@pytest.mark.parametrize("how", ["torn", "empty", "flipped", "foreign"])
+def test_a_damaged_one_gives_way_to_the_one_before(tmp_path: Path, said: Lines, how: str) -> None:
+    checkpoints = store(tmp_path, said)
+    for steps in (100, 200):
+        checkpoints.save(0, replace(SAVED, env_steps=steps))
+    damage(tmp_path / ".checkpoints/sac/key/seed-0.2.checkpoint", how)
+    assert checkpoints.load(0) == SAVED
+    assert said == ["seed-0.2.checkpoint is damaged (the digest does not match), and not used"]
+    checkpoints.save(0, replace(SAVED, env_steps=300))
+    assert store(tmp_path, said).load(0).env_steps == 300
+    assert files(tmp_path) == ["sac/key/seed-0.1.checkpoint", "sac/key/seed-0.2.checkpoint"]
+    for number in (1, 2):
+        damage(tmp_path / f".checkpoints/sac/key/seed-0.{number}.checkpoint", how)
+    assert checkpoints.load(0) is None
+
+
+def test_a_disk_that_is_full_damages_nothing(tmp_path: Path, said: Lines) -> None:
+    """A limit on the size of files ends a write half way, as a full disk does."""
+    checkpoints = store(tmp_path, said)
+    checkpoints.save(0, SAVED)
+    before = files(tmp_path)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, limits[1]))
+        with pytest.raises(OSError, match="File too large"):
+            checkpoints.save(0, replace(SAVED, env_steps=200, content=os.urandom(300_000)))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert files(tmp_path) == before
+    assert checkpoints.load(0) == SAVED
+
+
+def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: Lines) -> None:
+    checkpoints = store(tmp_path, said)
+    checkpoints.save(0, SAVED)
+    assert checkpoints.finished(0) is None
+    checkpoints.finish(0, POLICY)
+    assert checkpoints.finished(0) == POLICY and checkpoints.load(0) is None
+    assert files(tmp_path) == ["sac/key/seed-0.finished"]
+
+
+def test_an_interrupted_training_keeps_its_seeds(tmp_path: Path, said: Lines) -> None:
+    with pytest.raises(KeyboardInterrupt), store(tmp_path, said).opened([0, 1]):
+        store(tmp_path, said).finish(0, POLICY)
+        raise KeyboardInterrupt
+    with store(tmp_path, said).opened([0, 1]):
+        assert store(tmp_path, said).finished(0) == POLICY
+
+
+def train(root: Path, said: Lines, seeds: list[int], key: str = "key") -> list[int]:
+    """Train to the end; return the seeds that were not there yet."""
+    checkpoints = store(root, said, key)
+    with checkpoints.opened(seeds):
+        missing = [seed for seed in seeds if not checkpoints.finished(seed)]
+        for seed in missing:
+            checkpoints.save(seed, SAVED)
+            checkpoints.finish(seed, POLICY)
+    return missing
+
+
+def test_a_new_seed_trains_alone_and_the_same_seeds_anew(tmp_path: Path, said: Lines) -> None:
+    assert train(tmp_path, said, [0, 1]) == [0, 1]
+    assert train(tmp_path, said, [0, 1, 2]) == [2]
+    assert train(tmp_path, said, [2, 0]) == []
+    assert train(tmp_path, said, [2, 0]) == [2, 0], "asked for the same once more"
+    assert train(tmp_path, said, [0, 1, 2]) == [1], "a seed that was dropped is forgotten"
+    assert train(tmp_path, said, [0, 1, 2], key="other") == [0, 1, 2]
+    assert files(tmp_path) == [
+        "sac/lock",
+        "sac/other/complete.json",
+        *(f"sac/other/seed-{seed}.finished" for seed in range(3)),
+    ]
+
+
+def test_a_damaged_list_of_seeds_loses_none(tmp_path: Path, said: Lines) -> None:
+    train(tmp_path, said, [0, 1])
+    path = tmp_path / ".checkpoints/sac/key/complete.json"
+    path.write_text(path.read_text()[:2])
+    assert train(tmp_path, said, [0, 1]) == []
+
+
+def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
+    """What one reaches while another waits is the other's, and not trained anew."""
+    program = (
+        "import sys, pathlib; from jumping_ant.checkpoints import Checkpoints, Saved\n"
+        "checkpoints = Checkpoints(pathlib.Path(sys.argv[1]), 'sac', 'key', print)\n"
+        "with checkpoints.opened([0]):\n"
+        "    print('open', flush=True); sys.stdin.read()\n"
+        "    checkpoints.finish(0, Saved(1, 0.0, [], None, '', None, b'', b'policy'))"
+    )
+    pipe = subprocess.PIPE
+    command = [sys.executable, "-c", program, str(tmp_path)]
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
+        assert other.stdout.readline() == "open\n"
+        threading.Timer(0.5, other.stdin.close).start()
+        with store(tmp_path, said).opened([0]):
+            assert other.wait() == 0
+            assert store(tmp_path, said).finished(0).content == b"policy"
+    assert said == [
+        f"waiting for process {other.pid}, which is training it already and will not be started "
+        f"again; `kill {other.pid}` has it stop with a checkpoint"
+    ]

@@ -1,0 +1,162 @@
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import psutil
+import pytest
+
+from jumping_ant.base.errors import InputError, WorkerError
+from jumping_ant.training import compute
+from jumping_ant.training.compute import Job
+
+
+def count(key: str, length: int, stop: threading.Event) -> Iterator[str]:
+    for number in range(length):
+        yield f"{key}{number}"
+
+
+def fail(stop: threading.Event) -> Iterator[str]:
+    yield "a start"
+    raise InputError("a clear line")
+
+
+def die(folder: Path, times: int, stop: threading.Event) -> Iterator[str]:
+    """Kill this process with its first item on the way, the first few times."""
+    attempt = len(list(folder.iterdir()))
+    (folder / str(attempt)).touch()
+    yield f"attempt {attempt}"
+    if attempt < times:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def wait_for_the_end(folder: Path, key: str, stop: threading.Event) -> Iterator[str]:
+    yield "begun"
+    (folder / key).touch()
+    assert stop.wait(60)
+    yield "stopped"
+
+
+@pytest.fixture(autouse=True)
+def workers_find_this_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+
+
+def collect(jobs: Mapping[str, Job], workers: int) -> dict[str, list[str]]:
+    items: dict[str, list[str]] = {key: [] for key in jobs}
+    for key, item in compute.stream(
+        lambda key: jobs[key], list(jobs), workers, name="job {}".format
+    ):
+        items[key].append(item)
+    return items
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_every_item_arrives_in_its_order(workers: int) -> None:
+    jobs = {key: partial(count, key, length) for key, length in (("a", 3), ("b", 0), ("c", 5))}
+    expected = {key: list(job(threading.Event())) for key, job in jobs.items()}
+    assert collect(jobs, workers) == expected
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_arrives_as_itself(workers: int) -> None:
+    with pytest.raises(InputError, match="a clear line"):
+        collect({"good": partial(count, "x", 2), "bad": fail}, workers)
+
+
+def test_a_worker_that_dies_is_replaced(tmp_path: Path) -> None:
+    jobs = {"good": partial(count, "x", 3), "dying": partial(die, tmp_path, 1)}
+    items = collect(jobs, 2)
+    assert items["good"] == ["x0", "x1", "x2"]
+    assert items["dying"][-1] == "attempt 1"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_job_that_kills_every_worker_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compute, "MAX_DEATHS", 1)
+    with pytest.raises(WorkerError, match="job dying: its worker died 2 times"):
+        collect({"good": partial(count, "x", 1), "dying": partial(die, tmp_path, 99)}, 2)
+
+
+@pytest.mark.parametrize(
+    ("number", "workers"), [(signal.SIGINT, 1), (signal.SIGTERM, 1), (signal.SIGTERM, 2)]
+)
+def test_a_signal_asks_for_an_end(tmp_path: Path, workers: int, number: signal.Signals) -> None:
+    """Whoever runs finishes in order, and whoever waits does not begin."""
+    before = signal.getsignal(number)
+    jobs = {key: partial(wait_for_the_end, tmp_path, key) for key in ("a", "b", "c")}
+
+    def send() -> None:
+        while len(list(tmp_path.iterdir())) < workers:
+            time.sleep(0.01)
+        os.kill(os.getpid(), number)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    items = collect(jobs, workers)
+    sender.join()
+    assert list(items.values()) == [["begun", "stopped"]] * workers + [[]] * (3 - workers)
+    if workers == 1:  # Ray leaves a handler of its own
+        assert signal.getsignal(number) == before
+
+
+def look_around(stop: threading.Event) -> Iterator[set[str]]:
+    """Yield the addresses that Ray's processes listen on."""
+    addresses = set()
+    for process in psutil.Process().parent().parent().children(recursive=True):
+        with suppress(psutil.Error):  # some last for a moment
+            addresses |= {
+                connection.laddr.ip
+                for connection in process.net_connections(kind="tcp")
+                if connection.status == psutil.CONN_LISTEN
+            }
+    yield addresses
+
+
+def test_nobody_else_can_talk_to_ray() -> None:
+    items = collect({"a": look_around, "b": partial(count, "b", 1)}, 2)
+    (addresses,) = items["a"]
+    assert addresses
+    assert {address.removeprefix("::ffff:") for address in addresses} == {"127.0.0.1"}
+
+
+def test_num_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    monkeypatch.setattr("jumping_ant.base.machine.num_cores", lambda: 8)
+    assert compute.num_workers(0, num_jobs=4) == 4
+    assert compute.num_workers(0, num_jobs=0) == 1
+    assert compute.num_workers(0, num_jobs=20) == 8
+    assert compute.num_workers(3, num_jobs=20) == 3
+    monkeypatch.setenv("RAY_ADDRESS", "cluster:6379")
+    assert compute.num_workers(0, num_jobs=20) == 20
+
+
+def test_no_core_stands_idle_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    monkeypatch.setattr("jumping_ant.base.machine.num_cores", lambda: 4)
+    assert compute.num_threads(0, num_jobs=1) == [4]
+    assert compute.num_threads(0, num_jobs=3) == [1, 1, 1]
+    assert compute.num_threads(0, num_jobs=6) == [1, 1, 1, 1, 2, 2]
+    assert compute.num_threads(0, num_jobs=8) == [1] * 8
+    assert compute.num_threads(2, num_jobs=3) == [1, 1, 2]
+    assert compute.num_threads(1, num_jobs=3) == [1, 1, 1]
+
+
+def test_a_cluster_that_cannot_be_joined_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ray itself takes minutes to give up on an address, so its answer is given here."""
+
+    def refuse(**_: object) -> None:
+        raise ConnectionError("version mismatch\nand more")
+
+    monkeypatch.setenv("RAY_ADDRESS", "cluster:6379")
+    monkeypatch.setattr("ray.init", refuse)
+    jobs = {"a": partial(count, "a", 1), "b": partial(count, "b", 1)}
+    expected = r"RAY_ADDRESS: given 'cluster:6379', which cannot be joined \(version mismatch\)"
+    with pytest.raises(InputError, match=expected):
+        collect(jobs, 2)

@@ -1,0 +1,411 @@
+"""The driver of training: files, validation, kills, and which policy is published."""
+
+import csv
+import hashlib
+import importlib
+import json
+import os
+import re
+import shutil
+import signal
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+
+from jumping_ant import policies
+from jumping_ant.agents.events import Checkpoint, Snapshot
+from jumping_ant.base import machine
+from jumping_ant.base.errors import InputError, StoppedError
+from jumping_ant.params import params_file
+from jumping_ant.params.models import ComputeParams, Params
+from jumping_ant.sim import rollout
+from jumping_ant.training import driver
+from jumping_ant.training.checkpoints import Saved
+
+SMALL = {
+    "dqn": {"total_steps": 960, "learning_starts": 100, "net_arch": [16], "log_interval": 80},
+    "sac": {
+        "total_steps": 240,
+        "num_envs": 4,
+        "learning_starts": 20,
+        "batch_size": 16,
+        "net_arch": [16],
+        "log_interval": 30,
+    },
+    "pgpe": {"generations": 6, "population_size": 4, "episode_steps": 20},
+}
+RHYTHMS = {"half_periods": [2, 3], "episodes": 2, "episode_steps": 20}
+BASELINES = {"random": {}, "random-commands": {}, "metronome": RHYTHMS}
+SMALL_OF_ALL = SMALL | BASELINES
+
+
+def small_params(workers: int) -> Params:
+    settings = params_file.load().model_dump()
+    settings["seeds"] = [0, 5]
+    settings["env"]["max_episode_steps"] = 40
+    settings["training"]["evaluations"] = 2
+    settings["compute"]["workers"] = workers
+    for name, changes in SMALL_OF_ALL.items():
+        settings["agents"][name] |= changes
+    return params_file.check(settings)
+
+
+@pytest.fixture
+def project(tmp_path: Path, robot_xml: str) -> Path:
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "assets" / "jumping_ant.xml").write_text(robot_xml)
+    return tmp_path
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_workers_change_no_byte(project: Path) -> None:
+    """Inline and on Ray: models and curves are the same files."""
+    runs = []
+    for workers in (1, 2):
+        for agent in SMALL_OF_ALL:
+            driver.train(project, small_params(workers), agent)
+        runs.append(digests(project / "models"))
+    assert runs[0] == runs[1]
+    names = {"curve.csv", "final.zip", "machine.json", "policy.zip"}
+    assert set(runs[0]) == {
+        f"{agent}/seed-{seed}/{name}" for agent in SMALL_OF_ALL for seed in (0, 5) for name in names
+    }
+
+
+def test_no_older_policy_stands_by_a_new_curve(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver.train(project, small_params(1), "pgpe")
+    often = small_params(1).model_copy(
+        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
+    )
+    with monkeypatch.context() as patch, pytest.raises(KillError):
+        interrupt(patch, 0, 1)
+        driver.train(project, often, "pgpe")
+    assert not list((project / "models").rglob("*.zip"))
+
+
+class KillError(Exception):
+    """Stands for a kill: nothing is tidied up after it."""
+
+
+def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> None:
+    """Have training end after the n-th checkpoint of a seed, with a row written behind it."""
+    original = driver._Seed.write
+    seen = []
+
+    def write(self: Any, report: driver.Report) -> None:
+        if len(seen) == checkpoint:
+            raise KillError
+        original(self, report)
+        if isinstance(report.event, Checkpoint) and self.number == seed:
+            seen.append(report.event.env_steps)
+
+    monkeypatch.setattr(driver._Seed, "write", write)
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_a_killed_run_goes_on_to_the_same_bytes(
+    project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = small_params(1)
+    driver.train(project, settings, agent)
+    expected = digests(project / "models")
+    often = settings.model_copy(
+        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
+    )
+    for seed, checkpoint in ((0, 1), (0, 2), (5, 1), (5, 2)):
+        shutil.rmtree(project / "models")  # as DVC does before a stage runs
+        with monkeypatch.context() as patch, pytest.raises(KillError):
+            interrupt(patch, seed, checkpoint)
+            driver.train(project, often, agent)
+    shutil.rmtree(project / "models")
+    capsys.readouterr()
+    driver.train(project, often, agent)
+    assert digests(project / "models") == expected
+    said = capsys.readouterr().err
+    assert f"{agent}: seed 0: trained before" in said
+    assert f"{agent}: seed 5: resumes from" in said
+    left = {path.name for path in (project / ".checkpoints").rglob("*") if path.is_file()}
+    assert left == {"lock", "complete.json", "seed-0.finished", "seed-5.finished"}
+    for seed in ("0", "5"):
+        timing = rows(project / "results" / "timing" / f"{agent}.csv")
+        seconds = [float(row["seconds"]) for row in timing if row["seed"] == seed]
+        assert seconds == sorted(seconds) and len(seconds) > 1
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_threads_change_nothing_across_a_checkpoint(robot_xml: str, agent: str) -> None:
+    settings = small_params(1)
+    run = partial(train_seed, robot_xml, settings, agent)
+    whole = run(num_threads=1)
+    first = run(num_threads=2, stop_after=2)
+    assert isinstance(first[-1].event, Checkpoint)
+    at = first[-1].event
+    saved = Saved(at.env_steps, first[-1].seconds, [], None, "", None, b"", at.content)
+    rest = run(num_threads=1, saved=saved)
+    told = [repr(report.event) for report in first[:-1] + rest]  # a NaN equals no other
+    assert told == [repr(report.event) for report in whole]
+    assert rest[0].seconds > first[-1].seconds
+
+
+def train_seed(
+    xml: str,
+    settings: Params,
+    agent: str,
+    num_threads: int,
+    stop_after: int | None = None,
+    saved: Saved | None = None,
+) -> list[driver.Report]:
+    """Train seed 0, asked to stop after so many reports."""
+    stop = threading.Event()
+    reports = []
+    for report in driver.train_seed(
+        xml, settings.env, settings.agent(agent), settings.training, 0, stop, num_threads, saved
+    ):
+        reports.append(report)
+        if len(reports) == stop_after:
+            stop.set()
+    return reports
+
+
+def test_a_new_seed_trains_alone(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = small_params(1)
+    more = settings.model_copy(update={"seeds": [0, 5, 6]})
+    driver.train(project, more, "pgpe")
+    expected = digests(project / "models")
+    driver.train(project, settings, "pgpe")
+    shutil.rmtree(project / "models")
+    capsys.readouterr()
+    driver.train(project, more, "pgpe")
+    said = capsys.readouterr().err
+    assert "seed 0: trained before" in said and "seed 5: trained before" in said
+    assert "seed 6: trained before" not in said
+    assert digests(project / "models") == expected
+
+
+def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
+    settings = small_params(1)
+    agent = settings.agents["sac"]
+    key = driver.dependencies(robot_xml, settings, agent)
+    assert key == driver.dependencies(robot_xml, small_params(2), agent)
+    easier = settings.env.model_copy(update={"min_torso_height": 0.1})
+    changed = {
+        "robot": (robot_xml + " ", settings, agent),
+        "agent": (robot_xml, settings, agent.model_copy(update={"gamma": 0.5})),
+        "trainer": (robot_xml, settings, settings.agents["pgpe"]),
+        "task": (robot_xml, settings.model_copy(update={"env": easier}), agent),
+    }
+    keys = {key} | {driver.dependencies(*what) for what in changed.values()}
+    assert len(keys) == len(changed) + 1
+
+
+def test_a_machine_is_named_beside_each_policy(project: Path) -> None:
+    driver.train(project, small_params(1), "pgpe")
+    for seed in (0, 5):
+        path = project / "models" / "pgpe" / f"seed-{seed}" / "machine.json"
+        told = json.loads(path.read_text())
+        assert told == machine.describe()
+        assert told["cpu"] and told["blas_threads"] == 1
+        assert set(told["versions"]) >= {"mujoco", "numpy", "torch"}
+
+
+def test_a_signal_ends_training_with_a_checkpoint(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = small_params(1)
+    driver.train(project, settings, "sac")
+    expected = digests(project / "models")
+    more = settings.model_dump()
+    more["seeds"] = [5, 0]  # not the same request as before
+    shutil.rmtree(project / ".checkpoints")
+    settings = params_file.check(more)
+    curve = project / "models" / "sac" / "seed-5" / "curve.csv"
+    curve.unlink()
+
+    def send() -> None:
+        while not curve.exists() or curve.read_text().count("\n") < 2:
+            time.sleep(0.001)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    with pytest.raises(StoppedError, match="sac is not trained yet; the next run resumes: seed"):
+        driver.train(project, settings, "sac")
+    sender.join()
+    capsys.readouterr()
+    driver.train(project, settings, "sac")
+    assert "resumes from" in capsys.readouterr().err
+    assert digests(project / "models") == expected
+
+
+def test_a_dead_worker_is_replaced_from_the_checkpoint(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = small_params(2)
+    driver.train(project, settings, "pgpe")
+    expected = digests(project / "models")
+    shutil.rmtree(project / ".checkpoints")
+    slow = settings.model_dump()
+    slow["compute"] = {"workers": 2, "checkpoint_seconds": 1e-9}
+
+    def kill_one() -> None:
+        folder = project / ".checkpoints"
+        while not list(folder.rglob("*.checkpoint")):
+            time.sleep(0.001)
+        workers = [
+            process
+            for process in psutil.Process().children(recursive=True)
+            if "ray::_Worker" in " ".join(process.cmdline())
+        ]
+        workers[0].kill()
+
+    killer = threading.Thread(target=kill_one)
+    killer.start()
+    driver.train(project, params_file.check(slow), "pgpe")
+    killer.join()
+    told = capsys.readouterr().err
+    assert re.search(r"pgpe: seed \d: its worker died, and another takes over", told)
+    assert digests(project / "models") == expected
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_curve_and_timing(project: Path, agent: str) -> None:
+    driver.train(project, small_params(1), agent)
+    for seed in (0, 5):
+        curve = rows(project / "models" / agent / f"seed-{seed}" / "curve.csv")
+        assert list(curve[0])[:7] == list(driver.COLUMNS)
+        steps = [int(row["env_steps"]) for row in curve]
+        assert steps == sorted(steps)
+        evaluated = [row for row in curve if row["evaluation_return_mean"]]
+        assert len(evaluated) == 2
+        assert all(row["return_mean"] == "" for row in evaluated), "one row, one kind of return"
+        assert int(evaluated[-1]["env_steps"]) == steps[-1]
+        timing = [row for row in rows(project / "results" / "timing" / f"{agent}.csv")]
+        own = [row for row in timing if row["seed"] == str(seed)]
+        assert [int(row["env_steps"]) for row in own] == steps
+        seconds = [float(row["seconds"]) for row in own]
+        assert seconds == sorted(seconds) and seconds[-1] > 0
+
+
+@pytest.mark.parametrize("agent", ["random", "random-commands"])
+def test_a_baseline_is_there_at_once(project: Path, agent: str) -> None:
+    driver.train(project, small_params(2), agent)
+    curve = rows(project / "models" / agent / "seed-5" / "curve.csv")
+    assert [row["env_steps"] for row in curve] == ["0"]
+    assert float(curve[0]["evaluation_return_mean"]) >= 0
+
+
+def with_training(**changes: Any) -> Params:
+    settings = small_params(1)
+    return settings.model_copy(update={"training": settings.training.model_copy(update=changes)})
+
+
+def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[bytes, float]:
+    """Return each snapshot of a run and its mean return in the validation episodes."""
+    xml = (project / "assets" / "jumping_ant.xml").read_text()
+    rules = settings.training
+    seeds = [rules.evaluation_seed + i for i in range(rules.evaluation_episodes)]
+    block = settings.agents[agent]
+    trainer = importlib.import_module(f"jumping_ant.agents.{block.trainer}.trainer")
+    events = trainer.train(xml, settings.env, block, seed, rules.evaluations)
+    policy_files = [event.policy for event in events if isinstance(event, Snapshot)]
+    assert len(policy_files) == rules.evaluations
+    means = {}
+    for content in policy_files:
+        episodes = rollout.run(xml, settings.env, policies.load(content), seeds)
+        means[content] = float(np.mean([episode.rewards.sum() for episode in episodes]))
+    return means
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_the_best_snapshot_in_validation_is_published(project: Path, agent: str) -> None:
+    """And the last policy beside it."""
+    settings = with_training(evaluations=3)
+    driver.train(project, settings, agent)
+    for seed in settings.seeds:
+        folder = project / "models" / agent / f"seed-{seed}"
+        means = snapshots(project, settings, agent, seed)
+        best = max(means, key=means.__getitem__)
+        assert len(means) == 3, "each snapshot differs: it learned"
+        assert (folder / "policy.zip").read_bytes() == best
+        assert (folder / "final.zip").read_bytes() == list(means)[-1]
+        curve = rows(folder / "curve.csv")
+        told = [float(row["evaluation_return_mean"] or "nan") for row in curve]
+        assert np.nanmax(told) == means[best]
+
+
+@pytest.mark.parametrize("agent", sorted(SMALL))
+def test_the_last_policy_is_published_if_asked_for(project: Path, agent: str) -> None:
+    settings = with_training(evaluations=3, publish="final")
+    driver.train(project, settings, agent)
+    for seed in settings.seeds:
+        folder = project / "models" / agent / f"seed-{seed}"
+        last = list(snapshots(project, settings, agent, seed))[-1]
+        assert (folder / "policy.zip").read_bytes() == (folder / "final.zip").read_bytes() == last
+
+
+def test_of_equal_snapshots_the_first_is_published(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And a later one that is worse never is, whatever came in between a kill and a resume."""
+    settings = with_training(evaluations=4)
+    settings = settings.model_copy(
+        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
+    )
+    scores = iter([5.0, 9.0, 9.0, 2.0] * 2 + [0.0] * 4)  # the first seed's come first
+    seen = []
+    original = driver._Seed.write
+
+    def write(self: Any, report: driver.Report) -> None:
+        if isinstance(report.event, Snapshot):
+            seen.append((self.number, report.event.policy))
+            report = replace(report, returns=(next(scores),))
+        original(self, report)
+        if isinstance(report.event, Checkpoint) and len(seen) == 3 and not stopped:
+            stopped.append(True)
+            raise KillError
+
+    stopped: list[bool] = []
+    monkeypatch.setattr(driver._Seed, "write", write)
+    agent = "pgpe"
+    with pytest.raises(KillError):
+        driver.train(project, settings, agent)
+    assert len(seen) == 3 and not list((project / "models").rglob("*.zip"))
+    driver.train(project, settings, agent)
+    folder = project / "models" / agent / "seed-0"
+    ours = [policy for number, policy in seen if number == 0]
+    assert len(set(ours)) == 4
+    assert (folder / "policy.zip").read_bytes() == ours[1]
+    assert (folder / "final.zip").read_bytes() == ours[3]
+
+
+def test_unknown_agent_is_refused(project: Path) -> None:
+    names = ", ".join(small_params(1).agents)
+    with pytest.raises(InputError, match=f"given 'nobody', allowed: {names}$"):
+        driver.train(project, small_params(1), "nobody")
+    assert not (project / "models").exists()
+
+
+def test_missing_robot_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="dvc repro build"):
+        driver.train(tmp_path, small_params(1), "random")

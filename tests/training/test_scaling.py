@@ -1,0 +1,49 @@
+from pathlib import Path
+
+from jumping_ant.judging import comparison, results
+from jumping_ant.params.models import Params
+from jumping_ant.training import scaling
+
+SEEDS = [0, 5]
+
+
+def small(known: Params) -> Params:
+    pgpe = known.agents["pgpe"].model_copy(update={"population_size": 6, "episode_steps": 10})
+    return known.model_copy(update={"agents": known.agents | {"pgpe": pgpe}})
+
+
+def test_each_seed_is_timed_on_one_thread_up_to_all(known_params: Params, robot_xml: str) -> None:
+    settings = small(known_params)
+    rows = scaling.measure(robot_xml, settings.env, settings.agent("pgpe"), SEEDS, cores=3)
+    assert [tuple(row) for row in rows] == [scaling.COLUMNS] * 6
+    assert [(row["seed"], row["threads"]) for row in rows] == [
+        (seed, threads) for seed in SEEDS for threads in (1, 2, 3)
+    ]
+    assert all(0 < row["seconds"] < 60 for row in rows)
+
+
+def test_learners_that_update_one_policy_are_timed_too(
+    known_params: Params, robot_xml: str
+) -> None:
+    for name in ("dqn", "sac"):
+        small_net = {"net_arch": [16], "batch_size": 8, "num_envs": 2, "gradient_steps": 64}
+        agent = known_params.agent(name).model_copy(update=small_net)
+        rows = scaling.measure(robot_xml, known_params.env, agent, [3], cores=2)
+        assert [(row["seed"], row["threads"]) for row in rows] == [(3, 1), (3, 2)]
+        assert all(0 < row["seconds"] < 60 for row in rows)
+
+
+def test_agents_that_do_not_train_are_not_timed(known_params: Params, robot_xml: str) -> None:
+    for agent in ("random", "metronome"):
+        settings = known_params.agent(agent)
+        assert scaling.measure(robot_xml, known_params.env, settings, SEEDS) == []
+
+
+def test_the_table_is_read_back(known_params: Params, robot_xml: str, tmp_path: Path) -> None:
+    settings = small(known_params)
+    rows = scaling.measure(robot_xml, settings.env, settings.agent("pgpe"), SEEDS, cores=2)
+    folder = tmp_path / "results" / "scaling"
+    folder.mkdir(parents=True)
+    (folder / "pgpe.csv").write_text(comparison.to_csv(rows))
+    read = results._read_scaling(tmp_path, "pgpe", SEEDS)
+    assert read[2].tolist() == [row["seconds"] for row in rows if row["threads"] == 2]
