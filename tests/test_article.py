@@ -396,8 +396,8 @@ def test_a_shorter_evolution_is_refused(tiny: tuple[Path, Params], tmp_path: Pat
 def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     renew_project(copy)
-    code = copy / "jumping_ant" / "article.py"
-    assert code.read_text() == (PROJECT_ROOT / "jumping_ant" / "article.py").read_text()
+    code = copy / "jumping_ant" / "params" / "article.py"
+    assert code.read_text() == (PROJECT_ROOT / "jumping_ant" / "params" / "article.py").read_text()
     assert not (copy / "results").exists() and not (copy / "dvc.lock").exists()
     kept = [".checkpoints/sac/a", "models/sac/policy.zip", "results/a.json", "dvc.lock"]
     for name in kept:
@@ -406,7 +406,7 @@ def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: P
     code.write_text("old")
     (copy / "jumping_ant" / "gone.py").write_text("old")
     renew_project(copy)
-    assert code.read_text() == (PROJECT_ROOT / "jumping_ant" / "article.py").read_text()
+    assert code.read_text() == (PROJECT_ROOT / "jumping_ant" / "params" / "article.py").read_text()
     assert not (copy / "jumping_ant" / "gone.py").exists()
     assert {(copy / name).read_text() for name in kept} == {"kept"}
 

@@ -159,7 +159,7 @@ def test_a_damaged_list_of_seeds_loses_none(tmp_path: Path, said: Lines) -> None
 def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
     """What one reaches while another waits is the other's, and not trained anew."""
     program = (
-        "import sys, pathlib; from jumping_ant.checkpoints import Checkpoints, Saved\n"
+        "import sys, pathlib; from jumping_ant.training.checkpoints import Checkpoints, Saved\n"
         "checkpoints = Checkpoints(pathlib.Path(sys.argv[1]), 'sac', 'key', print)\n"
         "with checkpoints.opened([0]):\n"
         "    print('open', flush=True); sys.stdin.read()\n"
