@@ -85,7 +85,9 @@ class Inputs:
         """Give each stage a damaged file of those it reads."""
         self._try_file("assets/jumping_ant.xml", "train", "dqn", named="robot XML")
         self._try_file("models/pgpe/seed-0/policy.zip", "evaluate", "pgpe", named="policy")
-        self._try_file("results/pgpe/trajectories.npz", "record", "pgpe", named="trajectories.npz")
+        self._try_file(
+            "results/agents/pgpe/trajectory.npz", "record", "pgpe", named="trajectory.npz"
+        )
 
     def try_another_robot(self) -> None:
         """Give the recording an episode of a robot with a joint less."""

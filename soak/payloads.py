@@ -144,6 +144,6 @@ def _load_checkpoint(folder: Path, content: bytes) -> None:
 
 
 def _load_trajectory(folder: Path, content: bytes) -> None:
-    path = folder / "trajectories.npz"
+    path = folder / "trajectory.npz"
     path.write_bytes(content)
     trajectory.load(path)

@@ -15,6 +15,19 @@ from jumping_ant.params import params_file  # noqa: E402  (telemetry is off befo
 from jumping_ant.params.models import Params  # noqa: E402
 
 
+def parse(description: str) -> Params:
+    """Return all parameters, for a stage that takes no argument.
+
+    Args:
+        description: What the stage does, for `--help`; the first line counts.
+
+    Raises:
+        InputError: `params.yaml` has a mistake.
+    """
+    argparse.ArgumentParser(description=description.splitlines()[0]).parse_args()
+    return params_file.load()
+
+
 def parse_agent(description: str) -> tuple[str, Params]:
     """Return the agent that the command line names, and all parameters.
 

@@ -6,18 +6,18 @@ Writes: assets/jumping_ant.xml, assets/ant.xml (without the edits), assets/jumpi
     and torques before and after).
 """
 
-from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
-from jumping_ant.params import params_file
+from jumping_ant.base.files import write_json, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
-from stages import run
+from stages import parse, run
 
 
 def main() -> None:
     """Run the stage."""
-    xml = robot.build(params_file.load().robot)
-    write_text(PROJECT_ROOT / "assets" / robot.FILES["edited"], xml)
-    write_text(PROJECT_ROOT / "assets" / robot.FILES["unedited"], robot.unedited())
-    write_json(PROJECT_ROOT / "assets" / "jumping_ant.json", robot.summarize(xml))
+    xml = robot.build(parse(__doc__).robot)
+    write_text(Paths().assets / robot.FILES["edited"], xml)
+    write_text(Paths().assets / robot.FILES["unedited"], robot.unedited())
+    write_json(Paths().physique, robot.summarize(xml))
 
 
 if __name__ == "__main__":

@@ -2,32 +2,31 @@
 
 Usage: python -m stages.lineup
 Reads: params `seeds`, `agents`; assets/jumping_ant.xml, and of each agent
-    results/AGENT/trajectories.npz, results/AGENT/episodes.csv, models/AGENT/seed-N/curve.csv.
+    results/agents/AGENT/ (trajectory.npz, episodes.csv), models/AGENT/seed-N/curve.csv.
 Writes: media/lineup.rrd.
 """
 
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes
-from jumping_ant.params import params_file
+from jumping_ant.base.paths import Paths
 from jumping_ant.showing.recording import lineup, story
 from jumping_ant.sim import robot, trajectory
-from stages import run
+from stages import parse, run
 
 
 def main() -> None:
     """Run the stage."""
-    settings = params_file.load()
+    settings = parse(__doc__)
     robots = {
         name: robot.read(PROJECT_ROOT, agent.robot) for name, agent in settings.agents.items()
     }
     episodes = {
-        agent: trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")
-        for agent in settings.agents
+        agent: trajectory.load(Paths().agent(agent).trajectory) for agent in settings.agents
     }
     stories = {
         agent: story.read(PROJECT_ROOT, settings, agent, episode)
         for agent, episode in episodes.items()
     }
-    write_bytes(PROJECT_ROOT / "media" / "lineup.rrd", lineup.record(robots, episodes, stories))
+    write_bytes(Paths().lineup, lineup.record(robots, episodes, stories))
 
 
 if __name__ == "__main__":

@@ -2,11 +2,12 @@
 
 Usage: python -m stages.record AGENT
 Reads: params `record`, `seeds`, `agents.AGENT.algorithm`; assets/jumping_ant.xml,
-    results/AGENT/trajectories.npz, results/AGENT/episodes.csv, models/AGENT/seed-N/curve.csv.
+    results/agents/AGENT/ (trajectory.npz, episodes.csv), models/AGENT/seed-N/curve.csv.
 Writes: media/AGENT.mp4, media/AGENT.rrd.
 """
 
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes
+from jumping_ant.base.paths import Paths
 from jumping_ant.showing import rendering
 from jumping_ant.showing.recording import episode, story
 from jumping_ant.sim import robot, trajectory
@@ -17,12 +18,12 @@ def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
     xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
-    states = trajectory.load(PROJECT_ROOT / "results" / agent / "trajectories.npz")
+    paths = Paths().agent(agent)
+    states = trajectory.load(paths.trajectory)
     told = story.read(PROJECT_ROOT, settings, agent, states)
     film = rendering.film(xml, states, settings.record)
-    media = PROJECT_ROOT / "media"
-    write_bytes(media / f"{agent}.mp4", film)
-    write_bytes(media / f"{agent}.rrd", episode.record(xml, states, told, film))
+    write_bytes(paths.film, film)
+    write_bytes(paths.recording, episode.record(xml, states, told, film))
 
 
 if __name__ == "__main__":

@@ -5,19 +5,15 @@ Reads: params.yaml; assets/, models/, media/, results/.
 Writes: results/report.html.
 """
 
-import argparse
-
 from jumping_ant.base.files import PROJECT_ROOT, write_text
-from jumping_ant.params import params_file
+from jumping_ant.base.paths import Paths
 from jumping_ant.showing.report import page
-from stages import run
+from stages import parse, run
 
 
 def main() -> None:
     """Run the stage."""
-    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
-    settings = params_file.load()
-    write_text(PROJECT_ROOT / "results" / "report.html", page.build(PROJECT_ROOT, settings))
+    write_text(Paths().report, page.build(PROJECT_ROOT, parse(__doc__)))
 
 
 if __name__ == "__main__":

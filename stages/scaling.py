@@ -2,10 +2,11 @@
 
 Usage: python -m stages.scaling AGENT
 Reads: params `seeds`, `env`, `agents.AGENT`; the robot in assets/.
-Writes: results/scaling/AGENT.csv, without rows for an agent that does not train.
+Writes: results/agents/AGENT/scaling.csv, without rows for an agent that does not train.
 """
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
 from jumping_ant.training import scaling
 from stages import parse_agent, run
@@ -18,8 +19,7 @@ def main() -> None:
     rows = scaling.measure(xml, settings.env, settings.agent(agent), settings.seeds)
     lines = [",".join(scaling.COLUMNS)]
     lines += [",".join(str(row[column]) for column in scaling.COLUMNS) for row in rows]
-    path = PROJECT_ROOT / "results" / "scaling" / f"{agent}.csv"
-    write_text(path, "\n".join(lines) + "\n")
+    write_text(Paths().agent(agent).scaling, "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

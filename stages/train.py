@@ -2,7 +2,8 @@
 
 Usage: python -m stages.train AGENT
 Reads: params `seeds`, `env`, `training`, `agents.AGENT`; assets/jumping_ant.xml.
-Writes: models/AGENT/seed-N/ (policy.zip, curve.csv), results/timing/AGENT.csv.
+Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv, machine.json),
+    results/agents/AGENT/timing.csv.
 """
 
 import subprocess

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jumping_ant.base.files import write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.params.models import ALGORITHMS, CompareParams, Params, TrainingParams
 
 COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=0)
@@ -42,13 +44,13 @@ def write_project(
                 for episode in range(num_episodes)
             ]
             curve = curve_rows(BUDGETS[algorithm], level)
-            write_csv(root / "models" / name / f"seed-{seed}" / "curve.csv", curve)
+            write_csv(Paths(root).agent(name).seed(seed).curve, curve)
             timing += [
                 {"seed": seed, "env_steps": row["env_steps"], "seconds": row["env_steps"] * 0.5}
                 for row in curve
             ]
-        write_csv(root / "results" / name / "episodes.csv", episodes)
-        write_csv(root / "results" / "timing" / f"{name}.csv", timing)
+        write_csv(Paths(root).agent(name).episodes, episodes)
+        write_csv(Paths(root).agent(name).timing, timing)
         write_variants(root, name, VARIANTS.get(algorithm, []), episodes)
     write_scaling(root, agents, seeds)
 
@@ -63,7 +65,7 @@ def write_variants(
         for row in episodes
     ]
     header = ["seed", "variant", *(name for name in episodes[0] if name != "seed")]
-    path = root / "results" / "variants" / f"{name}.csv"
+    path = Paths(root).agent(name).variants
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, header)
@@ -73,8 +75,6 @@ def write_variants(
 
 def write_scaling(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
     """Write what a unit of training took each seed of the agents that learn."""
-    folder = root / "results" / "scaling"
-    folder.mkdir(parents=True, exist_ok=True)
     for name, algorithm in agents.items():
         lines = [
             f"{seed},{threads},{2.0 / threads + 0.01 * i}"
@@ -82,7 +82,8 @@ def write_scaling(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -
             for threads in (1, 2)
             if algorithm != "random"
         ]
-        (folder / f"{name}.csv").write_text("\n".join(["seed,threads,seconds", *lines]) + "\n")
+        text = "\n".join(["seed,threads,seconds", *lines]) + "\n"
+        write_text(Paths(root).agent(name).scaling, text)
 
 
 def episode_row(seed: int, episode: int, value: float) -> dict[str, Any]:

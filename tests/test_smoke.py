@@ -87,15 +87,12 @@ def test_everything_is_there_and_up_to_date(project: Project) -> None:
 def digests(project: Project) -> dict[str, str]:
     """Return DVC's digest of every output without wall-clock times in it, but for recordings."""
     stages = YAML(typ="safe").load((project.folder / "dvc.lock").read_text())["stages"]
-    timed = tuple(
-        f"results/{name}"
-        for name in ("timing/", "scaling/", "comparison.json", "figures", "plots", "report.html")
-    )
+    timed = ("timing.csv", "scaling.csv", "comparison.json", "figures", "plots", "report.html")
     return {
         out["path"]: out["md5"]
         for stage in stages.values()
         for out in stage.get("outs", [])
-        if not out["path"].startswith(timed) and not out["path"].endswith(".rrd")
+        if not out["path"].endswith((*timed, ".rrd"))
     }
 
 
@@ -124,7 +121,7 @@ def test_git_knows_only_small_things(project: Project) -> None:
 
 def test_metrics_and_plots_are_shown(project: Project) -> None:
     metrics = json.loads(project.run("dvc", "metrics", "show", "--json").stdout)[""]["data"]
-    assert {f"results/{agent}/metrics.json" for agent in AGENTS} <= set(metrics)
+    assert {f"results/agents/{agent}/metrics.json" for agent in AGENTS} <= set(metrics)
     plots = json.loads(project.run("dvc", "plots", "show", "--json").stdout)
     assert plots["data"] and not plots.get("errors")
 
@@ -177,11 +174,11 @@ def test_a_change_is_told_readably(project: Project) -> None:
     row = f"| params.yaml | agents.sac.learning_rate | {before} | 0.002 |"
     assert row in " ".join(told.split())
     metrics = json.loads(project.run("dvc", "metrics", "diff", "--json").stdout)
-    assert set(metrics) == {"results/sac/metrics.json"}
+    assert set(metrics) == {"results/agents/sac/metrics.json"}
     shown = project.run("dvc", "exp", "show", "--only-changed", "--csv").stdout.splitlines()
     columns = shown[0].split(",")
-    assert "agents.sac.learning_rate" in columns and "results/sac/metrics.json:return" in columns
-    assert not any(column.startswith(("agents.dqn", "results/dqn")) for column in columns)
+    assert {"agents.sac.learning_rate", "results/agents/sac/metrics.json:return"} <= set(columns)
+    assert not any(column.startswith(("agents.dqn", "results/agents/dqn")) for column in columns)
     project.run("dvc", "plots", "diff", "--out", "diff")
     page = (project.folder / "diff" / "index.html").read_text()
     assert "workspace" in page and "HEAD" in page

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from jumping_ant import policies
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
 from jumping_ant.params import article
 from jumping_ant.params.models import EnvParams, Params
@@ -247,7 +248,7 @@ def _returns(xml: str, params: Params, centers: Sequence[Policy]) -> Array:
 
 
 def _final_policy(root: Path, agent: str, seed: int) -> Any:
-    return policies.load_file(root / "models" / agent / f"seed-{seed}" / "final.zip")
+    return policies.load_file(Paths(root).agent(agent).seed(seed).final_policy)
 
 
 def _fitness(root: Path, seeds: Sequence[int]) -> dict[str, Trace]:
@@ -256,7 +257,7 @@ def _fitness(root: Path, seeds: Sequence[int]) -> dict[str, Trace]:
     needed = max(max(printed) for printed in article.PGPE_TRACES.values())
     rows: dict[str, list[Array]] = {name: [] for name in names}
     for seed in seeds:
-        path = root / "models" / "pgpe" / f"seed-{seed}" / "curve.csv"
+        path = Paths(root).agent("pgpe").seed(seed).curve
         curve = tables.read(path, ["updates", *names], "train@pgpe")
         is_generation = ~np.isnan(curve["updates"])  # the other rows are validation's
         if (count := int(is_generation.sum())) < needed:
@@ -267,6 +268,6 @@ def _fitness(root: Path, seeds: Sequence[int]) -> dict[str, Trace]:
 
 
 def _training_seconds(root: Path, agent: str, seeds: Sequence[int]) -> list[float]:
-    path = root / "results" / "timing" / f"{agent}.csv"
+    path = Paths(root).agent(agent).timing
     timing = tables.read(path, ["seed", "seconds"], f"train@{agent}")
     return [float(timing["seconds"][timing["seed"] == seed].max()) for seed in seeds]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 from jumping_ant.params.models import AgentParams, Params
 from jumping_ant.words import looks
 from jumping_ant.words.measures import MEASURES
@@ -145,7 +146,7 @@ def read_episodes(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Arr
     Raises:
         InputError: The file is missing, malformed, or of other seeds.
     """
-    path, stage = root / "results" / agent / "episodes.csv", f"evaluate@{agent}"
+    path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
     table = tables.read(path, REQUIRED, stage)
     _check_seeds(path, table["seed"], seeds, stage)
     for name, column in table.items():
@@ -189,7 +190,7 @@ def _seed_means(table: Mapping[str, Array], seeds: Sequence[int]) -> dict[str, A
 
 def _read_variants(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, dict[str, Array]]:
     """Return the quantities of each variant of the policies, as those of the policies."""
-    path, stage = root / "results" / "variants" / f"{agent}.csv", f"evaluate@{agent}"
+    path, stage = Paths(root).agent(agent).variants, f"evaluate@{agent}"
     rows = tables.read_rows(path, stage)
     if not rows:
         return {}
@@ -216,12 +217,13 @@ def _mean(values: Array) -> float:
 def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, SeedCurve]:
     """Return each seed's curve, with the seconds of its rows."""
     stage = f"train@{agent}"
-    timing_path = root / "results" / "timing" / f"{agent}.csv"
+    paths = Paths(root).agent(agent)
+    timing_path = paths.timing
     timing = tables.read(timing_path, TIMING_COLUMNS, stage)
     _check_seeds(timing_path, timing["seed"], seeds, stage)
     curves = {}
     for seed in seeds:
-        path = root / "models" / agent / f"seed-{seed}" / "curve.csv"
+        path = paths.seed(seed).curve
         curve = tables.read(path, CURVE_COLUMNS, stage)
         own = timing["seed"] == seed
         if not np.array_equal(timing["env_steps"][own], curve["env_steps"]):
@@ -239,7 +241,7 @@ def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, Seed
 
 def _read_scaling(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, Array]:
     """Return the seconds of each seed's unit of training by number of threads."""
-    path, stage = root / "results" / "scaling" / f"{agent}.csv", f"scaling@{agent}"
+    path, stage = Paths(root).agent(agent).scaling, f"scaling@{agent}"
     if not tables.read_rows(path, stage):
         return {}
     table = tables.read(path, SCALING_COLUMNS, stage)

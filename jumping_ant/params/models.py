@@ -23,8 +23,7 @@ NonNegative = Annotated[float, Field(ge=0)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
-# Names of results/, and of media/ the last.
-RESERVED_NAMES = {"article", "figures", "plots", "scaling", "seeds", "timing", "lineup"}
+RESERVED_NAMES = {"lineup"}  # of files in media/
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 
 
@@ -424,9 +423,7 @@ class Params(Block):
     def _names_are_free(cls, agents: dict[str, Any]) -> dict[str, Any]:
         taken = sorted(RESERVED_NAMES & agents.keys())
         if taken:
-            raise ValueError(
-                f"{taken[0]!r} names a folder of results/ or a file of media/; allowed: any other"
-            )
+            raise ValueError(f"{taken[0]!r} names a file of media/; allowed: any other")
         return agents
 
     @model_validator(mode="after")

@@ -22,6 +22,7 @@ from jumping_ant import policies
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.paths import Paths
 from jumping_ant.params import params_file
 from jumping_ant.params.models import Params
 from jumping_ant.policies import Policy
@@ -67,7 +68,7 @@ def best_seed(root: Path, agent: str) -> int:
     Raises:
         InputError: The agent has not been evaluated.
     """
-    path = root / "results" / "seeds" / f"{agent}.csv"
+    path = Paths(root).agent(agent).seed_means
     table = tables.read(path, ("seed", "return"), f"evaluate@{agent}")
     return int(table["seed"][np.argmax(table["return"])])
 
@@ -78,14 +79,15 @@ def load_policy(root: Path, agent: str, seed: int) -> Policy:
     Raises:
         InputError: The seed is not trained; the message lists those that are.
     """
-    folder = root / "models" / agent
+    paths = Paths(root).agent(agent)
     trained = sorted(
-        int(path.parent.name.removeprefix("seed-")) for path in folder.glob("seed-*/policy.zip")
+        int(path.parent.name.removeprefix("seed-"))
+        for path in paths.models.glob("seed-*/policy.zip")
     )
     if seed not in trained:
         allowed = ", ".join(map(str, trained)) or f"none yet; `dvc repro train@{agent}` trains them"
         raise InputError(f"seed of {agent}: given {seed}, allowed: {allowed}")
-    return policies.load_file(folder / f"seed-{seed}" / "policy.zip")
+    return policies.load_file(paths.seed(seed).policy)
 
 
 def has_screen() -> bool:

@@ -14,6 +14,7 @@ import gymnasium
 import mujoco
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 from jumping_ant.params.models import RobotParams
 
 SOURCE_PATH = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / "ant.xml"
@@ -68,7 +69,7 @@ def read(root: Path, kind: Literal["edited", "unedited"] = "edited") -> str:
     Raises:
         InputError: The robot has not been built.
     """
-    path = root / "assets" / FILES[kind]
+    path = Paths(root).assets / FILES[kind]
     try:
         return path.read_text()
     except OSError as error:

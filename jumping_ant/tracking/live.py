@@ -15,6 +15,7 @@ from mlflow.entities import Run
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest
+from jumping_ant.base.paths import Paths
 from jumping_ant.params import params_file
 from jumping_ant.tracking import reading, records
 from jumping_ant.tracking import store as stores
@@ -126,8 +127,8 @@ class _Follower:
         return self._store
 
     def _follow(self, store: Store, seed: int) -> None:
-        folder = records.seed_dir(self._root, self._agent, seed)
-        curve = reading.read_curve(folder / "curve.csv")
+        paths = Paths(self._root).agent(self._agent).seed(seed)
+        curve = reading.read_curve(paths.curve)
         if not curve:
             return
         followed = self._followed.get(seed)
@@ -139,7 +140,7 @@ class _Follower:
         new = {point: value for point, value in curve.items() if point not in followed.points}
         for _, step in new:  # sent again after a failure, a point with the same time is no double
             followed.times.setdefault(step, stores.now_ms())
-        samples = self._new_samples(followed, folder / "policy.zip")
+        samples = self._new_samples(followed, paths.policy)
         load = [metric for sample in samples for metric in sample.metrics(followed.start)]
         store.log_metrics(followed.run_id, stores.as_metrics(new, followed.times) + load)
         followed.points |= new
@@ -173,7 +174,7 @@ class _Follower:
 
         A policy of the same bytes may have a finished run already: then that one stays alone.
         """
-        path = records.seed_dir(self._root, self._agent, seed) / "policy.zip"
+        path = Paths(self._root).agent(self._agent).seed(seed).policy
         content = digest(path) if path.exists() else None
         is_shown = content is not None and any(
             stores.shows(run, content) and run.info.status == "FINISHED"

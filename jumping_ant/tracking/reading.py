@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 
 Point = tuple[str, int]
 """A metric's name and its step: control steps trained so far, 0 for what has no step."""
@@ -79,7 +80,7 @@ def filmed_seed(root: Path, agent: str) -> int | None:
     Raises:
         InputError: The episode's file is damaged.
     """
-    path = root / "results" / agent / "trajectories.npz"
+    path = Paths(root).agent(agent).trajectory
     if not path.exists():
         return None
     try:

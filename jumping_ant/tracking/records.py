@@ -14,6 +14,7 @@ from typing import Any
 
 from jumping_ant import policies
 from jumping_ant.base.files import digest
+from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.params.models import Params
 from jumping_ant.tracking import descriptions
 from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_json, read_rows
@@ -23,7 +24,6 @@ TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which it was chosen by
 FINAL_RETURN = "final_return"  # of the policy at the end of training, on the held-out episodes
 EVALUATION = "evaluation/"
-LINEUP = "lineup"  # a recording of all agents side by side
 SYSTEM = "system/"  # of the machine while it trained; MLflow gives these a page of their own
 
 
@@ -52,6 +52,11 @@ class SeedRecord:
     publish: str
 
     @property
+    def paths(self) -> AgentPaths:
+        """The agent's files."""
+        return Paths(self.root).agent(self.agent)
+
+    @property
     def name(self) -> str:
         """What its run and its model are called."""
         return run_name(self.agent, self.seed)
@@ -69,7 +74,7 @@ class SeedRecord:
     @property
     def policy_path(self) -> Path:
         """The policy file."""
-        return seed_dir(self.root, self.agent, self.seed) / "policy.zip"
+        return self.paths.seed(self.seed).policy
 
     @cached_property
     def md5(self) -> str:
@@ -84,13 +89,12 @@ class SeedRecord:
     @cached_property
     def curve(self) -> dict[Point, float]:
         """The learning curve."""
-        return read_curve(self.policy_path.with_name("curve.csv"))
+        return read_curve(self.paths.seed(self.seed).curve)
 
     @cached_property
     def seconds(self) -> dict[int, float]:
         """Seconds of training by control steps trained, as far as they were measured."""
-        path = self.root / "results" / "timing" / f"{self.agent}.csv"
-        rows = read_rows(path, "seed", "env_steps", "seconds")
+        rows = read_rows(self.paths.timing, "seed", "env_steps", "seconds")
         return {int(row["env_steps"]): row["seconds"] for row in rows if row["seed"] == self.seed}
 
     @cached_property
@@ -100,13 +104,12 @@ class SeedRecord:
         What is not there, or not finite, is left out.
         """
         means: dict[Point, float] = {}
-        for row in read_rows(self.root / "results" / "seeds" / f"{self.agent}.csv", "seed"):
+        for row in read_rows(self.paths.seed_means, "seed"):
             if row.pop("seed") == self.seed:
                 means |= {(EVALUATION + name, 0): mean for name, mean in row.items()}
         if self.validation_return is not None:
             means[VALIDATION_RETURN, 0] = self.validation_return
-        variants = self.root / "results" / "variants" / f"{self.agent}.csv"
-        for row in read_rows(variants, "seed", "return", variant="final"):
+        for row in read_rows(self.paths.variants, "seed", "return", variant="final"):
             if row["seed"] == self.seed:
                 means[FINAL_RETURN, 0] = row["return"]
         if self.seconds:
@@ -151,7 +154,7 @@ class SeedRecord:
         names = (self.policy_path.name, "curve.csv", "machine.json")
         found = {name: self.policy_path.with_name(name) for name in names}
         if filmed_seed(self.root, self.agent) == self.seed:
-            found |= _media(self.root, self.agent)
+            found |= _media(self.paths)
         return _existing(found)
 
 
@@ -191,7 +194,7 @@ class ComparisonRecord:
     @cached_property
     def results(self) -> dict[str, Any]:
         """`results/comparison.json`, empty if it is not there."""
-        path = self.root / "results" / "comparison.json"
+        path = Paths(self.root).comparison
         return read_json(path) if path.exists() else {}
 
     @cached_property
@@ -207,16 +210,18 @@ class ComparisonRecord:
     @cached_property
     def artifacts(self) -> dict[str, Path]:
         """Files of the run, by their path in it."""
-        figures = sorted((self.root / "results" / "figures").glob("*.*"))
+        paths = Paths(self.root)
+        figures = sorted(paths.figures.glob("*.*"))
         found = {
-            "params.yaml": self.root / "params.yaml",
-            "jumping_ant.json": self.root / "assets" / "jumping_ant.json",
-            "comparison.json": self.root / "results" / "comparison.json",
-            "results/report.html": self.root / "results" / "report.html",
+            "params.yaml": paths.params,
+            "jumping_ant.json": paths.physique,
+            "comparison.json": paths.comparison,
+            "results/report.html": paths.report,
+            f"media/{paths.lineup.name}": paths.lineup,
         }
         found |= {f"figures/{path.name}": path for path in figures}
-        for agent in [*self.agents, LINEUP]:
-            found |= _media(self.root, agent)
+        for agent in self.agents:
+            found |= _media(paths.agent(agent))
         return _existing(found)
 
 
@@ -231,7 +236,7 @@ def read(root: Path, params: Params) -> ComparisonRecord:
     for agent in params.agents:
         settings = run_params(root, params, agent)
         for seed in params.seeds:
-            path = seed_dir(root, agent, seed) / "policy.zip"
+            path = Paths(root).agent(agent).seed(seed).policy
             try:
                 content_digest = digest(path)
             except FileNotFoundError:
@@ -262,11 +267,6 @@ def is_of_curve(metric: str) -> bool:
     return not is_of_seed and not metric.startswith((EVALUATION, SYSTEM))
 
 
-def seed_dir(root: Path, agent: str, seed: int) -> Path:
-    """Return the folder of a policy and its curve."""
-    return root / "models" / agent / f"seed-{seed}"
-
-
 def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
     """Return what a run is filtered on: the agent's block, the task, the robot and its physique.
 
@@ -274,7 +274,7 @@ def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
     """
     block = params.agent(agent)
     is_edited = block.robot == "edited"
-    physique_path = root / "assets" / "jumping_ant.json"
+    physique_path = Paths(root).physique
     physiques = read_json(physique_path) if physique_path.exists() else {}
     physique = physiques.get("after" if is_edited else "before", {})
     numbers = {name: value for name, value in physique.items() if isinstance(value, float)}
@@ -305,9 +305,8 @@ def _headlines(results: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
         yield f"probability_of_improvement/{pair.replace('>', '_over_')}", float(chance["p"])
 
 
-def _media(root: Path, agent: str) -> dict[str, Path]:
-    names = (f"{agent}.mp4", f"{agent}.rrd")
-    return {f"media/{name}": root / "media" / name for name in names}
+def _media(paths: AgentPaths) -> dict[str, Path]:
+    return {f"media/{path.name}": path for path in (paths.film, paths.recording)}
 
 
 def _existing(paths: Mapping[str, Path]) -> dict[str, Path]:

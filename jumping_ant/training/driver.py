@@ -8,9 +8,8 @@ says where both come from.
 Validation episodes start from states of their own: neither training nor the held-out episodes of
 `jumping_ant.judging.evaluation` ever see them, and held-out episodes select nothing.
 
-Wall-clock figures, which no two runs share, stand apart in `results/timing/`. Checkpoints let a run
-that was killed resume where it was (see `jumping_ant.training.checkpoints`); the files come out the
-same.
+Wall-clock figures, which no two runs share, stand apart in `timing.csv`. Checkpoints let a run that was
+killed resume where it was (see `jumping_ant.training.checkpoints`); the files come out the same.
 """
 
 import hashlib
@@ -33,6 +32,7 @@ from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Sna
 from jumping_ant.base import imports, machine
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import write_bytes, write_json, write_text
+from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.params.models import AgentParams, EnvParams, Params, TrainingParams
 from jumping_ant.sim import robot, rollout
 from jumping_ant.training import compute
@@ -71,8 +71,8 @@ def train(root: Path, params: Params, agent_name: str) -> None:
     """Train every seed of an agent, each from where it stands.
 
     Args:
-        root: The project's folder; `assets/jumping_ant.xml` is read, and `models/<agent>/` and
-            `results/timing/<agent>.csv` are written.
+        root: The project's folder; a robot in `assets/` is read, and `models/<agent>/` and the
+            agent's `timing.csv` are written.
         params: All parameters.
         agent_name: Which agent.
 
@@ -90,12 +90,12 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         key = dependencies(xml, params, agent)
         checkpoints = Checkpoints(root, agent_name, key, display.say)
         stack.enter_context(checkpoints.opened(params.seeds))
-        folder = root / "models" / agent_name
+        paths = Paths(root).agent(agent_name)
         seeds = {
             seed: stack.enter_context(
                 _Seed(
                     seed,
-                    folder / f"seed-{seed}",
+                    paths.seed(seed),
                     checkpoints,
                     display,
                     params.training.publish,
@@ -129,7 +129,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         if unfinished := [seed for seed in seeds.values() if not seed.is_finished]:
             places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
             raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
-        _write_timing(root / "results" / "timing" / f"{agent_name}.csv", seeds)
+        _write_timing(paths.timing, seeds)
 
 
 def train_seed(
@@ -219,7 +219,7 @@ class _Seed:
     def __init__(
         self,
         number: int,
-        folder: Path,
+        paths: SeedPaths,
         checkpoints: Checkpoints,
         display: TrainingProgress,
         publish: Literal["best", "final"],
@@ -228,7 +228,7 @@ class _Seed:
         self.timing: list[tuple[int, float]] = []
         self.is_finished = False
         self.saved_steps = 0
-        self._folder = folder
+        self._paths = paths
         self._checkpoints = checkpoints
         self._display = display
         self._publish = publish
@@ -238,14 +238,14 @@ class _Seed:
         self._file: TextIO
 
     def __enter__(self) -> "_Seed":
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self._paths.folder.mkdir(parents=True, exist_ok=True)
         # DVC clears the folder; where it did not, no older policy may stand by the new curve.
-        for name in ("policy.zip", "final.zip"):
-            (self._folder / name).unlink(missing_ok=True)
-        self._file = (self._folder / "curve.csv").open("w", newline="")
+        for policy in (self._paths.policy, self._paths.final_policy):
+            policy.unlink(missing_ok=True)
+        self._file = self._paths.curve.open("w", newline="")
         if saved := self._checkpoints.finished(self.number):
             self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")
-            self._go_on_from(saved)
+            self._resume_from(saved)
             self._finish(saved)
         return self
 
@@ -257,7 +257,7 @@ class _Seed:
         saved = self._checkpoints.load(self.number)
         if saved:
             self._display.say(f"seed {self.number}: resumes from {saved.env_steps:,} steps")
-        self._go_on_from(saved)
+        self._resume_from(saved)
         return saved
 
     def write(self, report: Report) -> None:
@@ -296,7 +296,7 @@ class _Seed:
         if self._best_return is None or mean_return > self._best_return:
             self._best_return, self._best = mean_return, policy
 
-    def _go_on_from(self, saved: Saved | None) -> None:
+    def _resume_from(self, saved: Saved | None) -> None:
         self.timing = list(saved.timing) if saved else []
         self.saved_steps = saved.env_steps if saved else 0
         self._best_return = saved.best_return if saved else None
@@ -307,10 +307,10 @@ class _Seed:
         self._write(saved.curve if saved else "")
 
     def _finish(self, saved: Saved) -> None:
-        write_json(self._folder / "machine.json", saved.machine)
+        write_json(self._paths.machine, saved.machine)
         published = saved.best if self._publish == "best" and saved.best else saved.content
-        write_bytes(self._folder / "final.zip", saved.content)
-        write_bytes(self._folder / "policy.zip", published)
+        write_bytes(self._paths.final_policy, saved.content)
+        write_bytes(self._paths.policy, published)
         self.is_finished = True
 
     def _write_row(self, row: dict[str, float]) -> None:

@@ -97,7 +97,7 @@ def test_returns_at_equal_budgets_lie_on_the_learning_curves(project):
         for seed in SEEDS
         for row in rows
     ]
-    write_csv(project / "results" / "timing" / "sac-long.csv", timing)
+    write_csv(project / "results" / "agents" / "sac-long" / "timing.csv", timing)
     summary = summarize(project)  # DQN returns half after 250 steps, all of it after 500
     assert (summary["equal_steps"], summary["equal_seconds"]) == (400, 500.0)
     sac, dqn = summary["agents"]["sac-long"], summary["agents"]["dqn"]
@@ -114,9 +114,9 @@ def test_variants_are_read_like_the_policies(project):
 
 
 def test_variants_of_other_seeds_are_refused(project):
-    path = project / "results" / "variants" / "sac-long.csv"
+    path = project / "results" / "agents" / "sac-long" / "variants.csv"
     write_csv(path, [row for row in read_csv(path) if row["seed"] != "7"])
-    with pytest.raises(InputError, match="sac-long.csv: holds the seeds 1, 3, 5, but"):
+    with pytest.raises(InputError, match="sac-long/variants.csv: holds the seeds 1, 3, 5, but"):
         load(project, PARAMS)
 
 
@@ -133,7 +133,7 @@ def test_every_ordered_pair_has_a_probability(project):
 def test_a_pair_read_backwards_is_its_complement(project):
     for name, values in {"dqn": [1, 5, 6, 9], "sac-long": [2, 4, 7, 8]}.items():
         rows = [episode_row(seed, 0, value) for seed, value in zip(SEEDS, values, strict=True)]
-        write_csv(project / "results" / name / "episodes.csv", rows)
+        write_csv(project / "results" / "agents" / name / "episodes.csv", rows)
     pairs = summarize(project)["probability_of_improvement"]
     forth, back = pairs["dqn>sac-long"], pairs["sac-long>dqn"]
     assert forth["p"] == pytest.approx(8 / 16)  # 0 + 2 + 2 + 4
@@ -146,7 +146,7 @@ def test_more_episodes_of_the_same_seeds_narrow_nothing(project, tmp_path_factor
     twice = tmp_path_factory.mktemp("twice")
     shutil.copytree(project, twice, dirs_exist_ok=True)
     for name in AGENTS:
-        path = twice / "results" / name / "episodes.csv"
+        path = twice / "results" / "agents" / name / "episodes.csv"
         write_csv(path, read_csv(path) * 10)
     assert numbers(summarize(twice)) == pytest.approx(numbers(summarize(project)))
 
@@ -154,7 +154,7 @@ def test_more_episodes_of_the_same_seeds_narrow_nothing(project, tmp_path_factor
 def test_neither_the_order_of_rows_nor_that_of_seeds_matters(project):
     summary = summarize(project)
     for name in AGENTS:
-        path = project / "results" / name / "episodes.csv"
+        path = project / "results" / "agents" / name / "episodes.csv"
         rows = read_csv(path)
         random.Random(0).shuffle(rows)
         write_csv(path, rows)
@@ -186,7 +186,7 @@ def test_learning_curves_are_means_over_seeds_where_policies_were_evaluated(proj
 def test_learning_curves_of_unlike_seeds_share_a_grid(project):
     rows = curve_rows(2000, 700.0)  # the others stop at 1000
     write_csv(project / "models" / "dqn" / "seed-7" / "curve.csv", rows)
-    path = project / "results" / "timing" / "dqn.csv"
+    path = project / "results" / "agents" / "dqn" / "timing.csv"
     timing = [row for row in read_csv(path) if row["seed"] != "7"]
     timing += [{"seed": 7, "env_steps": row["env_steps"], "seconds": 9} for row in rows]
     write_csv(path, timing)
@@ -241,8 +241,8 @@ def test_tables_are_tidy(project):
 @pytest.mark.parametrize(
     ("path", "stage"),
     [
-        ("results/sac-long/episodes.csv", "evaluate@sac-long"),
-        ("results/timing/dqn.csv", "train@dqn"),
+        ("results/agents/sac-long/episodes.csv", "evaluate@sac-long"),
+        ("results/agents/dqn/timing.csv", "train@dqn"),
         ("models/dqn/seed-7/curve.csv", "train@dqn"),
     ],
 )
@@ -265,7 +265,9 @@ def test_missing_and_empty_files_name_the_stage_to_run(project, path, stage, con
     assert f"dvc repro {stage}" in str(error.value).replace("--force ", "")
 
 
-@pytest.mark.parametrize("path", ["results/dqn/episodes.csv", "results/timing/dqn.csv"])
+@pytest.mark.parametrize(
+    "path", ["results/agents/dqn/episodes.csv", "results/agents/dqn/timing.csv"]
+)
 def test_results_of_other_seeds_are_refused(project, path):
     rows = [row for row in read_csv(project / path) if row["seed"] != "7"]
     write_csv(project / path, rows)
@@ -279,12 +281,14 @@ def test_scaling_of_other_seeds_is_refused(tmp_path):
     agents = {"pgpe": "pgpe"}
     write_project(tmp_path, agents, [1, 3])
     write_scaling(tmp_path, agents, [1])
-    with pytest.raises(InputError, match="pgpe.csv: holds the seeds 1, but params.yaml names 1, 3"):
+    with pytest.raises(
+        InputError, match="pgpe/scaling.csv: holds the seeds 1, but params.yaml names 1, 3"
+    ):
         load(tmp_path, make_params(agents, [1, 3]))
 
 
 def test_timing_of_another_training_is_refused(project):
-    path = project / "results" / "timing" / "dqn.csv"
+    path = project / "results" / "agents" / "dqn" / "timing.csv"
     rows = read_csv(path)
     rows[3]["env_steps"] = "376"
     write_csv(path, rows)
@@ -294,7 +298,7 @@ def test_timing_of_another_training_is_refused(project):
 
 @pytest.mark.parametrize(("cell", "said"), [("", "empty"), ("inf", "not finite"), ("x", "'x'")])
 def test_cells_that_are_no_numbers_are_refused(project, cell, said):
-    path = project / "results" / "dqn" / "episodes.csv"
+    path = project / "results" / "agents" / "dqn" / "episodes.csv"
     rows = read_csv(path)
     rows[2]["smoothness"] = cell
     write_csv(path, rows)
@@ -304,7 +308,7 @@ def test_cells_that_are_no_numbers_are_refused(project, cell, said):
 
 def empty_fluidity(project, seed_episodes):
     """Empty the fluidity of DQN's episodes of these (seed, episode)."""
-    path = project / "results" / "dqn" / "episodes.csv"
+    path = project / "results" / "agents" / "dqn" / "episodes.csv"
     rows = read_csv(path)
     for row in rows:
         if (int(row["seed"]), int(row["episode"])) in seed_episodes:
@@ -333,7 +337,7 @@ def test_a_quantity_that_no_seed_has_is_left_out(project):
 
 
 def test_fluidity_may_be_empty_but_not_infinite(project):
-    path = project / "results" / "dqn" / "episodes.csv"
+    path = project / "results" / "agents" / "dqn" / "episodes.csv"
     write_csv(path, [row | {"fluidity": "-inf"} for row in read_csv(path)])
     with pytest.raises(InputError, match="column fluidity holds a cell that is empty or not"):
         load(project, PARAMS)

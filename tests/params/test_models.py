@@ -190,10 +190,9 @@ def test_faults_of_structure(key: str, value: Any, line: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(models.RESERVED_NAMES))
-def test_names_of_other_results_are_no_agents(name: str) -> None:
+def test_names_of_other_files_are_no_agents(name: str) -> None:
     line = refusal(changed(f"agents.{name}", RANDOM))
-    place = "a folder of results/ or a file of media/"
-    assert line == f"params.yaml: agents: {name!r} names {place}; allowed: any other"
+    assert line == f"params.yaml: agents: {name!r} names a file of media/; allowed: any other"
 
 
 def test_agents_may_be_called_as_pydantic_calls_its_types() -> None:

@@ -16,7 +16,7 @@ AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
 def compared(tmp_path_factory):
     root = tmp_path_factory.mktemp("project")
     write_project(root, AGENTS, range(4))
-    (folder,) = root.glob("results/random")
+    (folder,) = root.glob("results/agents/random")
     without_fluidity(folder / "episodes.csv")
     results = load(root, make_params(AGENTS, range(4)))
     curves = comparison.learning_curves(results, COMPARE)

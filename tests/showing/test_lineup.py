@@ -152,6 +152,6 @@ def test_a_story_of_another_episode_is_refused(
     settings = make_params(ALGORITHMS, [3, 4])
     with pytest.raises(InputError, match="holds 0 rows of seed 4, episode 11"):
         read(project, settings, "mine", episodes["mine"])
-    (project / "results" / "mine" / "episodes.csv").unlink()
+    (project / "results" / "agents" / "mine" / "episodes.csv").unlink()
     with pytest.raises(InputError, match="no such file; run `dvc repro evaluate@mine`"):
         read(project, settings, "mine", episodes["mine"])

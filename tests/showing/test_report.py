@@ -17,6 +17,7 @@ from small_project import make_params, write_project
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, write_bytes, write_json, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.judging import comparison
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.judging.results import load
@@ -51,8 +52,7 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     machine = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}
     for number, name in enumerate(AGENTS):
         episode = simulate(model, np.zeros((40, 8)), upward_speed=float(number))
-        (root / "results" / name).mkdir(exist_ok=True)
-        episode.save(root / "results" / name / "trajectories.npz")
+        episode.save(Paths(root).agent(name).trajectory)
         film = rendering.film(robot_xml, episode, settings.record, processes=1)
         write_bytes(root / "media" / f"{name}.mp4", film)
         for seed in SEEDS:

@@ -19,6 +19,8 @@ from recorded import Content
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.params.models import Params
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.showing import watch
@@ -44,14 +46,13 @@ def project(tmp_path: Path, robot_xml: str) -> Path:
         folder = tmp_path / "models" / "random" / f"seed-{seed}"
         folder.mkdir(parents=True)
         (folder / "policy.zip").write_bytes(UniformPolicy(seed, ActionSet()).to_bytes())
-    (tmp_path / "results" / "seeds").mkdir(parents=True)
-    (tmp_path / "results" / "seeds" / "random.csv").write_text("seed,return\n0,10.0\n5,20.5\n")
+    write_text(Paths(tmp_path).agent("random").seed_means, "seed,return\n0,10.0\n5,20.5\n")
     return tmp_path
 
 
 def test_the_best_seed_is_shown(project: Path) -> None:
     assert watch.best_seed(project, "random") == 5
-    with pytest.raises(InputError, match="sac.csv: no such file; run `dvc repro evaluate@sac`"):
+    with pytest.raises(InputError, match="sac/seeds.csv: no such file; run `dvc repro evaluate@sac`"):
         watch.best_seed(project, "sac")
 
 

@@ -28,8 +28,8 @@ def make(steps: int = 4, frame_skip: int = 5) -> Trajectory:
 
 def test_a_saved_trajectory_loads_as_it_was(tmp_path: Path) -> None:
     saved = make()
-    saved.save(tmp_path / "new" / "trajectories.npz")
-    loaded = trajectory.load(tmp_path / "new" / "trajectories.npz")
+    saved.save(tmp_path / "new" / "trajectory.npz")
+    loaded = trajectory.load(tmp_path / "new" / "trajectory.npz")
     for field in dataclasses.fields(Trajectory):
         expected, given = getattr(saved, field.name), getattr(loaded, field.name)
         np.testing.assert_array_equal(given, expected)

@@ -24,7 +24,8 @@ from tracked_project import (
 )
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
-from jumping_ant.tracking import live, machine_load, records, store, writers
+from jumping_ant.base.paths import Paths
+from jumping_ant.tracking import live, machine_load, store, writers
 
 
 def script(*steps: Callable[[], object]) -> Callable[[float], bool]:
@@ -42,7 +43,7 @@ def script(*steps: Callable[[], object]) -> Callable[[float], bool]:
 def grow(root: Path, num_rows: int, seed: int = 0, agent: str = "sac", cut: int = 0) -> None:
     """Write the first rows of a curve, and a part of the next."""
     text = curve_lines(seed, STEPS[:num_rows]) + curve_lines(seed).splitlines()[-1][:cut]
-    write_text(records.seed_dir(root, agent, seed) / "curve.csv", text)
+    write_text(Paths(root).agent(agent).seed(seed).curve, text)
 
 
 def test_training_shows_while_it_runs_and_once_afterwards(bare_project: Path) -> None:
@@ -126,7 +127,7 @@ def test_the_machines_load_is_logged_once_and_left_alone(
 
 def test_another_training_gets_another_run(bare_project: Path) -> None:
     live.follow("sac", bare_project, script(lambda: grow(bare_project, 3)))
-    write_text(records.seed_dir(bare_project, "sac", 0) / "curve.csv", f"{HEADER}\n100,9,9,9,9,9\n")
+    write_text(Paths(bare_project).agent("sac").seed(0).curve, f"{HEADER}\n100,9,9,9,9,9\n")
     live.follow("sac", bare_project, script(lambda: None))
     found = query(bare_project, "SELECT name, status FROM runs WHERE name = 'sac-seed-0'")
     assert found == [("sac-seed-0", "KILLED")] * 2

@@ -263,7 +263,7 @@ def test_retraining_makes_a_new_comparison_that_takes_over_what_it_shares(projec
 def test_a_changed_evaluation_updates_metrics_and_leaves_the_champion(project: Path) -> None:
     alias = "SELECT version FROM registered_model_aliases WHERE name = 'jumping-ant-sac'"
     assert query(project, alias) == [(2,)]
-    path = project / "results" / "seeds" / "sac.csv"
+    path = project / "results" / "agents" / "sac" / "seeds.csv"
     path.write_text(path.read_text().replace("1,115,", "1,5,"))
     tracked(project)
     assert query(project, alias) == [(2,)], "held-out episodes choose nothing"

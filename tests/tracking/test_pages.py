@@ -13,7 +13,8 @@ from playwright.sync_api import expect
 from tracked_project import curve_lines, make_bare, make_whole, served, tracked, unset_variables
 
 from jumping_ant.base.files import write_text
-from jumping_ant.tracking import live, machine_load, pages, records
+from jumping_ant.base.paths import Paths
+from jumping_ant.tracking import live, machine_load, pages
 
 OpenPage = Callable[[str], Visit]
 
@@ -27,7 +28,7 @@ def address(tmp_path_factory: pytest.TempPathFactory, empty_database: Path) -> I
         unset_variables(patch)
         patch.setenv("MLFLOW_TRACKING_URI", server)
         patch.setattr(machine_load, "SAMPLE_SECONDS", 0.0)
-        write_text(records.seed_dir(root, "sac", 1) / "curve.csv", curve_lines(1))
+        write_text(Paths(root).agent("sac").seed(1).curve, curve_lines(1))
         live.follow("sac", root, has_ended_after(2, rounds_of=1.1))
         make_whole(root)
         frames = np.random.default_rng(0).integers(0, 255, (75, 64, 64, 3), np.uint8)

@@ -1,6 +1,5 @@
 """A project as the pipeline leaves it, and what a database says about it."""
 
-import csv
 import os
 import shutil
 import socket
@@ -19,8 +18,8 @@ from ruamel.yaml import YAML
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.policies import LinearPolicy
-from jumping_ant.tracking import records
 from jumping_ant.tracking.mirror import track
 
 AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)
@@ -49,41 +48,40 @@ def curve_lines(seed: int, steps: tuple[int, ...] = STEPS) -> str:
 
 
 def train(root: Path, agent: str, seed: int, value: float | None = None) -> None:
-    folder = records.seed_dir(root, agent, seed)
-    write_text(folder / "curve.csv", curve_lines(seed))
+    paths = Paths(root).agent(agent).seed(seed)
+    write_text(paths.curve, curve_lines(seed))
     number = AGENTS.index(agent) + 0.1 * (seed + 1) if value is None else value
-    write_bytes(folder / "policy.zip", policy_content(number))
+    write_bytes(paths.policy, policy_content(number))
 
 
 def evaluate(root: Path, agent: str) -> None:
     """Mean return of seed 0: 15, of seed 1: 115; the video shows seed 1. No seed has a fluidity."""
-    with (root / "results" / "timing" / f"{agent}.csv").open("w") as file:
-        rows = [(seed, step, step / 10) for seed in SEEDS for step in STEPS]
-        csv.writer(file).writerows([("seed", "env_steps", "seconds"), *rows])
-    (root / "results" / agent).mkdir(exist_ok=True)
+    paths = Paths(root).agent(agent)
+    timing = [f"{seed},{step},{step / 10}\n" for seed in SEEDS for step in STEPS]
+    write_text(paths.timing, "".join(["seed,env_steps,seconds\n", *timing]))
     rows = "".join(f"{seed},{100 * seed + 15},2.5,0.25,\n" for seed in SEEDS)
     means = f"seed,return,apex,flight,fluidity\n{rows}"
     finals = "".join(f"{seed},final,{50 + seed}\n{seed},rounded,9\n" for seed in SEEDS)
-    write_text(root / "results" / "variants" / f"{agent}.csv", f"seed,variant,return\n{finals}")
-    write_text(root / "results" / "seeds" / f"{agent}.csv", means)
-    np.savez(root / "results" / agent / "trajectories.npz", seed=1, qpos=np.zeros((3, 15)))
-    write_bytes(root / "media" / f"{agent}.mp4", b"video of " + agent.encode())
-    write_bytes(root / "media" / f"{agent}.rrd", b"recording of " + agent.encode())
+    write_text(paths.variants, f"seed,variant,return\n{finals}")
+    write_text(paths.seed_means, means)
+    np.savez(paths.trajectory, seed=1, qpos=np.zeros((3, 15)))
+    write_bytes(paths.film, b"video of " + agent.encode())
+    write_bytes(paths.recording, b"recording of " + agent.encode())
 
 
 def compare(root: Path) -> None:
     interval = {"iqm": 65.0, "low": 15.0, "high": 115.0, "mean": 66.0, "worst": 15.0}
     entry = {"seeds": 2, "return": interval, "env_steps": 400, "train_seconds": 40.0}
     write_json(
-        root / "results" / "comparison.json",
+        Paths(root).comparison,
         {
             "agents": dict.fromkeys(AGENTS, entry),
             "probability_of_improvement": {"sac>pgpe": {"p": 0.75, "low": 0.5, "high": 1.0}},
             "claims": [{"text": "SAC leads", "verdict": "inconclusive", "p_holm": 0.75}],
         },
     )
-    write_bytes(root / "results" / "figures" / "curves.png", b"picture")
-    write_text(root / "results" / "report.html", "<h1>Report</h1>")
+    write_bytes(Paths(root).figures / "curves.png", b"picture")
+    write_text(Paths(root).report, "<h1>Report</h1>")
 
 
 def make_bare(root: Path, database: Path) -> None:
@@ -91,10 +89,10 @@ def make_bare(root: Path, database: Path) -> None:
     content = yaml.load((PROJECT_ROOT / "params.yaml").read_text())
     content["seeds"] = list(SEEDS)
     content["agents"] = {agent: content["agents"][agent] for agent in AGENTS}
-    (root / "results" / "timing").mkdir(parents=True)
+    root.mkdir(parents=True)
     with (root / "params.yaml").open("w") as file:
         yaml.dump(content, file)
-    write_json(root / "assets" / "jumping_ant.json", {"after": {"mass": 0.44, "parts": {"leg": 1}}})
+    write_json(Paths(root).physique, {"after": {"mass": 0.44, "parts": {"leg": 1}}})
     shutil.copy(database, root / "mlflow.db")
 
 

@@ -148,7 +148,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(
     left = {path.name for path in (project / ".checkpoints").rglob("*") if path.is_file()}
     assert left == {"lock", "complete.json", "seed-0.finished", "seed-5.finished"}
     for seed in ("0", "5"):
-        timing = rows(project / "results" / "timing" / f"{agent}.csv")
+        timing = rows(project / "results" / "agents" / agent / "timing.csv")
         seconds = [float(row["seconds"]) for row in timing if row["seed"] == seed]
         assert seconds == sorted(seconds) and len(seconds) > 1
 
@@ -300,7 +300,7 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
         assert len(evaluated) == 2
         assert all(row["return_mean"] == "" for row in evaluated), "one row, one kind of return"
         assert int(evaluated[-1]["env_steps"]) == steps[-1]
-        timing = [row for row in rows(project / "results" / "timing" / f"{agent}.csv")]
+        timing = [row for row in rows(project / "results" / "agents" / agent / "timing.csv")]
         own = [row for row in timing if row["seed"] == str(seed)]
         assert [int(row["env_steps"]) for row in own] == steps
         seconds = [float(row["seconds"]) for row in own]

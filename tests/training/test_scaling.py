@@ -1,5 +1,7 @@
 from pathlib import Path
 
+from jumping_ant.base.files import write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.judging import comparison, results
 from jumping_ant.params.models import Params
 from jumping_ant.training import scaling
@@ -42,8 +44,6 @@ def test_agents_that_do_not_train_are_not_timed(known_params: Params, robot_xml:
 def test_the_table_is_read_back(known_params: Params, robot_xml: str, tmp_path: Path) -> None:
     settings = small(known_params)
     rows = scaling.measure(robot_xml, settings.env, settings.agent("pgpe"), SEEDS, cores=2)
-    folder = tmp_path / "results" / "scaling"
-    folder.mkdir(parents=True)
-    (folder / "pgpe.csv").write_text(comparison.to_csv(rows))
+    write_text(Paths(tmp_path).agent("pgpe").scaling, comparison.to_csv(rows))
     read = results._read_scaling(tmp_path, "pgpe", SEEDS)
     assert read[2].tolist() == [row["seconds"] for row in rows if row["threads"] == 2]

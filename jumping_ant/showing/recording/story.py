@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 from jumping_ant.params.models import Params
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.words import looks
@@ -58,7 +59,7 @@ def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Stor
     Raises:
         InputError: A file is missing or malformed, or does not hold the episode.
     """
-    path, stage = root / "results" / agent / "episodes.csv", f"evaluate@{agent}"
+    path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
     table = tables.read(path, ("seed", "episode", *MEASURES), stage)
     (own,) = np.nonzero(
         (table["seed"] == trajectory.seed) & (table["episode"] == trajectory.episode)
@@ -79,7 +80,7 @@ def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Stor
 
 
 def _read_curve(root: Path, agent: str, seed: int) -> tuple[Array, Array]:
-    path = root / "models" / agent / f"seed-{seed}" / "curve.csv"
+    path = Paths(root).agent(agent).seed(seed).curve
     table = tables.read(path, _CURVE_COLUMNS, f"train@{agent}")
     steps, returns = (table[name] for name in _CURVE_COLUMNS)
     evaluated = np.isfinite(returns)

@@ -18,6 +18,7 @@ from plotly.offline import get_plotlyjs
 from ruamel.yaml import YAML
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults, load, read_episodes
 from jumping_ant.params.models import Params
@@ -47,7 +48,7 @@ def build(root: Path, params: Params) -> str:
         InputError: A file is missing or damaged, or nothing draws on this machine.
     """
     results = load(root, params)
-    summary = _read_json(root / "results" / "comparison.json", "compare")
+    summary = _read_json(Paths(root).comparison, "compare")
     films = {name: _film(root, params, name) for name in results}
     context = {
         "title": _title(results),
@@ -132,7 +133,7 @@ def _agents(
                 "seed": film.seed,
                 "episode": film.episode,
                 "episode_return": number(film.episode_return),
-                "poster": pictures.still(root / "media" / f"{name}.mp4", film.times[highest]),
+                "poster": pictures.still(Paths(root).agent(name).film, film.times[highest]),
                 "highest": f"{film.heights[highest]:.1f}",
                 "model": f"{MODEL}{name}",
                 "model_url": f"{MLFLOW}/#/models/{MODEL}{name}",
@@ -176,7 +177,7 @@ def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> st
 
 def _robot(root: Path) -> dict[str, Any]:
     """Return the robot before and after its edits: figures and pictures."""
-    facts = _read_json(root / "assets" / "jumping_ant.json", "build")
+    facts = _read_json(Paths(root).physique, "build")
     before, after = facts["before"], facts["after"]
 
     def torque(physique: Mapping[str, Any]) -> str:
@@ -208,15 +209,15 @@ def _policies(
     rows = []
     for name, agent in results.items():
         for seed, value in zip(params.seeds, agent.quantities["return"], strict=True):
-            path = Path("models") / name / f"seed-{seed}" / "policy.zip"
-            sha256 = hashlib.sha256(_read_bytes(root / path, f"train@{name}")).hexdigest()
+            path = Paths(root).agent(name).seed(seed).policy
+            sha256 = hashlib.sha256(_read_bytes(path, f"train@{name}")).hexdigest()
             query = quote(f"tags.{POLICY_DIGEST} = '{sha256}'")
             rows.append(
                 {
                     "agent": agent.label,
                     "seed": str(seed),
                     "return": number(value),
-                    "path": str(path),
+                    "path": str(path.relative_to(root)),
                     "sha256": sha256,
                     "run_url": f"{RUNS}&searchFilter={query}",
                 }
@@ -231,7 +232,7 @@ def _machines(
     found = {}
     for name in results:
         for seed in params.seeds:
-            path = root / "models" / name / f"seed-{seed}" / "machine.json"
+            path = Paths(root).agent(name).seed(seed).machine
             machine = _read_json(path, f"train@{name}")
             flat = {key: str(value) for key, value in machine.items() if key != "versions"}
             flat |= machine["versions"]
@@ -248,7 +249,7 @@ def _params_text(params: Params) -> str:
 
 def _film(root: Path, params: Params, name: str) -> Film:
     """Return what happens in an agent's film."""
-    episode = trajectory.load(root / "results" / name / "trajectories.npz")
+    episode = trajectory.load(Paths(root).agent(name).trajectory)
     rows = episode.rows(seconds=params.record.seconds)
     return Film(
         seed=episode.seed,
