@@ -18,7 +18,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article test test-parts test-whole bench soak ui view watch schema deps lock clean
+.PHONY: help install repro article check style test test-parts test-whole bench soak ui view watch schema deps lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -47,11 +47,19 @@ repro: install ## rerun what a change to params.yaml or to the code touches
 article: install ## reproduce what the article printed, into results/article.json (2.5 hours on 2 cores)
 	python -m scripts.article
 
-test: install .venv/.browser ## check style, types and behaviour
+check: install style ## style, types, and the tests that train nothing: the quick loop
+	pytest -q $(QUICK_TESTS)
+
+style:
 	ruff check
 	ruff format --check
 	mypy
+
+test: install .venv/.browser style ## check style, types and behaviour
 	@$(MAKE) --no-print-directory --jobs=2 test-parts test-whole
+
+QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/judging tests/test_layers.py \
+	tests/test_pipeline.py tests/test_policies.py tests/test_publish.py
 
 # Half of the time each, side by side, as the second waits for processes much of it: the parts, and
 # the pipeline as a whole with its pages in a browser.
@@ -87,9 +95,6 @@ watch: install ## watch a trained policy play, in a window or a browser (AGENT=s
 	@python -m jumping_ant.showing.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
 
 deps: install ## renew the code dependencies of each stage in dvc.yaml
-	python -m scripts.deps
-
-deps: install ## renew the code that each stage of dvc.yaml depends on
 	python -m scripts.deps
 
 schema: install ## renew params.schema.json, which editors complete params.yaml from
