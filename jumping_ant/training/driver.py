@@ -8,8 +8,9 @@ says where both come from.
 Validation episodes start from states of their own: neither training nor the held-out episodes of
 `jumping_ant.judging.evaluation` ever see them, and held-out episodes select nothing.
 
-Wall-clock figures, which no two runs share, stand apart in `timing.csv`. Checkpoints let a run that was
-killed resume where it was (see `jumping_ant.training.checkpoints`); the files come out the same.
+Wall-clock figures, which no two runs share, stand apart in `timing.csv`. Checkpoints let a run
+that was killed resume where it was (see `jumping_ant.training.checkpoints`); the files come out the
+same.
 """
 
 import hashlib

@@ -52,7 +52,8 @@ def project(tmp_path: Path, robot_xml: str) -> Path:
 
 def test_the_best_seed_is_shown(project: Path) -> None:
     assert watch.best_seed(project, "random") == 5
-    with pytest.raises(InputError, match="sac/seeds.csv: no such file; run `dvc repro evaluate@sac`"):
+    said = "sac/seeds.csv: no such file; run `dvc repro evaluate@sac`"
+    with pytest.raises(InputError, match=said):
         watch.best_seed(project, "sac")
 
 
