@@ -9,8 +9,11 @@ results/article.json and results/article/*.png.
 """
 
 import argparse
+import signal
 import subprocess
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -59,17 +62,26 @@ def run(folder: Path, params: Params) -> None:
     renew_project(folder)
     copy = Checkout(folder)
     copy.write_params(params)
-    process = subprocess.Popen(["dvc", "repro"], cwd=folder, env=copy.environment)
-    try:
-        status = process.wait()
-    except KeyboardInterrupt:  # it heard that, too, and saves a last checkpoint
-        process.wait()
-        raise StoppedError("`make article` resumes from the last checkpoints") from None
+    with _interrupts_noted() as interrupts:  # DVC hears them, too, and saves a last checkpoint
+        status = subprocess.run(["dvc", "repro"], cwd=folder, env=copy.environment).returncode
+    if interrupts:
+        raise StoppedError("`make article` resumes from the last checkpoints")
     if status:
         raise WorkerError(
             f"`dvc repro` in {folder} ended with status {status}; what it said stands above, and "
             "`make article` resumes from there"
         )
+
+
+@contextmanager
+def _interrupts_noted() -> Iterator[list[int]]:
+    """Have Ctrl-C append to a list instead of raising KeyboardInterrupt."""
+    interrupts: list[int] = []
+    previous = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    try:
+        yield interrupts
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 def measure(folder: Path) -> dict[str, Any]:
