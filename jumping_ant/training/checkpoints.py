@@ -2,7 +2,7 @@
 
 The folder `.checkpoints/<agent>/<key>/` stands outside DVC's outputs, which DVC deletes before a
 stage runs. The key is a digest of all that a seed's results depend on, so what other parameters,
-another robot, other code or other versions have left is never gone on from. In the folder:
+another robot, other code or other versions have left is never resumed from. In the folder:
 
 | file | what |
 |---|---|
@@ -105,8 +105,8 @@ class Checkpoints:
     def opened(self, seeds: Sequence[int]) -> Iterator[None]:
         """Keep others out while an agent trains; clear up if it comes to its end.
 
-        Where another process is training the agent, as one does whose `dvc repro` was killed, its
-        end is waited for, and what it has reached is gone on from.
+        Another process may be training the agent already, such as one whose `dvc repro` was killed.
+        This waits until it ends, then resumes from its last checkpoint.
 
         Args:
             seeds: Those to train.

@@ -112,7 +112,7 @@ class JumpProblem(Problem):
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Go on from a state."""
+        """Resume from a state."""
         self.env_steps = state["env_steps"]
         self.generator.set_state(torch.from_numpy(state["generator"]))
         for generator, own in zip(self._env_generators(), state["envs"], strict=True):

@@ -80,7 +80,7 @@ class SB3VecEnv(VecEnv):
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Go on from a state of as many environments."""
+        """Resume from a state of as many environments."""
         self._returns[:] = state["returns"]
         self._lengths[:] = state["lengths"]
         cast(JumpingAntVectorEnv, self.envs.unwrapped).load_state(state["envs"])
