@@ -98,7 +98,7 @@ deps: install ## renew the code dependencies of each stage in dvc.yaml
 	python -m scripts.deps
 
 schema: install ## renew params.schema.json, which editors complete params.yaml from
-	python -m jumping_ant.params.schema
+	python -m jumping_ant.experiment.schema
 
 lock: ## renew requirements.lock and benchmarks/requirements.lock from pyproject.toml
 	@scripts/environment.sh lock

@@ -8,7 +8,6 @@ from gymnasium.envs.mujoco.ant_v5 import AntEnv
 from numpy.typing import NDArray
 
 from benchmarks.settings import robot_xml, task
-from jumping_ant.sim.rewards import torso_height_reward
 
 
 class ArticleAnt(AntEnv):
@@ -28,7 +27,7 @@ class ArticleAnt(AntEnv):
             super().__init__(
                 xml_file=file.name,
                 frame_skip=self._task.frame_skip,
-                healthy_z_range=(self._task.min_torso_height, np.inf),
+                healthy_z_range=(self._task.min_torso_height or -np.inf, np.inf),
                 reset_noise_scale=self._task.reset_noise_scale,
                 include_cfrc_ext_in_observation=False,
                 **options,
@@ -39,5 +38,6 @@ class ArticleAnt(AntEnv):
     ) -> tuple[NDArray[np.float64], np.float64, bool, bool, dict[str, np.float64]]:
         """Hold the torques for a control step, and reward the height."""
         observation, _, terminated, truncated, info = super().step(action)
-        reward = torso_height_reward(self.data.qpos[2], self._task.reward)
+        term = self._task.reward.torso_height
+        reward = term.weight * np.clip((self.data.qpos[2] - term.floor) / term.span, 0.0, 1.0)
         return observation, np.float64(reward), terminated, truncated, info

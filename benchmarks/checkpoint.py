@@ -11,9 +11,10 @@ from pathlib import Path
 from benchmarks.measure import Row
 from benchmarks.settings import CORES, robot_xml, task
 from jumping_ant.agents.events import Checkpoint
+from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy import trainer
-from jumping_ant.params import params_file
-from jumping_ant.params.models import DQNParams
+from jumping_ant.agents.off_policy.algorithms import DQNParams
+from jumping_ant.experiment import params_file
 from jumping_ant.training import compute
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 
@@ -75,9 +76,8 @@ def _train(agent: DQNParams, seed: int, stop: threading.Event) -> Iterator[Check
         asked[0] = time.perf_counter()
         return remaining[0] < REPEATS
 
-    events = trainer.train(
-        robot_xml(), task(), agent, seed, evaluations=1, is_checkpoint_due=is_checkpoint_due
-    )
+    job = Job(robot_xml(), task(), agent, seed, is_checkpoint_due=is_checkpoint_due)
+    events = trainer.train(job)
     for event in events:
         if isinstance(event, Checkpoint):
             yield event

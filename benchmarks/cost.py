@@ -8,7 +8,7 @@ import psutil  # type: ignore[import-untyped]
 
 from benchmarks.measure import rate
 from benchmarks.settings import CORES, robot_xml, task
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import RobotVectorEnv
 
 MIN_ENV_STEPS = 6000  # behind a figure; work is repeated until there are as many
 EPISODE_STEPS = 5  # control steps from the start, whatever the number of environments
@@ -52,7 +52,7 @@ def environments(size: int) -> Callable[[], Cost]:
 
 
 def _env_steps_per_second(num_envs: int, num_threads: int) -> float:
-    envs = JumpingAntVectorEnv(robot_xml(), task(), num_envs, num_threads)
+    envs = RobotVectorEnv(robot_xml(), task(), num_envs, num_threads)
     torques = envs.action_space.sample()
     seconds, env_steps = 0.0, 0
     while env_steps < MIN_ENV_STEPS:

@@ -15,7 +15,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from benchmarks import evolution
 from benchmarks.article_ant import ArticleAnt
-from benchmarks.settings import article_agent
+from benchmarks.settings import article_agent, task
 from jumping_ant.actions import ActionSet
 from jumping_ant.sim.env import Decisions
 
@@ -26,8 +26,9 @@ SECONDS_TO_STAY = 3.0  # at the highest moment, for it to be seen
 def main() -> None:
     """Train the three learners, and hold them."""
     env = ArticleAnt()
+    actions = ActionSet.of(article_agent("dqn").actions, task().commands)
     models: dict[str, OffPolicyAlgorithm] = {
-        "dqn": DQN("MlpPolicy", Decisions(env, ActionSet.of(article_agent("dqn").actions))),
+        "dqn": DQN("MlpPolicy", Decisions(env, actions)),
         "sac": SAC("MlpPolicy", env),
     }
     for name, model in models.items():

@@ -12,6 +12,7 @@ from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import article_agent, robot_xml, task
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy import trainer
 from jumping_ant.sim.env import Decisions
 
@@ -48,7 +49,7 @@ def project(algorithm: str) -> Callable[[], float]:
     if algorithm == "dqn":
         changes |= PAST_EXPLORATION
     agent = article_agent(algorithm).model_copy(update=changes)
-    events = trainer.train(robot_xml(), task(), agent, seed=0, evaluations=1)
+    events = trainer.train(Job(robot_xml(), task(), agent, seed=0))
     for _ in range(WARM_UP[algorithm]):
         next(events)
     return lambda: rate(partial(next, events), steps)
@@ -69,7 +70,7 @@ def stable_baselines3(algorithm: str, num_threads: int | None = None) -> Callabl
     if algorithm == "dqn":
         model = DQN(
             "MlpPolicy",
-            Decisions(env, ActionSet.of(agent.actions)),
+            Decisions(env, ActionSet.of(agent.actions, task().commands)),
             learning_rate=agent.learning_rate,
             seed=0,
             **PAST_EXPLORATION,

@@ -7,9 +7,10 @@ from functools import partial
 from benchmarks.measure import Row, compare
 from benchmarks.settings import CORES
 from benchmarks.watch import watch
+from jumping_ant.agents.off_policy.algorithms import OffPolicyParams
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.params import params_file
-from jumping_ant.params.models import OffPolicyParams, Params
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.models import Params
 from scripts.checkout import Checkout, checkout, with_tools
 
 # Memory does not grow with these: a run is shortened to so much of the training and evaluation.

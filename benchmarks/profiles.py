@@ -18,7 +18,7 @@ from benchmarks import evolution, off_policy, simulation
 from benchmarks.apart import apart
 from benchmarks.settings import article_agent, robot_xml, task
 from jumping_ant.actions import ActionSet
-from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
+from jumping_ant.agents.off_policy.lean.learners import LeanDQN, LeanSAC
 from jumping_ant.policies import LinearPolicy
 from jumping_ant.sim import rollout
 

@@ -11,12 +11,13 @@ from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import robot_xml, task
 from jumping_ant.actions import ActionSet
+from jumping_ant.experiment import params_file
 from jumping_ant.judging import evaluation
-from jumping_ant.params import params_file
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.showing import rendering
 from jumping_ant.sim import gl, robot, rollout
 from jumping_ant.sim.rollout import Episode
+from jumping_ant.sim.trajectory import frame_stride
 
 SEED = 0
 SIZE = 480  # [pixels] width and height
@@ -34,7 +35,7 @@ def film() -> Callable[[], float]:
     record = params_file.load().record.model_copy(update={"width": SIZE, "height": SIZE})
     model = robot.load(robot_xml())
     trajectory = evaluation.replay(model, task().frame_skip, random_episode(FILM_STEPS), SEED, 0)
-    stride = rendering.frame_stride(trajectory.timestep, record.fps)
+    stride = frame_stride(trajectory.timestep, record.fps)
     num_frames = len(trajectory.rows(stride, record.seconds))
     return lambda: rate(partial(rendering.film, robot_xml(), trajectory, record), num_frames)
 
@@ -57,4 +58,5 @@ def record_video() -> Callable[[], float]:
 def random_episode(num_steps: int) -> Episode:
     """Return an episode of the random agent."""
     env = task().model_copy(update={"max_episode_steps": num_steps})
-    return rollout.run(robot_xml(), env, UniformPolicy(SEED, ActionSet()), [SEED])[0]
+    policy = UniformPolicy(SEED, ActionSet(), len(env.commands[0]))
+    return rollout.run(robot_xml(), env, policy, [SEED])[0]

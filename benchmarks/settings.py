@@ -3,8 +3,8 @@
 from typing import Any
 
 from jumping_ant.base import machine
-from jumping_ant.params import params_file, presets
-from jumping_ant.params.models import EnvParams
+from jumping_ant.experiment import params_file, presets
+from jumping_ant.params.blocks import EnvParams
 from jumping_ant.sim import robot
 
 CORES = machine.num_cores()

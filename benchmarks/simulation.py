@@ -18,7 +18,7 @@ from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, compare, rate
 from benchmarks.settings import CORES, robot_xml, task
 from jumping_ant.sim import robot
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import RobotVectorEnv
 
 SEED = 0
 REPEATS = 5
@@ -53,7 +53,7 @@ def vector_env_vs_async_gymnasium() -> Row:
 
 def vector_env_vs_envpool() -> Row:
     """Compare with EnvPool's Ant, the stock one, on two threads."""
-    stock = robot.SOURCE_PATH.read_text()
+    stock = robot.source_path("ant").read_text()
     return compare_apart(
         "vector_env_vs_envpool",
         "env-steps/s",
@@ -67,7 +67,7 @@ def batched(
     xml: str, num_envs: int, num_threads: int, autoreset: AutoresetMode
 ) -> Callable[[], float]:
     """Set the project's batched environment up."""
-    envs = JumpingAntVectorEnv(xml, task(), num_envs, num_threads, autoreset)
+    envs = RobotVectorEnv(xml, task(), num_envs, num_threads, autoreset)
     return partial(steps_per_second, partial(envs.reset, seed=SEED), envs.step, num_envs)
 
 
@@ -106,7 +106,7 @@ def raw(xml: str, num_envs: int, share: NDArray[np.int64]) -> Callable[[], float
     """
     model = robot.load(xml)
     data = mujoco.MjData(model)
-    envs = JumpingAntVectorEnv(xml, task(), num_envs)
+    envs = RobotVectorEnv(xml, task(), num_envs)
     envs.reset(seed=SEED)
     starts = [(envs.qpos[index].copy(), envs.qvel[index].copy()) for index in share]
     controls = random_torques(num_envs).swapaxes(0, 1)[share]

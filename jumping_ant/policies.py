@@ -19,14 +19,12 @@ from typing import Any, ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.actions import NUM_ACTIONS, ActionSet
+from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import from_array, pack, to_array, unpack
 from jumping_ant.base.errors import InputError
 
 HEADER = "policy.json"
 _TABLE = "commands.npy"
-NUM_OBSERVATIONS = 27
-FIRST_VELOCITY = 13  # observations before it are positions, from it on velocities
 
 Array = NDArray[np.float64]
 Header = Mapping[str, Any]
@@ -41,11 +39,19 @@ class Policy(Protocol):
     def actions(self) -> ActionSet:
         """What it chooses from, and for how many control steps."""
 
+    @property
+    def num_observations(self) -> int | None:
+        """Numbers in an observation; None where it looks at none."""
+
+    @property
+    def num_motors(self) -> int:
+        """Torques that it returns."""
+
     def start(self, episode_seeds: Sequence[int]) -> None:
         """Begin one episode per seed; row `i` of later observations belongs to seed `i`."""
 
     def act(self, observations: Array) -> Array:
-        """Return torques in [-1, 1], shape (n, 8), for observations of shape (n, 27)."""
+        """Return torques in [-1, 1], (n, num_motors), for observations (n, num_observations)."""
 
 
 class UniformPolicy:
@@ -54,11 +60,15 @@ class UniformPolicy:
     Args:
         seed: The agent's seed; with an episode's seed it determines that episode's actions.
         actions: What is drawn from.
+        num_motors: Of the robot.
     """
 
-    def __init__(self, seed: int, actions: ActionSet) -> None:
+    num_observations = None
+
+    def __init__(self, seed: int, actions: ActionSet, num_motors: int) -> None:
         self.seed = seed
         self.actions = actions
+        self.num_motors = num_motors
         self._generators: list[np.random.Generator] = []
 
     def start(self, episode_seeds: Sequence[int]) -> None:
@@ -66,17 +76,18 @@ class UniformPolicy:
         self._generators = [np.random.default_rng([self.seed, seed]) for seed in episode_seeds]
 
     def act(self, observations: Array) -> Array:
-        """Return torques, shape (n, 8)."""
-        return np.array([self.actions.sample(generator) for generator in self._generators])
+        """Return torques, shape (n, num_motors)."""
+        sample = self.actions.sample
+        return np.array([sample(generator, self.num_motors) for generator in self._generators])
 
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
-        return pack(_entries("uniform", self.actions, seed=self.seed))
+        return pack(_entries("uniform", self, seed=self.seed))
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> "UniformPolicy":
         """Build the policy from a policy file's entries."""
-        return cls(int(header["seed"]), _action_set(header, entries))
+        return cls(int(header["seed"]), _action_set(header, entries), int(header["num_motors"]))
 
 
 class OpenLoopPolicy:
@@ -84,34 +95,43 @@ class OpenLoopPolicy:
 
     Args:
         actions: The table, and how long each row is held.
+
+    Raises:
+        ValueError: The action set has no table.
     """
 
+    num_observations = None
+
     def __init__(self, actions: ActionSet) -> None:
+        if actions.table is None:
+            raise ValueError("no table of commands")
         self.actions = actions
+        self._table = actions.table.astype(np.float64)
         self._num_decisions = 0
+
+    @property
+    def num_motors(self) -> int:
+        """Torques that it returns."""
+        return self._table.shape[1]
 
     def start(self, episode_seeds: Sequence[int]) -> None:
         """Begin one episode per seed, each with the first row."""
         self._num_decisions = 0
 
     def act(self, observations: Array) -> Array:
-        """Return torques, shape (n, 8)."""
-        assert self.actions.table is not None
-        row = self.actions.table[self._num_decisions % len(self.actions.table)]
+        """Return torques, shape (n, num_motors)."""
+        row = self._table[self._num_decisions % len(self._table)]
         self._num_decisions += 1
-        return np.tile(row.astype(np.float64), (len(observations), 1))
+        return np.tile(row, (len(observations), 1))
 
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
-        return pack(_entries("open_loop", self.actions))
+        return pack(_entries("open_loop", self))
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> "OpenLoopPolicy":
         """Build the policy from a policy file's entries."""
-        actions = _action_set(header, entries)
-        if actions.table is None:
-            raise ValueError("no table of commands")
-        return cls(actions)
+        return cls(_action_set(header, entries))
 
 
 @dataclass(frozen=True)
@@ -119,13 +139,13 @@ class LinearPolicy:
     """A linear map of normalised observations, clipped to the torques' range.
 
     Attributes:
-        weight: Shape (8, 27).
-        bias: Shape (8,).
-        mean: Subtracted from observations, shape (27,).
-        stdev: Observations are then divided by it, shape (27,).
+        weight: Shape (num_motors, num_observations).
+        bias: Shape (num_motors,).
+        mean: Subtracted from observations, shape (num_observations,).
+        stdev: Observations are then divided by it, shape (num_observations,).
         weight_spread: Deviation of each weight in the distribution that the policy is the centre
-            of, shape (8, 27).
-        bias_spread: Deviation of each bias there, shape (8,).
+            of, shape as of the weight.
+        bias_spread: Deviation of each bias there, shape (num_motors,).
         actions: What the outputs, clipped to [-1, 1], stand for.
     """
 
@@ -139,11 +159,21 @@ class LinearPolicy:
 
     ARRAYS: ClassVar = ("weight", "bias", "mean", "stdev", "weight_spread", "bias_spread")
 
+    @property
+    def num_observations(self) -> int:
+        """Numbers in an observation."""
+        return self.weight.shape[1]
+
+    @property
+    def num_motors(self) -> int:
+        """Torques that it returns."""
+        return self.weight.shape[0]
+
     def start(self, episode_seeds: Sequence[int]) -> None:
         """Begin one episode per seed; this policy has no state."""
 
     def act(self, observations: Array) -> Array:
-        """Return torques, shape (n, 8)."""
+        """Return torques, shape (n, num_motors)."""
         normalized = (observations.astype(np.float32) - self.mean) / self.stdev
         choices = np.clip(normalized @ self.weight.T + self.bias, -1.0, 1.0)
         return self.actions.torques(choices.astype(np.float64))
@@ -163,7 +193,7 @@ class LinearPolicy:
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
         arrays = {f"{name}.npy": from_array(getattr(self, name)) for name in self.ARRAYS}
-        return pack(_entries("linear", self.actions) | arrays)
+        return pack(_entries("linear", self) | arrays)
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> "LinearPolicy":
@@ -177,17 +207,30 @@ class _Network:
     """The network of an SB3 policy: fully connected, ReLU between layers.
 
     Attributes:
-        velocity_scale: Factor on the observed velocities.
+        factors: On the observations, shape (num_observations,).
         actions: What the outputs choose from.
         layers: Weight (outputs, inputs) and bias (outputs,) of each layer.
     """
 
-    velocity_scale: float
+    factors: NDArray[np.float32] = field(repr=False)
     actions: ActionSet
     layers: list[Layer] = field(repr=False)
 
-    # Where Stable-Baselines3 keeps the layers, given in subclasses: prefixes of parameter names.
+    # Where Stable-Baselines3 keeps the layers and the observations' factors, given in subclasses:
+    # prefixes of parameters' names, and a name.
     PREFIXES: ClassVar[tuple[str, ...]] = ()
+    FACTORS: ClassVar[str] = ""
+
+    @property
+    def num_observations(self) -> int:
+        """Numbers in an observation."""
+        return len(self.factors)
+
+    @property
+    def num_motors(self) -> int:
+        """Torques that it returns."""
+        table = self.actions.table
+        return len(self.layers[-1][1]) if table is None else table.shape[1]
 
     def start(self, episode_seeds: Sequence[int]) -> None:
         """Begin one episode per seed; this policy has no state."""
@@ -198,7 +241,7 @@ class _Network:
 
     def _hidden(self, observations: Array) -> NDArray[np.float32]:
         """Return the outputs of the last hidden layer, shape (n, units)."""
-        values = observations.astype(np.float32) * velocity_factors(self.velocity_scale)
+        values = observations.astype(np.float32) * self.factors
         for layer in self.layers[:-1]:
             values = np.maximum(_affine(values, layer), np.float32(0.0))
         return values
@@ -208,11 +251,10 @@ class _Network:
         """Build the policy from a policy file's entries; tensors are all that is read."""
         state = _tensors(entries)
         layers = _layers(state, cls.PREFIXES)
-        actions = _action_set(header, entries)
-        expected = NUM_ACTIONS if actions.table is None else len(actions.table)
-        if (outputs := layers[-1][0].shape[0]) != expected:
-            raise ValueError(f"a network of {outputs} outputs instead of {expected}")
-        return cls(float(header["velocity_scale"]), actions, layers, **cls._heads(state))
+        actions, outputs = _action_set(header, entries), len(layers[-1][1])
+        if actions.table is not None and outputs != len(actions.table):
+            raise ValueError(f"a network of {outputs} outputs instead of {len(actions.table)}")
+        return cls(state[cls.FACTORS].numpy(), actions, layers, **cls._heads(state))
 
     @classmethod
     def _heads(cls, state: Mapping[str, Any]) -> dict[str, Any]:
@@ -220,13 +262,25 @@ class _Network:
         return {}
 
 
+class TanhActor(_Network):
+    """TD3's actor (Fujimoto et al. 2018): torques are the tanh of a network's outputs."""
+
+    PREFIXES: ClassVar[tuple[str, ...]] = ("actor.mu.",)
+    FACTORS = "actor.features_extractor.factors"
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, shape (n, num_motors)."""
+        choices = np.tanh(self._forward(observations)).astype(np.float64)
+        return self.actions.torques(choices)
+
+
 @dataclass(frozen=True)
-class GaussianActor(_Network):
+class GaussianActor(TanhActor):
     """SAC's actor (Haarnoja et al. 2018): torques are the tanh of a Gaussian.
 
     Attributes:
-        log_stdev: Weight (8, units) and bias (8,) of the layer that gives the logarithm of the
-            Gaussian's deviations.
+        log_stdev: Weight (num_motors, units) and bias (num_motors,) of the layer that gives
+            the logarithm of the Gaussian's deviations.
     """
 
     log_stdev: Layer = field(repr=False)
@@ -235,24 +289,19 @@ class GaussianActor(_Network):
     LOG_STDEV_PREFIX = "actor.log_std."
     LOG_STDEV_RANGE = (-20.0, 2.0)  # as Stable-Baselines3 clips it
 
-    def act(self, observations: Array) -> Array:
-        """Return the torques of the Gaussian's mean, shape (n, 8)."""
-        choices = np.tanh(self._forward(observations)).astype(np.float64)
-        return self.actions.torques(choices)
-
     def explore(self, observations: Array, generators: Sequence[np.random.Generator]) -> Array:
-        """Draw torques as in training, shape (n, 8).
+        """Draw torques as in training, shape (n, num_motors).
 
         Args:
-            observations: Shape (n, 27).
+            observations: Shape (n, num_observations).
             generators: Where each row's noise comes from, n of them.
         """
         mean, stdev = self.gaussian(observations)
-        noise = [generator.standard_normal(NUM_ACTIONS, np.float32) for generator in generators]
+        noise = [generator.standard_normal(self.num_motors, np.float32) for generator in generators]
         return self.actions.torques(np.tanh(mean + stdev * noise).astype(np.float64))
 
     def gaussian(self, observations: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return mean and deviation of what tanh makes torques of, shape (n, 8) each."""
+        """Return mean and deviation of what tanh makes torques of, shape (n, num_motors) each."""
         hidden = self._hidden(observations)
         log_stdev = np.clip(_affine(hidden, self.log_stdev), *self.LOG_STDEV_RANGE)
         return _affine(hidden, self.layers[-1]), np.exp(log_stdev)
@@ -270,18 +319,19 @@ class GreedyCommands(_Network):
     """DQN's Q-network, acting by the discrete command of the highest value."""
 
     PREFIXES = ("q_net.q_net.",)
+    FACTORS = "q_net.features_extractor.factors"
 
     def act(self, observations: Array) -> Array:
-        """Return torques, shape (n, 8)."""
+        """Return torques, shape (n, num_motors)."""
         return self._torques(np.argmax(self._forward(observations), axis=1))
 
     def explore(
         self, observations: Array, generators: Sequence[np.random.Generator], epsilon: float
     ) -> Array:
-        """Return the torques of the best command, or now and then of any, shape (n, 8).
+        """Return the torques of the best command, or now and then of any, shape (n, num_motors).
 
         Args:
-            observations: Shape (n, 27).
+            observations: Shape (n, num_observations).
             generators: Where each row's draws come from, n of them.
             epsilon: Chance of a command drawn uniformly.
         """
@@ -324,6 +374,7 @@ KINDS: dict[str, Any] = {
     "open_loop": OpenLoopPolicy,
     "linear": LinearPolicy,
     "sac": GaussianActor,
+    "td3": TanhActor,
     "dqn": GreedyCommands,
 }
 
@@ -338,16 +389,17 @@ def load(content: bytes) -> Policy:
         entries = unpack(content)
         header = json.loads(entries[HEADER])
         policy: Policy = KINDS[header["kind"]].from_entries(header, entries)
+        interface = _interface(entries)
         policy.start([0])
-        shape = policy.act(np.zeros((1, NUM_OBSERVATIONS))).shape
+        shape = policy.act(np.zeros((1, interface.num_observations or 1))).shape
     except Exception as error:  # whatever a damaged file provokes, it is the file's fault
         raise InputError(
             f"policy file: given {len(content)} bytes that are not a policy "
             f"({type(error).__name__}: {error}); allowed: a policy.zip that `dvc repro` trained"
         ) from error
-    if shape != (1, NUM_ACTIONS):
+    if shape != (1, interface.num_motors):
         raise InputError(
-            f"policy file: given torques of shape {shape}, allowed: {(1, NUM_ACTIONS)}"
+            f"policy file: given torques of shape {shape}, allowed: {(1, interface.num_motors)}"
         )
     return policy
 
@@ -364,35 +416,68 @@ def load_file(path: Path) -> Policy:
         raise InputError(f"{path}: {error.strerror}; `dvc repro` trains it") from error
 
 
-def velocity_factors(velocity_scale: float) -> NDArray[np.float32]:
-    """Return the factor of each observation: 1 for positions, the scale for velocities, (27,)."""
-    factors = np.ones(NUM_OBSERVATIONS, dtype=np.float32)
-    factors[FIRST_VELOCITY:] = velocity_scale
-    return factors
+@dataclass(frozen=True)
+class Interface:
+    """What goes into a policy and comes out of it, as its file's header says.
+
+    Attributes:
+        actions: What it chooses from, and for how many control steps.
+        num_observations: Numbers in an observation; None where it looks at none.
+        num_motors: Torques that it returns.
+    """
+
+    actions: ActionSet
+    num_observations: int | None
+    num_motors: int
 
 
-def network_entries(algorithm: str, actions: ActionSet, velocity_scale: float) -> dict[str, bytes]:
+def read_interface(path: Path) -> Interface:
+    """Read what goes into a policy and comes out of it, without reading the policy.
+
+    Raises:
+        InputError: It is missing or not a policy file.
+    """
+    try:
+        return _interface(unpack(path.read_bytes()))
+    except Exception as error:  # as in `load`
+        raise InputError(f"{path}: not a policy file ({error}); `dvc repro` trains it") from error
+
+
+def network_entries(algorithm: str, interface: Interface) -> dict[str, bytes]:
     """Return the entries that turn a Stable-Baselines3 archive into a policy file."""
-    return _entries(algorithm, actions, velocity_scale=velocity_scale)
+    return _entries(algorithm, interface)
 
 
-def _entries(kind: str, actions: ActionSet, **fields: float) -> dict[str, bytes]:
+def _entries(kind: str, interface: Interface | Policy, **fields: int) -> dict[str, bytes]:
     """Return the header of a policy file, and the table of commands if there is one."""
+    actions = interface.actions
     header = {
-        "format": 2,
+        "format": 3,
         "kind": kind,
         "hold": actions.hold,
         "amplitude": actions.amplitude,
+        "num_observations": interface.num_observations,
+        "num_motors": interface.num_motors,
         **fields,
     }
     entries = {HEADER: json.dumps(header).encode()}
     return entries if actions.table is None else entries | {_TABLE: from_array(actions.table)}
 
 
+def _interface(entries: Entries) -> Interface:
+    header = json.loads(entries[HEADER])
+    observations = header["num_observations"]
+    return Interface(
+        _action_set(header, entries),
+        None if observations is None else int(observations),
+        int(header["num_motors"]),
+    )
+
+
 def _action_set(header: Header, entries: Entries) -> ActionSet:
     """Read an action set from a policy file's entries."""
     table = to_array(entries[_TABLE]) if _TABLE in entries else None
-    if table is not None and (table.ndim != 2 or table.shape[1] != NUM_ACTIONS or not len(table)):
+    if table is not None and (table.ndim != 2 or not table.size):
         raise ValueError(f"a table of commands of shape {table.shape}")
     if table is not None and not (np.abs(table) <= 1).all():  # a NaN is no number up to 1
         raise ValueError("a table of commands beyond the peak torque")

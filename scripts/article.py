@@ -20,9 +20,9 @@ from typing import Any
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
+from jumping_ant.experiment import params_file, presets
+from jumping_ant.experiment.models import Params
 from jumping_ant.judging import reproduction
-from jumping_ant.params import params_file, presets
-from jumping_ant.params.models import Params
 from jumping_ant.showing import article_figures
 from jumping_ant.words.looks import looks
 from scripts.checkout import Checkout, renew_project
@@ -105,7 +105,7 @@ def measure(folder: Path) -> dict[str, Any]:
         "machine": machine.describe() | {"cores": machine.num_cores()},
     }
     write_json(RESULTS / "article.json", content)
-    own = looks({name: agent.algorithm for name, agent in params.agents.items()})
+    own = looks({name: agent.is_baseline for name, agent in params.agents.items()})
     for name, figure in article_figures.draw(measured, own).items():
         write_bytes(RESULTS / "article" / f"{name}.png", article_figures.picture(figure))
     return content

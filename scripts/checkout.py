@@ -15,7 +15,7 @@ from pathlib import Path
 from ruamel.yaml import YAML
 
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.params.models import Params
+from jumping_ant.experiment.models import Params
 
 RESULTS = ("assets", "dvc.lock", "media", "models", "results")  # what runs leave
 

@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_text
-from jumping_ant.params import params_file
+from jumping_ant.experiment import params_file
 from jumping_ant.tracking import descriptions
 from jumping_ant.words import looks, wording
 from jumping_ant.words.wording import p_value
@@ -116,9 +116,9 @@ def animation() -> bytes:
     """Return the learners' films side by side, looping, as an animated picture."""
     agents = params_file.load().agents
     labels = {
-        name: looks.label(name, agent.algorithm)
+        name: looks.label(name, agent.algorithm, agent.is_baseline)
         for name, agent in agents.items()
-        if not looks.is_baseline(agent.algorithm)
+        if not agent.is_baseline
     }
     films = [clip(PROJECT_ROOT / "media" / f"{name}.mp4", label) for name, label in labels.items()]
     pictures = [beside(row) for row in zip(*films, strict=True)]

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from jumping_ant.sim import robot
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import RobotVectorEnv
 from scripts.checkout import Checkout, copy_project
 from soak import project as projects
 
@@ -205,7 +205,7 @@ class Faults:
         rng = np.random.default_rng(self._generator.randrange(2**31))
         victim = int(rng.integers(4))
         torques = rng.uniform(-1, 1, (20, 4, 8))
-        hurt, calm = (JumpingAntVectorEnv(xml, task, 4, threads) for threads in (1, 2))
+        hurt, calm = (RobotVectorEnv(xml, task, 4, threads) for threads in (1, 2))
         for envs in (hurt, calm):
             envs.reset(seed=7)
         bad = float(rng.choice([np.nan, np.inf, 1e300]))

@@ -16,7 +16,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from jumping_ant.params.models import Params
+from jumping_ant.experiment.models import Params
 from scripts.checkout import Checkout
 from soak import project as projects
 
@@ -83,7 +83,7 @@ class Inputs:
 
     def try_files(self) -> None:
         """Give each stage a damaged file of those it reads."""
-        self._try_file("assets/jumping_ant.xml", "train", "dqn", named="robot XML")
+        self._try_file("assets/edited.xml", "train", "dqn", named="robot XML")
         self._try_file("models/pgpe/seed-0/policy.zip", "evaluate", "pgpe", named="policy")
         self._try_file(
             "results/agents/pgpe/trajectory.npz", "record", "pgpe", named="trajectory.npz"
@@ -91,7 +91,7 @@ class Inputs:
 
     def try_another_robot(self) -> None:
         """Give the recording an episode of a robot with a joint less."""
-        path = self._project.folder / "assets" / "jumping_ant.xml"
+        path = self._project.folder / "assets" / "edited.xml"
         before = path.read_text()
         lines = before.splitlines(keepends=True)
         joints = [number for number, line in enumerate(lines) if 'name="ankle_4"' in line]

@@ -15,7 +15,7 @@ import torch
 from jumping_ant import policies
 from jumping_ant.actions import ActionSet
 from jumping_ant.base import archive
-from jumping_ant.policies import HEADER, UniformPolicy, network_entries
+from jumping_ant.policies import HEADER, Interface, UniformPolicy, network_entries
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking.serving import ServedPolicy
 from jumping_ant.training.checkpoints import Checkpoints, Saved
@@ -77,7 +77,7 @@ def _policy_files(payload: Payload) -> Iterator[bytes]:
     saved = io.BytesIO()
     torch.save(payload, saved)
     pickled = pickle.dumps(payload)
-    network = network_entries("sac", ActionSet(), velocity_scale=1.0)
+    network = network_entries("sac", Interface(ActionSet(), 27, 8))
     linear = archive.unpack(_linear())
     yield pickled
     yield saved.getvalue()
@@ -87,7 +87,7 @@ def _policy_files(payload: Payload) -> Iterator[bytes]:
     yield archive.pack({**linear, "weight.npy": pickled})
     yield archive.pack({**linear, "weight.npy": _object_array(payload)})
     yield archive.pack(
-        {**archive.unpack(UniformPolicy(0, ActionSet()).to_bytes()), "extra.pkl": pickled}
+        {**archive.unpack(UniformPolicy(0, ActionSet(), 8).to_bytes()), "extra.pkl": pickled}
     )
     yield archive.pack({HEADER: pickled})
 

@@ -11,8 +11,8 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 
 from jumping_ant.base.errors import reported  # noqa: E402
-from jumping_ant.params import params_file  # noqa: E402  (telemetry is off before any import)
-from jumping_ant.params.models import Params  # noqa: E402
+from jumping_ant.experiment import params_file  # noqa: E402  (telemetry is off before any import)
+from jumping_ant.experiment.models import Params  # noqa: E402
 
 
 def parse(description: str) -> Params:

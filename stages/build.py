@@ -1,23 +1,29 @@
-"""Edit Gymnasium's Ant into a jumping Ant.
+"""Edit the robot.
 
 Usage: python -m stages.build
-Reads: params `robot`; `ant.xml` of the installed Gymnasium.
-Writes: assets/jumping_ant.xml, assets/ant.xml (without the edits), assets/jumping_ant.json (masses
-    and torques before and after).
+Reads: params `robot`, `env`, `record.fps`; the source, of the installed Gymnasium or in robots/.
+Writes: assets/edited.xml, assets/unedited.xml, assets/robot.json (masses and torques before and
+    after).
 """
 
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
+from jumping_ant.sim.task import Task
+from jumping_ant.sim.trajectory import frame_stride
 from stages import parse, run
 
 
 def main() -> None:
     """Run the stage."""
-    xml = robot.build(parse(__doc__).robot)
+    settings = parse(__doc__)
+    xml = robot.build(settings.robot)
+    model = robot.load(xml)
+    Task(model, settings.env)  # what does not fit the robot is refused here, before any training
+    frame_stride(float(model.opt.timestep), settings.record.fps)
     write_text(Paths().assets / robot.FILES["edited"], xml)
-    write_text(Paths().assets / robot.FILES["unedited"], robot.unedited())
-    write_json(Paths().physique, robot.summarize(xml))
+    write_text(Paths().assets / robot.FILES["unedited"], robot.unedited(settings.robot))
+    write_json(Paths().physique, robot.summarize(settings.robot, xml))
 
 
 if __name__ == "__main__":

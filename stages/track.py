@@ -1,7 +1,7 @@
 """Bring MLflow up to date with the files; whatever it shows already is left alone.
 
 Usage: python -m stages.track [--pages-at ADDRESS]
-Reads: params.yaml; assets/jumping_ant.json, models/, media/, results/.
+Reads: params.yaml; assets/robot.json, models/, media/, results/.
 Writes: no file; runs, models and artifacts go to `MLFLOW_TRACKING_URI`, by default to mlflow.db and
 mlartifacts/ in the project folder.
 """

@@ -1,7 +1,7 @@
 """Train every seed of an agent.
 
 Usage: python -m stages.train AGENT
-Reads: params `seeds`, `env`, `training`, `agents.AGENT`; assets/jumping_ant.xml.
+Reads: params `seeds`, `env`, `training`, `agents.AGENT`; the robot in assets/.
 Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv, machine.json),
     results/agents/AGENT/timing.csv.
 """

@@ -10,8 +10,10 @@ from collections.abc import Callable, Iterator
 import browser
 import pytest
 
-from jumping_ant.params import params_file
-from jumping_ant.params.models import EnvParams, EvaluateParams, Params, RewardParams, RobotParams
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.models import Params
+from jumping_ant.params import article
+from jumping_ant.params.blocks import EnvParams, EvaluateParams, RobotParams
 from jumping_ant.sim import robot
 
 # As `jumping_ant.training.compute` has it before it imports Ray: a test may import EvoTorch first,
@@ -20,6 +22,7 @@ if not os.environ.get("RAY_ADDRESS"):
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 
 ROBOT = RobotParams(
+    source="ant",
     density=2.5,
     gear=200.0,
     joint_gear={},
@@ -29,13 +32,18 @@ ROBOT = RobotParams(
     friction=1.0,
     torsional_friction=0.5,
     rolling_friction=0.5,
+    edits={},
 )
 ENV = EnvParams(
     frame_skip=5,
     reset_noise_scale=0.1,
+    drop_height=1.3,
     max_episode_steps=1000,
     min_torso_height=0.2,
-    reward=RewardParams(floor=0.6, span=1.0, scale=10.0),
+    max_torso_height=None,
+    max_tilt=None,
+    commands=article.ENV.commands,
+    reward=article.ENV.reward,
 )
 EVALUATE = EvaluateParams(episodes=10, seed=1000000, min_airborne_seconds=0.1)
 
@@ -55,7 +63,7 @@ def robot_xml() -> str:
 @pytest.fixture(scope="session")
 def source_xml() -> str:
     """Gymnasium's own Ant, unedited."""
-    return robot.SOURCE_PATH.read_text()
+    return robot.source_path("ant").read_text()
 
 
 @pytest.fixture(scope="module")

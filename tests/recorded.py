@@ -26,7 +26,10 @@ def story(
 ) -> Story:
     """What is told of an episode with such a return."""
     measures = {"return": value, "peak_height": 2.5, "jumps": 12.0, "airborne_seconds": 1.25}
-    return Story(agent, algorithm, robot, measures, mean_return=value / 2, curves=CURVES)
+    is_baseline = algorithm in ("random", "open_loop")
+    return Story(
+        agent, algorithm, is_baseline, robot, measures, mean_return=value / 2, curves=CURVES
+    )
 
 
 def film(num_frames: int) -> bytes:

@@ -17,7 +17,7 @@ def simulate(
 
     Args:
         model: The robot.
-        ctrl: Torques over peak torques of each control step, shape (T, 8).
+        ctrl: Torques over peak torques of each control step, shape (T, num_motors).
         height: Of the torso at the start [m].
         upward_speed: Of the torso at the start [m/s].
     """
@@ -30,11 +30,13 @@ def simulate(
             mujoco.mj_step(model, data)
             qpos.append(data.qpos.copy())
             qvel.append(data.qvel.copy())
+    rewards = np.arange(len(ctrl), dtype=np.float64) / 7
     return Trajectory(
         qpos=np.array(qpos),
         qvel=np.array(qvel),
-        ctrl=ctrl,
-        reward_height=np.arange(len(ctrl), dtype=np.float64) / 7,
+        torques=ctrl,
+        rewards=rewards,
+        terms={"torso_height": rewards},
         seed=4,
         episode=11,
         episode_return=1.0,

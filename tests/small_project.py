@@ -5,9 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.params.models import ALGORITHMS, CompareParams, Params, TrainingParams
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import CompareParams, TrainingParams
 
 COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=0)
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
@@ -100,7 +102,7 @@ def episode_row(seed: int, episode: int, value: float) -> dict[str, Any]:
         "jumps": 12,
         "airborne_seconds": 6.5,
         "flight": 0.13,
-        "smoothness": 1 / value,
+        "torque_change": 1 / value,
         "fluidity": -1000 / value,
         "work": 2 * value,
         "drift": 1.5,

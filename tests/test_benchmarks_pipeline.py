@@ -10,7 +10,7 @@ from benchmarks.full_run import summarize
 from benchmarks.pipeline import TRANSITION_BYTES, empty_replay_memory, shortened
 from benchmarks.watch import Usage, watch
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.params.models import Params
+from jumping_ant.experiment.models import Params
 from scripts.checkout import checkout
 
 HOLD = "import os, time; held = b'x' * 2**28; {}; time.sleep(1)"

@@ -11,7 +11,7 @@ from jumping_ant.base.files import PROJECT_ROOT as ROOT
 LIBRARY = ROOT / "jumping_ant"
 ORDER = (
     ["base", "words", "params", "actions", "policies", "sim"]
-    + ["agents", "training", "judging", "showing", "tracking"]
+    + ["agents", "experiment", "training", "judging", "showing", "tracking"]
 )  # fmt: skip
 MODULES = sorted(path for path in LIBRARY.rglob("*.py") if path.stat().st_size)
 

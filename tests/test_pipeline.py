@@ -9,7 +9,7 @@ from dvc.utils.hydra import apply_overrides
 from ruamel.yaml import YAML
 
 from jumping_ant.base.files import PROJECT_ROOT as ROOT
-from jumping_ant.params import params_file, presets
+from jumping_ant.experiment import params_file, presets
 from scripts import deps
 
 STAGES = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text())["stages"]

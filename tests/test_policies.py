@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from commands import COMMAND_SIGNS
 from stable_baselines3 import DQN, SAC
 
 from jumping_ant import policies
-from jumping_ant.actions import COMMAND_SIGNS, ActionSet
+from jumping_ant.actions import ActionSet
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_file
 from jumping_ant.base.archive import pack, unpack
 from jumping_ant.base.errors import InputError
-from jumping_ant.params.models import Params
+from jumping_ant.experiment.models import Params
 from jumping_ant.policies import (
     GaussianActor,
     GreedyCommands,
@@ -26,7 +27,7 @@ from jumping_ant.policies import (
     OpenLoopPolicy,
     UniformPolicy,
 )
-from jumping_ant.sim.env import Decisions, JumpingAnt
+from jumping_ant.sim.env import Decisions, RobotEnv
 
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
 COMMANDS = ActionSet(0.5 * COMMAND_SIGNS, hold=3)
@@ -53,8 +54,10 @@ def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params
     agent = known_params.agents[request.param]
     actions = agent.actions.model_copy(update={"amplitude": 0.75, "hold": 2})
     agent = agent.model_copy(update=small | {"actions": actions})
+    chosen = ActionSet.of(actions, known_params.env.commands)
     model = make_model(make_envs(robot_xml, known_params.env, agent, seed=5), agent, seed=5)
-    return request.param, model, policy_file(model, agent), policy_file(model, agent)
+    files = [policy_file(model, agent, chosen) for _ in range(2)]
+    return request.param, model, *files
 
 
 def sb3_torques(algorithm: str, model: Any) -> np.ndarray:
@@ -86,7 +89,7 @@ def test_stable_baselines3_plays_a_policy_file_as_the_project_does(
     """`SAC.load` and `DQN.load`, in an environment whose steps are the agent's decisions."""
     algorithm, _, content, _ = network
     ours, theirs = policies.load(content), SB3[algorithm][0].load(io.BytesIO(content), device="cpu")
-    env = JumpingAnt(robot_xml, known_params.env)
+    env = RobotEnv(robot_xml, known_params.env)
     decisions = Decisions(env, ours.actions)
     assert decisions.action_space == theirs.action_space
     played = []
@@ -108,8 +111,8 @@ def test_networks_saved_again_are_the_same_bytes(network: Any) -> None:
 
 NUMBERS = {
     "linear": linear_policy(ActionSet(amplitude=0.25, hold=4)),
-    "uniform": UniformPolicy(3, ActionSet(amplitude=0.25, hold=4)),
-    "uniform commands": UniformPolicy(3, COMMANDS),
+    "uniform": UniformPolicy(3, ActionSet(amplitude=0.25, hold=4), 8),
+    "uniform commands": UniformPolicy(3, COMMANDS, 8),
     "open loop": OpenLoopPolicy(ActionSet(COMMAND_SIGNS[[3, 4]], hold=3)),
 }
 
@@ -146,7 +149,7 @@ def test_linear_policy_by_hand() -> None:
 
 def test_random_torques_depend_on_seed_and_episode_alone() -> None:
     def torques(seed: int, episodes: list[int]) -> dict[int, np.ndarray]:
-        policy = UniformPolicy(seed, ActionSet())
+        policy = UniformPolicy(seed, ActionSet(), 8)
         policy.start(episodes)
         drawn = [policy.act(OBSERVATIONS[: len(episodes)]) for _ in range(20)]
         return dict(zip(episodes, np.stack(drawn, axis=1), strict=True))
@@ -182,14 +185,33 @@ def test_neighbours_are_drawn_around_the_centre() -> None:
     assert all(np.array_equal(one.mean, policy.mean) for one in drawn)
 
 
-def test_velocities_are_scaled_and_positions_are_not() -> None:
-    factors = policies.velocity_factors(0.1)
+def test_velocities_are_scaled_and_positions_are_not(network: Any) -> None:
+    factors = policies.load(network[2]).factors
     assert factors[:13].tolist() == [1.0] * 13
-    np.testing.assert_allclose(factors[13:], [0.1] * 14, rtol=1e-6)
+    np.testing.assert_allclose(factors[13:], [0.3] * 14, rtol=1e-6)
+
+
+def test_the_interface_is_read_without_the_policy(network: Any, tmp_path: Path) -> None:
+    for name, content in (
+        ("network", network[2]),
+        *((k, p.to_bytes()) for k, p in NUMBERS.items()),
+    ):
+        policy = policies.load(content)
+        (tmp_path / name).write_bytes(content)
+        found = policies.read_interface(tmp_path / name)
+        assert (found.num_observations, found.num_motors) == (policy.num_observations, 8)
+        assert found.actions.hold == policy.actions.hold
+    assert policies.load(network[2]).num_observations == 27
+    (tmp_path / "torn").write_bytes(network[2][:-9])
+    with pytest.raises(InputError, match="torn: not a policy file .*; `dvc repro` trains it"):
+        policies.read_interface(tmp_path / "torn")
+
+
+SIZES = {"num_observations": 27, "num_motors": 8}
 
 
 def archive(kind: Any, /, table: Any = None, hold: Any = 1, **entries: bytes) -> bytes:
-    header = {"format": 2, "kind": kind, "velocity_scale": 1.0, "amplitude": 1.0, "hold": hold}
+    header = SIZES | {"format": 3, "kind": kind, "amplitude": 1.0, "hold": hold}
     tables = {} if table is None else {"commands.npy": npy(table)}
     return pack({"policy.json": json.dumps(header | {"seed": 0}).encode(), **tables, **entries})
 
@@ -207,11 +229,14 @@ def tensors(**state: Any) -> bytes:
 
 
 def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
-    return tensors(**{f"{prefix}.weight": np.ones(outputs), f"{prefix}.bias": np.ones(bias)})
+    network = prefix.partition(".")[0]
+    factors = {f"{network}.features_extractor.factors": np.ones(27)}
+    layer = {f"{prefix}.weight": np.ones(outputs), f"{prefix}.bias": np.ones(bias)}
+    return tensors(**factors, **layer)
 
 
 def with_amplitude(amplitude: Any) -> bytes:
-    header = {"kind": "uniform", "seed": 0, "hold": 1, "amplitude": amplitude}
+    header = SIZES | {"kind": "uniform", "seed": 0, "hold": 1, "amplitude": amplitude}
     return pack({"policy.json": json.dumps(header).encode()})
 
 

@@ -16,7 +16,7 @@ import pytest
 from mlflow.entities import Run, ViewType
 from ruamel.yaml import YAML
 
-from jumping_ant.params import presets
+from jumping_ant.experiment import presets
 from scripts.checkout import copy_project, with_tools
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.params import params_file
+from jumping_ant.experiment import params_file
 from scripts.checkout import Checkout, checkout
 from soak import inputs, payloads
 from soak import project as projects

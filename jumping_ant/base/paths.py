@@ -135,7 +135,7 @@ class Paths:
     @property
     def physique(self) -> Path:
         """The robot's masses and torques, before and after its edits."""
-        return self.assets / "jumping_ant.json"
+        return self.assets / "robot.json"
 
     @property
     def lineup(self) -> Path:

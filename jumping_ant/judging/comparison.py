@@ -21,7 +21,7 @@ from jumping_ant.judging.statistics import (
     estimate_iqm,
     probability_of_improvement,
 )
-from jumping_ant.params.models import CompareParams
+from jumping_ant.params.blocks import CompareParams
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ episode:
 | jumps | airborne phases of at least `min_airborne_seconds` | |
 | airborne_seconds | time without any contact | s |
 | flight | share of control steps that end without any contact, in [0, 1] | |
-| smoothness | torque change: mean squared change of torque over peak torque, step to step | |
+| torque_change | torque change: mean squared change of torque over peak torque, step to step | |
 | fluidity | mean spectral arc length of joint velocities while moving; NaN if never moving | |
 | work | mechanical work of the motors: sum of abs(torque x joint velocity) x dt | J |
 | drift | horizontal distance of the torso from its start to its end | m |
@@ -31,10 +31,11 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from jumping_ant.experiment.models import Params
 from jumping_ant.judging import motion
-from jumping_ant.params.models import Params
 from jumping_ant.policies import Policy
 from jumping_ant.sim import robot, rollout
+from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import Trajectory
 
@@ -47,7 +48,7 @@ QUANTITIES = (
     "jumps",
     "airborne_seconds",
     "flight",
-    "smoothness",
+    "torque_change",
     "fluidity",
     "work",
     "drift",
@@ -167,7 +168,9 @@ def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str
     dt = float(model.opt.timestep) * params.env.frame_skip
     finite = np.isfinite(episode.qpos).all(axis=1) & np.isfinite(episode.qvel).all(axis=1)
     positions = np.concatenate([episode.start_qpos[None], episode.qpos[finite]])
-    heights = positions[:, 2]
+    anatomy = Anatomy.of(model)
+    places = anatomy.places(positions)
+    heights = places[:, 2]
     # Contacts of the start are not recorded: it counts as on the ground.
     airborne = np.concatenate([[False], episode.airborne[finite]])
     jumps = motion.phases(airborne, params.evaluate.min_airborne_seconds / dt)
@@ -181,10 +184,10 @@ def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str
         "jumps": len(jumps),
         "airborne_seconds": float(airborne.sum() * dt),
         "flight": float(airborne.sum() / len(episode.rewards)),
-        "smoothness": float(np.square(change).mean()) if len(change) else 0.0,
+        "torque_change": float(np.square(change).mean()) if len(change) else 0.0,
         "fluidity": motion.fluidity(joint_angles(model, positions), dt),
         "work": float(np.abs(motor_power(model, episode)[finite]).sum() * dt),
-        "drift": float(np.hypot(*(positions[-1, :2] - positions[0, :2]))),
+        "drift": float(np.hypot(*(places[-1, :2] - places[0, :2]))),
         "survived": int(not episode.terminated),
     }
 
@@ -194,24 +197,27 @@ def joint_angles(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> NDArray[np
 
     Args:
         model: The robot.
-        qpos: Positions, shape (num_states, 15).
+        qpos: Positions, shape (num_states, num_positions).
 
     Returns:
-        Shape (num_states, 8); 1 is the way from one end of the range to the other.
+        Shape (num_states, num_motors); 1 is the way from one end of the range to the other, a whole
+        turn where a joint has no limits.
     """
-    joints = model.actuator_trnid[:, 0]
+    joints = Anatomy.of(model).motor_joints
     low, high = model.jnt_range[joints].T
-    return np.asarray(qpos[:, model.jnt_qposadr[joints]] / (high - low))
+    ranges = np.where(model.jnt_limited[joints] == 1, high - low, 2 * np.pi)
+    return np.asarray(qpos[:, model.jnt_qposadr[joints]] / ranges)
 
 
 def motor_power(model: mujoco.MjModel, episode: Episode) -> NDArray[np.float64]:
-    """Return the power of every motor [W], shape (T, 8), at the end of each control step.
+    """Return the power of every motor [W], shape (T, num_motors), at the end of each control step.
 
     Where a velocity is not finite, it is zero.
     """
-    velocities = episode.qvel[:, model.jnt_dofadr[model.actuator_trnid[:, 0]]]
+    anatomy = Anatomy.of(model)
+    velocities = episode.qvel[:, model.jnt_dofadr[anatomy.motor_joints]]
     velocities = np.where(np.isfinite(velocities), velocities, 0.0)
-    return episode.torques * model.actuator_gear[:, 0] * velocities
+    return episode.torques * anatomy.peak_torques * velocities
 
 
 def replay(
@@ -233,13 +239,15 @@ def replay(
     batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
     batch.bind("qpos")[0], batch.bind("qvel")[0] = episode.start_qpos, episode.start_qvel
     batch.forward()
-    control = np.repeat(episode.torques, frame_skip, axis=0)[None]
+    controls = episode.torques * Anatomy.of(model).control_limits
+    control = np.repeat(controls, frame_skip, axis=0)[None]
     states = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
     return Trajectory(
         qpos=np.concatenate([episode.start_qpos[None], states["qpos"][0]]),
         qvel=np.concatenate([episode.start_qvel[None], states["qvel"][0]]),
-        ctrl=episode.torques,
-        reward_height=episode.rewards,
+        torques=episode.torques,
+        rewards=episode.rewards,
+        terms=episode.terms,
         seed=seed,
         episode=number,
         episode_return=float(episode.rewards.sum()),

@@ -28,11 +28,12 @@ from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
+from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
-from jumping_ant.params.models import EnvParams, Params
+from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import LinearPolicy, Policy
 from jumping_ant.sim import robot
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import RobotVectorEnv
 
 AGENTS = ("dqn", "sac", "pgpe")
 CENTRAL = 95.0  # [%] of our values, within which a printed one is reproduced
@@ -148,7 +149,7 @@ def play(
     Args:
         xml: The robot as MJCF text.
         env: The task.
-        act: Chooses torques, shape (1, 8), by an observation, shape (1, 27).
+        act: Chooses torques, shape (1, num_motors), by an observation.
         hold: Control steps that a choice is held for.
         seed: Of the start state.
         num_steps: How many.
@@ -156,7 +157,7 @@ def play(
     Returns:
         Rewards, shape (num_steps,); zero from a state on that is not finite.
     """
-    envs = JumpingAntVectorEnv(xml, env, 1, autoreset_mode=AutoresetMode.DISABLED)
+    envs = RobotVectorEnv(xml, env, 1, autoreset_mode=AutoresetMode.DISABLED)
     observations, _ = envs.reset(seed=[seed])
     rewards = np.zeros(num_steps)
     for step in range(num_steps):

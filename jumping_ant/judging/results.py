@@ -11,17 +11,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.params.models import AgentParams, Params
+from jumping_ant.experiment.models import Params
 from jumping_ant.words import looks
 from jumping_ant.words.measures import MEASURES
 
 Array = NDArray[np.float64]
 
 KEYS = ("seed", "episode", "episode_seed")  # columns of episodes.csv that measure nothing
-QUANTITIES = ("return", "peak_height", "smoothness")  # first of a summary
+QUANTITIES = ("return", "peak_height", "torque_change")  # first of a summary
 REQUIRED = ("seed", *QUANTITIES, "flight", "apex", "fluidity")
 CURVE_COLUMNS = ("env_steps", "evaluation_return_mean")
 TIMING_COLUMNS = ("seed", "env_steps", "seconds")
@@ -73,7 +74,7 @@ class AgentResults:
     """
 
     name: str
-    block: AgentParams
+    block: AgentBlock
     quantities: dict[str, Array]
     curves: dict[int, SeedCurve]
     episode_returns: Array = field(default_factory=lambda: np.empty(0))
@@ -88,12 +89,12 @@ class AgentResults:
     @property
     def is_baseline(self) -> bool:
         """Return whether it learns nothing."""
-        return looks.is_baseline(self.algorithm)
+        return self.block.is_baseline
 
     @property
     def label(self) -> str:
         """Return the name to print."""
-        return looks.label(self.name, self.algorithm)
+        return looks.label(self.name, self.algorithm, self.is_baseline)
 
     @property
     def env_steps(self) -> Array:

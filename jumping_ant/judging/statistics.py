@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from jumping_ant.params.models import CompareParams
+from jumping_ant.params.blocks import CompareParams
 
 Array = NDArray[np.float64]
 

@@ -3,8 +3,8 @@
 | variant | what | of |
 |---|---|---|
 | final | the policy at the end of training | all |
-| rounded | every choice of torques replaced by the nearest of the five commands | SAC, PGPE |
-| best_sample | of policies drawn from the final search distribution, the best one | PGPE |
+| rounded | every choice of torques replaced by the nearest command | agents that choose torques |
+| best_sample | of policies drawn from the final search distribution, the best one | evolution |
 
 The published policy is the best snapshot in validation, or the last policy; the best sample is
 chosen on validation episodes, too. Variants play the same held-out episodes as published policies.
@@ -16,17 +16,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.actions import COMMAND_SIGNS, ActionSet
+from jumping_ant.actions import ActionSet
 from jumping_ant.base.seeding import derive
-from jumping_ant.params.models import EnvParams
-from jumping_ant.policies import GaussianActor, LinearPolicy, Policy
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.policies import LinearPolicy, Policy, TanhActor
 from jumping_ant.sim import rollout
 
 Array = NDArray[np.float64]
 
 NUM_SAMPLES = 20  # policies of a generation in the article
 SELECTION_EPISODES = 4  # that the best sample is chosen by
-COMMANDS = (0.5 * COMMAND_SIGNS).astype(np.float64)  # the article's
+AMPLITUDE = 0.5  # of the article's commands
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,21 @@ class RoundedPolicy:
 
     Attributes:
         policy: The policy that chooses.
+        commands: Torques over peak torques of each command, shape (num_commands, num_motors).
     """
 
     policy: Policy
+    commands: Array
+
+    @property
+    def num_observations(self) -> int | None:
+        """Numbers in an observation."""
+        return self.policy.num_observations
+
+    @property
+    def num_motors(self) -> int:
+        """Torques that it returns."""
+        return self.policy.num_motors
 
     @property
     def actions(self) -> ActionSet:
@@ -49,10 +61,10 @@ class RoundedPolicy:
         self.policy.start(episode_seeds)
 
     def act(self, observations: Array) -> Array:
-        """Return the command of the smallest Euclidean distance to the torques, (n, 8)."""
+        """Return the command of the smallest Euclidean distance to the torques, (n, num_motors)."""
         torques = self.policy.act(observations)
-        distances = np.square(torques[:, None] - COMMANDS).sum(axis=-1)
-        return COMMANDS[distances.argmin(axis=1)]
+        distances = np.square(torques[:, None] - self.commands).sum(axis=-1)
+        return self.commands[distances.argmin(axis=1)]
 
 
 def make(
@@ -76,8 +88,9 @@ def make(
         num_threads: Threads that step the simulations; results do not depend on it.
     """
     variants: dict[str, Policy] = {"final": final}
-    if isinstance(published, GaussianActor | LinearPolicy):
-        variants["rounded"] = RoundedPolicy(published)
+    if isinstance(published, TanhActor | LinearPolicy):
+        commands = AMPLITUDE * np.array(env.commands, dtype=np.float64)
+        variants["rounded"] = RoundedPolicy(published, commands)
     if isinstance(final, LinearPolicy):
         generator = np.random.default_rng(derive(seed, "samples"))
         samples = [final.sample(generator) for _ in range(NUM_SAMPLES)]

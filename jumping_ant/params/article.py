@@ -5,9 +5,16 @@ Algorithms", 2025; the robot is `assets/custom_ant.xml` of its repository, githu
 mdipietro09/RoboticsPy, and the printed values are the outputs of its `mujoco_gym.ipynb`.
 """
 
-from jumping_ant.params.models import EnvParams, RewardParams, RobotParams
+from jumping_ant.params.blocks import (
+    EnvParams,
+    RewardParams,
+    RobotParams,
+    TermParams,
+    TorsoHeightParams,
+)
 
 ROBOT = RobotParams(
+    source="ant",
     density=3.0,
     gear=300.0,
     joint_gear={},
@@ -17,14 +24,31 @@ ROBOT = RobotParams(
     friction=0.6,
     torsional_friction=0.3,
     rolling_friction=0.3,
+    edits={},
 )
 # The article sets no time limit; episodes that are compared need one.
 ENV = EnvParams(
     frame_skip=5,
     reset_noise_scale=0.1,
+    drop_height=1.3,
     max_episode_steps=1000,
     min_torso_height=0.2,
-    reward=RewardParams(floor=0.6, span=1.0, scale=10.0),
+    max_torso_height=None,
+    max_tilt=None,
+    commands=[
+        [0.0] * 8,
+        [1.0] * 8,
+        [-1.0] * 8,
+        [1.0] * 4 + [-1.0] * 4,
+        [-1.0] * 4 + [1.0] * 4,
+    ],
+    reward=RewardParams(
+        torso_height=TorsoHeightParams(weight=10.0, floor=0.6, span=1.0),
+        forward_velocity=TermParams(weight=0.0),
+        alive=TermParams(weight=0.0),
+        control_cost=TermParams(weight=0.0),
+        upright=TermParams(weight=0.0),
+    ),
 )
 
 # What it printed. DQN and SAC were tested once each, for 1,000 control steps of the trained model,

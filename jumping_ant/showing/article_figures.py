@@ -15,7 +15,7 @@ from PIL import Image
 
 from jumping_ant.judging.reproduction import Reproduction, Trace
 from jumping_ant.showing.figures import STYLES, render
-from jumping_ant.words.looks import INK, Look, label
+from jumping_ant.words.looks import INK, Look
 
 PANELS = {
     "fitness_mean": "Mean of the population",
@@ -59,7 +59,7 @@ def _draw_totals(agent: str, trace: Trace, look: Look) -> Figure:
     axes.set(xlabel="Control step of the test", ylabel="Total reward so far")
     axes.set_ylim(bottom=0)
     axes.legend(loc="upper left")
-    title = f"{label(agent, agent)}, tested as in the article: each seed (thin), printed (bold)"
+    title = f"{agent.upper()}, tested as in the article: each seed (thin), printed (bold)"
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 

@@ -83,7 +83,7 @@ def draw(
     Returns:
         Figures by file name, without its ending.
     """
-    drawn = looks({name: agent.algorithm for name, agent in results.items()})
+    drawn = looks({name: agent.is_baseline for name, agent in results.items()})
     percent = f"{100 * confidence:g} %"
     interval = f"{percent} interval (Student's t on the exact bootstrap standard error)"
     with style.context(STYLES):

@@ -8,11 +8,12 @@ import numpy as np
 
 from jumping_ant.policies import Policy
 from jumping_ant.showing.recording.live import Step
-from jumping_ant.sim.env import JumpingAnt
+from jumping_ant.sim.env import RobotEnv
+from jumping_ant.sim.rewards import PREFIX, active
 
 
 def play(
-    env: JumpingAnt, policy: Policy, first_seed: int, num_episodes: int | None
+    env: RobotEnv, policy: Policy, first_seed: int, num_episodes: int | None
 ) -> Iterator[Step]:
     """Play episodes in real time.
 
@@ -36,7 +37,7 @@ def play(
         print(f"episode {number}: return {earned:,.0f}", flush=True)
 
 
-def _play_episode(env: JumpingAnt, policy: Policy, seed: int) -> Iterator[Step]:
+def _play_episode(env: RobotEnv, policy: Policy, seed: int) -> Iterator[Step]:
     observation, _ = env.reset(seed=seed)
     policy.start([seed])
     has_ended = False
@@ -46,6 +47,7 @@ def _play_episode(env: JumpingAnt, policy: Policy, seed: int) -> Iterator[Step]:
         if number % policy.actions.hold == 0:
             torques = policy.act(observation[None])[0]
         qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()
-        observation, reward, terminated, truncated, _ = env.step(torques.astype(np.float32))
+        observation, reward, terminated, truncated, info = env.step(torques.astype(np.float32))
         has_ended = terminated or truncated
-        yield Step(qpos, qvel, torques, reward)
+        terms = {name: info[PREFIX + name] for name in active(env.params.reward)}
+        yield Step(qpos, qvel, torques, reward, terms)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.params.models import RecordParams
+from jumping_ant.params.blocks import RecordParams
 from jumping_ant.showing import drawing
 from jumping_ant.showing.drawing import Shots
-from jumping_ant.sim.robot import FLOOR, TORSO
-from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.trajectory import Trajectory, frame_stride
 
 # The camera follows the torso's path, smoothed over this long [s].
 CAMERA_SMOOTHING = 0.25
@@ -67,15 +67,11 @@ def frames(
     """
     rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
     model = scene(xml, params.shadow_size)
-    if trajectory.qpos.shape[1] != model.nq:
-        raise InputError(
-            f"trajectory: given states of {trajectory.qpos.shape[1]} positions, allowed: the "
-            f"robot's {model.nq}; it shows another robot, and `dvc repro` evaluates this one"
-        )
+    trajectory.check(model)
     shots = Shots(
         model=model,
         qpos=trajectory.qpos[rows],
-        lookat=camera_path(trajectory.qpos[rows, :3], params),
+        lookat=camera_path(Anatomy.of(model).places(trajectory.qpos[rows]), params),
         width=params.width,
         height=params.height,
         distance=params.camera_distance,
@@ -83,22 +79,6 @@ def frames(
         elevation=params.camera_elevation,
     )
     return drawing.draw(shots, processes)
-
-
-def frame_stride(timestep: float, fps: int) -> int:
-    """Return the number of simulation steps from one frame to the next.
-
-    Raises:
-        InputError: The frame rate does not divide the simulation's.
-    """
-    rate = round(1 / timestep)
-    if fps > rate or rate % fps:
-        divisors = [str(number) for number in range(1, rate + 1) if rate % number == 0]
-        raise InputError(
-            f"record.fps: given {fps}, allowed: the divisors of the simulation's {rate} Hz: "
-            f"{', '.join(divisors)}"
-        )
-    return rate // fps
 
 
 def camera_path(torso: NDArray[np.float64], params: RecordParams) -> NDArray[np.float64]:
@@ -131,17 +111,18 @@ def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
         shadow_size: Side of the shadow map [pixels]; 0 draws no shadow.
 
     Raises:
-        InputError: The XML is not MJCF, or has no torso or floor.
+        InputError: The XML is not MJCF, or not a robot on a floor.
     """
     try:
         spec = mujoco.MjSpec.from_string(xml)
     except ValueError as error:
         raise InputError(f"robot XML: not valid MJCF: {' '.join(str(error).split())}") from error
-    torso, floor = spec.body(TORSO), spec.geom(FLOOR)
-    if torso is None or floor is None:
-        raise InputError(f"robot XML: given no {TORSO} body or no {FLOOR} geom; both are needed")
-    _paint(spec, floor)
-    _light(spec, torso)
+    planes = [geom for geom in spec.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
+    if not planes:
+        raise InputError("robot XML: given no floor, allowed: a plane in the world")
+    torso = Anatomy.of(spec.compile()).torso
+    _paint(spec, planes[0])
+    _light(spec, next(body for body in spec.bodies if body.id == torso))
     spec.stat.extent = 4.0  # [m] the unit of the distances below, else a guess from the robot
     spec.visual.map.zfar = 20.0
     spec.visual.map.shadowclip = SHADOW_REACH / spec.stat.extent

@@ -23,14 +23,14 @@ from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.params import params_file
-from jumping_ant.params.models import Params
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.models import Params
 from jumping_ant.policies import Policy
 from jumping_ant.showing.playing import play
 from jumping_ant.showing.recording import server
 from jumping_ant.showing.recording.live import LiveRecording
 from jumping_ant.sim import robot
-from jumping_ant.sim.env import JumpingAnt
+from jumping_ant.sim.env import RobotEnv
 
 
 def main() -> None:
@@ -104,7 +104,7 @@ def _in_window(
     Raises:
         InputError: No window opens.
     """
-    env = JumpingAnt(xml, settings.env, render_mode="human")
+    env = RobotEnv(xml, settings.env, render_mode="human")
     warnings.simplefilter("error", glfw.GLFWError)
     try:
         env.reset()
@@ -124,7 +124,7 @@ def _in_window(
 def _in_browser(
     xml: str, settings: Params, policy: Policy, name: str, num_episodes: int | None
 ) -> None:
-    env = JumpingAnt(xml, settings.env)
+    env = RobotEnv(xml, settings.env)
     with server.serve(name) as (stream, address):
         print(f"{name}: open {address} (Ctrl-C ends it)", flush=True)
         recording = LiveRecording(stream, env.model, settings.env.frame_skip)

@@ -1,56 +1,59 @@
-"""`JumpingAnt-v0`: the article's jumping Ant as a Gymnasium environment.
+"""The task as a Gymnasium environment, and `JumpingAnt-v0`.
 
 `gym.make("JumpingAnt-v0")` always is the article's robot and task, whatever `params.yaml` says, and
 `gym.make_vec("JumpingAnt-v0", num_envs=n)` a batch of them on MuJoCo's native threads.
 
-Training, evaluation and populations use the batched `jumping_ant.sim.vector.JumpingAntVectorEnv`;
-this one is for people and tools. Tests hold the two bit-identical.
+Training, evaluation and populations use the batched `jumping_ant.sim.vector.RobotVectorEnv`; this
+one is for people and tools. Tests hold the two bit-identical.
 
-Observation, action and commands are described in `jumping_ant.sim.task`.
+Observation, action and reward are described in `jumping_ant.sim.task`.
 """
 
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.params import article
-from jumping_ant.params.models import EnvParams
-from jumping_ant.sim import robot
-from jumping_ant.sim.gl import select_backend
-from jumping_ant.sim.rewards import is_down, torso_height_reward
-from jumping_ant.sim.task import action_space, observation_space, observe, start_state
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.sim import gl, rewards, robot
+from jumping_ant.sim.task import Task, action_space
+from jumping_ant.sim.vector import RobotVectorEnv
 
 ENV_ID = "JumpingAnt-v0"
 
 
-class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
-    """A jumping Ant (its spaces are described in `jumping_ant.sim.task`).
+class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
+    """A robot and its task (see `jumping_ant.sim.task`).
 
-    `info` of each step holds `reward_height`, the one reward term, and `torso_height` [m].
+    `info` of each step holds `reward_<term>` of every term of the reward, and `torso_height` [m].
 
     Args:
-        xml: The robot as MJCF text; by default the article's.
-        params: The task; by default the article's.
+        xml: The robot as MJCF text.
+        params: The task.
         render_mode: `rgb_array`, `human` or None.
         width: Width of the rendered picture [pixels].
         height: Height of the rendered picture [pixels].
 
+    Attributes:
+        task: The task, with the robot's anatomy.
+
     Raises:
-        InputError: The XML is not a robot with the Ant's joints.
+        InputError: The XML is not a robot, or not one that the task fits.
+        ValueError: There is no such render mode.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}
 
     def __init__(
         self,
-        xml: str | None = None,
-        params: EnvParams | None = None,
+        xml: str,
+        params: EnvParams,
         render_mode: str | None = None,
         width: int = 480,
         height: int = 480,
@@ -60,15 +63,14 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
                 f"render_mode: given {render_mode!r}, allowed: None, "
                 f"{', '.join(map(repr, self.metadata['render_modes']))}"
             )
-        self.params = params or article.ENV
-        self.model = robot.load(xml or robot.build(article.ROBOT))
-        self.model.vis.global_.offwidth = max(self.model.vis.global_.offwidth, width)
-        self.model.vis.global_.offheight = max(self.model.vis.global_.offheight, height)
+        self.params = params
+        self.model = robot.load(xml)
         self.data = mujoco.MjData(self.model)
+        self.task = Task(self.model, params)
         self.metadata = self.metadata | {"render_fps": round(1 / self.dt)}
         self.render_mode = render_mode
-        self.observation_space = observation_space()
-        self.action_space = action_space(ActionSet())
+        self.observation_space = self.task.observation_space
+        self.action_space = self.task.action_space(ActionSet())
         self._size = (width, height)
         self._renderer: MujocoRenderer | None = None
         self._num_steps = 0
@@ -76,7 +78,7 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
     @property
     def dt(self) -> float:
         """Duration of a control step [s]."""
-        return float(self.model.opt.timestep) * self.params.frame_skip
+        return self.task.dt
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -84,40 +86,43 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
         """Start an episode from a noisy standing pose."""
         super().reset(seed=seed)
         mujoco.mj_resetData(self.model, self.data)
-        qpos, qvel = start_state(self.model, self.params.reset_noise_scale, self.np_random)
-        self.data.qpos[:], self.data.qvel[:] = qpos, qvel
+        self.data.qpos[:], self.data.qvel[:] = self.task.start_state(self.np_random)
         mujoco.mj_forward(self.model, self.data)
         self._num_steps = 0
         if self.render_mode == "human":
             self.render()
-        return self._observation(), {"torso_height": float(self.data.qpos[2])}
+        return self._observation(), self._info()
 
     def step(
-        self, action: NDArray[np.float32]
+        self, action: NDArray[Any]
     ) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
-        """Hold eight torques for one control step."""
-        self.data.ctrl[:] = action
+        """Hold torques for one control step.
+
+        Args:
+            action: Torques over peak torques in [-1, 1], shape (num_motors,).
+        """
+        torques = np.asarray(action, dtype=np.float64)
+        self.data.ctrl[:] = torques * self.task.anatomy.control_limits
+        before = self._torso_x()
         mujoco.mj_step(self.model, self.data, nstep=self.params.frame_skip)
         self._num_steps += 1
-        qpos, qvel = self.data.qpos[None], self.data.qvel[None]
-        reward = float(torso_height_reward(qpos[:, 2], self.params.reward)[0])
-        terminated = bool(is_down(qpos, qvel, self.params.min_torso_height)[0])
+        travel = np.array([self._torso_x() - before])
+        outcome = self.task.judge(self.data.qpos[None], self.data.qvel[None], torques[None], travel)
+        terminated = bool(outcome.terminated[0])
         truncated = not terminated and self._num_steps >= self.params.max_episode_steps
         if self.render_mode == "human":
             self.render()
-        info = {"reward_height": reward, "torso_height": float(qpos[0, 2])}
-        return self._observation(), reward, terminated, truncated, info
+        terms = {f"{rewards.PREFIX}{name}": float(each[0]) for name, each in outcome.terms.items()}
+        info = terms | self._info()
+        return self._observation(), float(outcome.rewards[0]), terminated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the scene: an array of shape (height, width, 3), or the window."""
         if self.render_mode is None:
             return None
         if self._renderer is None:
-            if self.render_mode == "rgb_array":
-                select_backend()
-            width, height = self._size
-            self._renderer = MujocoRenderer(
-                self.model, self.data, width=width, height=height, camera_name="track"
+            self._renderer = gl.gymnasium_renderer(
+                self.model, self.data, *self._size, off_screen=self.render_mode == "rgb_array"
             )
         return self._renderer.render(self.render_mode)
 
@@ -128,7 +133,26 @@ class JumpingAnt(gym.Env[NDArray[Any], NDArray[Any]]):
             self._renderer = None
 
     def _observation(self) -> NDArray[np.float64]:
-        return observe(self.data.qpos[None], self.data.qvel[None])[0]
+        return self.task.observe(self.data.qpos[None], self.data.qvel[None])[0]
+
+    def _info(self) -> dict[str, Any]:
+        return {"torso_height": float(self.task.anatomy.heights(self.data.qpos[None])[0])}
+
+    def _torso_x(self) -> float:
+        return float(self.data.xpos[self.task.anatomy.torso, 0])
+
+
+class JumpingAnt(RobotEnv):
+    """`JumpingAnt-v0`: the article's robot and task.
+
+    Args:
+        render_mode: `rgb_array`, `human` or None.
+        width: Width of the rendered picture [pixels].
+        height: Height of the rendered picture [pixels].
+    """
+
+    def __init__(self, render_mode: str | None = None, width: int = 480, height: int = 480) -> None:
+        super().__init__(robot.build(article.ROBOT), article.ENV, render_mode, width, height)
 
 
 class Decisions(gym.Wrapper):
@@ -137,48 +161,95 @@ class Decisions(gym.Wrapper):
     Rewards are sums over the control steps that a decision lasts.
 
     Args:
-        env: A `JumpingAnt`.
+        env: An environment whose actions are torques, as `RobotEnv`.
         actions: The agent's action set: of an agent of `params.yaml`,
-            `ActionSet.of(params.agent("dqn").actions)`.
+            `ActionSet.of(params.agent("dqn").actions, params.env.commands)`.
     """
 
     def __init__(self, env: gym.Env, actions: ActionSet) -> None:
         super().__init__(env)
         self.actions = actions
-        self.action_space = action_space(actions)
+        self.action_space = action_space(actions, cast(gym.spaces.Box, env.action_space).shape[0])
 
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
         """Hold a choice until its time is over or the episode ends.
 
         Args:
-            action: Number of a command, or torques in [-1, 1], shape (8,).
+            action: Number of a command, or torques in [-1, 1], shape (num_motors,).
 
         Returns:
-            The last observation, shape (27,), the summed reward, whether the episode terminated or
-            was truncated, and the last `info`, its `reward_height` summed.
+            The last observation, shape (num_observations,), the summed reward, whether the episode
+            terminated or was truncated, and the last `info`, the terms of the reward summed.
         """
         torques = self.actions.torques(np.asarray(action)[None])[0]
-        total = 0.0
+        total, terms = 0.0, dict[str, float]()
         for _ in range(self.actions.hold):
             observation, reward, terminated, truncated, info = self.env.step(torques)
             total += float(reward)
+            for key in info:
+                if key.startswith(rewards.PREFIX):
+                    terms[key] = terms.get(key, 0.0) + info[key]
             if terminated or truncated:
                 break
-        return observation, total, terminated, truncated, info | {"reward_height": total}
+        return observation, total, terminated, truncated, info | terms
 
 
-def make_vec(num_envs: int = 1, num_threads: int = 1) -> JumpingAntVectorEnv:
-    """Return a batch of the article's jumping Ants, for `gym.make_vec`.
+class JumpingAntVector(RobotVectorEnv):
+    """A batch of `JumpingAnt-v0`, as `gym.make_vec` gives it.
 
     Args:
         num_envs: Number of environments.
         num_threads: Threads that step them; results do not depend on it.
+        autoreset_mode: What follows the end of an episode.
+        render_mode: `rgb_array` or None.
+        width: Width of the rendered pictures [pixels].
+        height: Height of the rendered pictures [pixels].
+
+    Raises:
+        ValueError: There is no such render mode.
     """
-    return JumpingAntVectorEnv(robot.build(article.ROBOT), article.ENV, num_envs, num_threads)
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        num_threads: int = 1,
+        autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
+        render_mode: str | None = None,
+        width: int = 480,
+        height: int = 480,
+    ) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode: given {render_mode!r}, allowed: None, 'rgb_array'")
+        xml = robot.build(article.ROBOT)
+        super().__init__(xml, article.ENV, num_envs, num_threads, AutoresetMode(autoreset_mode))
+        self.metadata |= {"render_modes": ["rgb_array"], "render_fps": round(1 / self.dt)}
+        self.render_mode = render_mode
+        self._size = (width, height)
+        self._renderer: MujocoRenderer | None = None
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Draw each environment: pictures of shape (height, width, 3)."""
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            data = mujoco.MjData(self.model)
+            self._renderer = gl.gymnasium_renderer(self.model, data, *self._size)
+        pictures = []
+        for index in range(self.num_envs):
+            self.batch.get_data(index, self._renderer.data)
+            mujoco.mj_forward(self.model, self._renderer.data)
+            pictures.append(self._renderer.render("rgb_array").copy())
+        return tuple(pictures)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the off-screen context."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
 
 gym.register(
     ENV_ID,
     entry_point="jumping_ant.sim.env:JumpingAnt",
-    vector_entry_point="jumping_ant.sim.env:make_vec",
+    vector_entry_point="jumping_ant.sim.env:JumpingAntVector",
 )

@@ -10,6 +10,7 @@ import importlib
 import os
 import subprocess
 import sys
+from typing import Any
 
 import mujoco
 from mujoco.rendering.classic import gl_context
@@ -77,6 +78,33 @@ def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Rend
             f"MUJOCO_GL: given {backend!r}, which draws nothing here ({error}); allowed: "
             f"{', '.join(HEADLESS_BACKENDS)}, or leave it unset to take the first that works"
         ) from error
+
+
+def gymnasium_renderer(
+    model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, off_screen: bool = True
+) -> Any:
+    """Return the renderer of Gymnasium's robots, on the robot's `track` camera where it has one.
+
+    Args:
+        model: The robot.
+        data: Whose state is drawn.
+        width: Width of the pictures [pixels].
+        height: Height of the pictures [pixels].
+        off_screen: Whether it will draw pictures; else it opens a window.
+
+    Raises:
+        InputError: No backend draws.
+    """
+    # Those who draw films need no Gymnasium.
+    from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
+
+    if off_screen:
+        select_backend()
+    visual = model.vis.global_
+    visual.offwidth = max(visual.offwidth, width)
+    visual.offheight = max(visual.offheight, height)
+    camera = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, "track")
+    return MujocoRenderer(model, data, width=width, height=height, camera_id=camera)
 
 
 def _first_that_draws() -> str:

@@ -1,38 +1,91 @@
-"""The jumping task: what is rewarded and when an episode ends."""
+"""The terms of the reward: what each of them measures of a control step.
+
+A term is a function of the step and of its settings, which are the block of its name in
+`env.reward`; its value times its weight is what it adds. To add a term, write its function here,
+its settings in `jumping_ant.params.blocks.RewardParams`, and a test.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.params.models import RewardParams
+from jumping_ant.params.blocks import RewardParams, TorsoHeightParams
+from jumping_ant.sim.anatomy import Anatomy
+
+Array = NDArray[np.float64]
+
+PREFIX = "reward_"  # of the terms' names in `info`, in tables and in recorded episodes
 
 
-def torso_height_reward(torso_z: NDArray[np.float64], params: RewardParams) -> NDArray[np.float64]:
-    """Return the height reward of each simulation.
+@dataclass(frozen=True, eq=False)
+class ControlStep:
+    """A control step of n simulations, as the terms see it.
+
+    Attributes:
+        anatomy: Of the robot.
+        qpos: Positions after it, shape (n, num_positions).
+        heights: Of the torsos after it [m], shape (n,).
+        velocities: Mean velocities of the torsos along x [m/s], shape (n,).
+        torques: Torques over peak torques that it held, shape (n, num_motors).
+        terminated: Whether the episode ends with it, shape (n,).
+    """
+
+    anatomy: Anatomy
+    qpos: Array
+    heights: Array
+    velocities: Array
+    torques: Array
+    terminated: NDArray[np.bool_]
+
+
+def torso_height(step: ControlStep, settings: TorsoHeightParams) -> Array:
+    """Return how high the torso is, from 0 at the floor of the term to 1 a span above it."""
+    return np.clip((step.heights - settings.floor) / settings.span, 0.0, 1.0)
+
+
+def forward_velocity(step: ControlStep, _: Any) -> Array:
+    """Return the mean velocity along x [m/s], as Gymnasium's robots are paid for."""
+    return step.velocities
+
+
+def alive(step: ControlStep, _: Any) -> Array:
+    """Return 1 where the episode does not end."""
+    return (~step.terminated).astype(np.float64)
+
+
+def control_cost(step: ControlStep, _: Any) -> Array:
+    """Return the sum of the squared torques over peak torques, negative."""
+    return -np.square(step.torques).sum(axis=1)
+
+
+def upright(step: ControlStep, _: Any) -> Array:
+    """Return the cosine of the torso's tilt."""
+    return step.anatomy.uprightness(step.qpos)
+
+
+TERMS: dict[str, Callable[[ControlStep, Any], Array]] = {
+    function.__name__: function
+    for function in (torso_height, forward_velocity, alive, control_cost, upright)
+}
+
+
+def active(params: RewardParams) -> list[str]:
+    """Return the names of the terms that count, in the order of their sum."""
+    return [name for name in TERMS if getattr(params, name).weight]
+
+
+def terms(step: ControlStep, params: RewardParams) -> dict[str, Array]:
+    """Return what each term that counts adds to the reward.
 
     Args:
-        torso_z: World height of the torso's centre [m], shape (num_envs,).
-        params: Floor, span and scale of the reward.
+        step: The control step.
+        params: Settings and weights.
 
     Returns:
-        Reward per control step, shape (num_envs,), in [0, scale]; zero where the height is not
-        finite.
+        Weighted values, shape (n,) each, by name.
     """
-    height = np.where(np.isfinite(torso_z), torso_z, params.floor)
-    return params.scale * np.clip((height - params.floor) / params.span, 0.0, 1.0)
-
-
-def is_down(
-    qpos: NDArray[np.float64], qvel: NDArray[np.float64], min_torso_height: float
-) -> NDArray[np.bool_]:
-    """Tell which simulations ended: the torso on the floor, or a state that is not finite.
-
-    Args:
-        qpos: Positions, shape (num_envs, 15); `qpos[:, 2]` is the torso's height [m].
-        qvel: Velocities, shape (num_envs, 14).
-        min_torso_height: Height below which an episode ends [m].
-
-    Returns:
-        Whether each episode is terminated, shape (num_envs,).
-    """
-    finite = np.isfinite(qpos).all(axis=1) & np.isfinite(qvel).all(axis=1)
-    return ~finite | (qpos[:, 2] < min_torso_height)
+    settings = {name: getattr(params, name) for name in active(params)}
+    return {name: own.weight * TERMS[name](step, own) for name, own in settings.items()}

@@ -1,12 +1,16 @@
-"""The jumping Ant: Gymnasium's Ant with a lighter body and stronger legs.
+"""Robots: an MJCF source and its edits.
 
-The source is `ant.xml` of the installed Gymnasium (Schulman et al. 2016, "High-Dimensional
-Continuous Control Using Generalized Advantage Estimation", appendix). Each edit is one small step
-on a `mujoco.MjSpec`, by element name.
+A source is a robot of the installed Gymnasium or a file of the project's `robots/`. By default it
+is Gymnasium's Ant (Schulman et al. 2016, "High-Dimensional Continuous Control Using Generalized
+Advantage Estimation", appendix), which lighter parts and stronger motors make jump. Each named edit
+is one small step on a `mujoco.MjSpec`; `edits` sets any other attribute of the text.
 """
 
+import fnmatch
 import hashlib
 import importlib.metadata
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,47 +18,67 @@ import gymnasium
 import mujoco
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.params.models import RobotParams
+from jumping_ant.params.blocks import GYMNASIUM_ROBOTS, RobotParams
 
-SOURCE_PATH = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / "ant.xml"
-TORSO = "torso"
-FLOOR = "floor"
-FILES = {"edited": "jumping_ant.xml", "unedited": "ant.xml"}  # in assets/
+GYMNASIUM_ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
+FILES = {"edited": "edited.xml", "unedited": "unedited.xml"}  # in assets/
 
 
-def build(params: RobotParams) -> str:
-    """Return the edited robot as MJCF.
-
-    The actuators, nameless in the source, get the names of the joints they drive.
+def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
+    """Return where the MJCF of `robot.source` lies.
 
     Raises:
-        InputError: `joint_gear` names no joint kind or joint of the robot, or the edits together
-            make a robot that MuJoCo cannot compile.
+        InputError: There is no such file.
     """
-    spec = mujoco.MjSpec.from_file(str(SOURCE_PATH))
-    spec.modelname = "jumping_ant"
-    # Values stand in the text as in the source, not as compiled and rounded to six digits.
-    spec.compiler.savecompiled = spec.compiler.savecanonical = False
-    _set_density(spec, params.density)
+    folder = GYMNASIUM_ASSETS if source in GYMNASIUM_ROBOTS else root
+    path = folder / (f"{source}.xml" if source in GYMNASIUM_ROBOTS else source)
+    if not path.is_file():
+        found = sorted(str(file.relative_to(root)) for file in (root / "robots").glob("*.xml"))
+        raise InputError(
+            f"robot.source: given {source!r}, which is no file, allowed: "
+            f"{', '.join([*GYMNASIUM_ROBOTS, *found])}"
+        )
+    return path
+
+
+def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
+    """Return the edited robot as MJCF.
+
+    Actuators that are nameless in the source get the names of the joints they drive.
+
+    Args:
+        params: Source and edits.
+        root: The project's folder.
+
+    Raises:
+        InputError: There is no such source, an edit meets nothing in it, or the edits together make
+            a robot that MuJoCo cannot compile.
+    """
+    spec = _read(params.source, root)
+    spec.modelname = f"jumping_{Path(params.source).stem}"
+    if params.density is not None:
+        _set_density(spec, params.density)
     _set_gear(spec, params.gear, params.joint_gear)
-    _set_torso_radius(spec, params.torso_radius)
-    _scale_legs(spec, params.leg_length)
-    _set_damping(spec, params.damping)
-    _set_friction(spec, params.friction, params.torsional_friction, params.rolling_friction)
-    try:
-        spec.compile()
-    except ValueError as error:
-        raise InputError(f"robot: these edits do not compile: {error}") from error
-    return spec.to_xml()
+    if params.torso_radius is not None:
+        _set_torso_radius(spec, params.torso_radius)
+    if params.leg_length is not None:
+        _scale_legs(spec, params.leg_length)
+    if params.damping is not None:
+        _set_damping(spec, params.damping)
+    _set_friction(spec, (params.friction, params.torsional_friction, params.rolling_friction))
+    _compile(spec, "these edits")
+    return _edit(spec.to_xml(), params.edits)
 
 
-def unedited() -> str:
-    """Return Gymnasium's Ant as it comes, as MJCF; its actuators get names alone."""
-    spec = mujoco.MjSpec.from_file(str(SOURCE_PATH))
-    spec.compiler.savecompiled = spec.compiler.savecanonical = False
-    for actuator in spec.actuators:
-        actuator.name = actuator.target
+def unedited(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
+    """Return the source as it comes, as MJCF; its actuators get names alone.
+
+    Raises:
+        InputError: There is no such source.
+    """
+    spec = _read(params.source, root)
     spec.compile()
     return spec.to_xml()
 
@@ -64,7 +88,7 @@ def read(root: Path, kind: Literal["edited", "unedited"] = "edited") -> str:
 
     Args:
         root: The project's folder.
-        kind: The jumping Ant, or Gymnasium's.
+        kind: The robot with its edits, or as it comes.
 
     Raises:
         InputError: The robot has not been built.
@@ -87,42 +111,98 @@ def load(xml: str) -> mujoco.MjModel:
         xml: MJCF text.
 
     Raises:
-        InputError: The text is not MJCF that compiles, or not a robot with the Ant's joints.
+        InputError: The text is not MJCF that compiles.
     """
     try:
         model = mujoco.MjModel.from_xml_string(xml)
     except ValueError as error:
         raise InputError(f"robot XML: not valid MJCF: {' '.join(str(error).split())}") from error
-    if (model.nq, model.nv, model.nu) != (15, 14, 8):
-        raise InputError(
-            f"robot XML: given {model.nq} positions, {model.nv} velocities, {model.nu} motors; "
-            "allowed: the Ant's 15, 14, 8"
-        )
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     return model
 
 
-def summarize(xml: str) -> dict[str, Any]:
+def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
     """Return what the edits changed, physically.
 
     Args:
+        params: Source and edits.
         xml: The edited robot.
+        root: The project's folder.
 
     Returns:
         `before` and `after`, each with the total mass [kg], the mass of every body [kg], the peak
         torque of every motor [N m], and the summed peak torque over the weight [m], beside the
         source's digest and the versions that made the file.
     """
+    path = source_path(params.source, root)
+    is_gymnasium = params.source in GYMNASIUM_ROBOTS
+    file = f"gymnasium/envs/mujoco/assets/{path.name}" if is_gymnasium else params.source
     return {
-        "source": {
-            "file": f"gymnasium/envs/mujoco/assets/{SOURCE_PATH.name}",
-            "sha256": hashlib.sha256(SOURCE_PATH.read_bytes()).hexdigest(),
-        },
+        "source": {"file": file, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()},
         "versions": {name: importlib.metadata.version(name) for name in ("gymnasium", "mujoco")},
-        "before": _physique(SOURCE_PATH.read_text()),
+        "before": _physique(path.read_text()),
         "after": _physique(xml),
     }
+
+
+def _read(source: str, root: Path) -> mujoco.MjSpec:
+    """Read a source; nameless actuators get the names of what they drive."""
+    path = source_path(source, root)
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        # Values stand in the text as in the source, not as compiled and rounded to six digits.
+        spec.compiler.savecompiled = spec.compiler.savecanonical = False
+        for actuator in spec.actuators:
+            actuator.name = actuator.name or actuator.target
+        return spec
+    except ValueError as error:
+        raise InputError(f"robot.source: {path}: {' '.join(str(error).split())}") from error
+
+
+def _compile(spec: mujoco.MjSpec, what: str) -> None:
+    try:
+        spec.compile()
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise InputError(f"robot: {what} do not compile: {reason}") from error
+
+
+def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
+    """Set attributes in MJCF text, by element and name pattern (as of a shell: * and ?)."""
+    if not edits:
+        return xml
+    tree = ET.fromstring(xml)
+    for element, patterns in edits.items():
+        found = list(tree.iter(element))
+        if not found:
+            kinds = ", ".join(sorted({each.tag for each in tree.iter()}))
+            raise InputError(f"robot.edits.{element}: no such element; allowed: {kinds}")
+        names = [each.get("name", each.get("class", "")) for each in found]
+        for pattern, attributes in patterns.items():
+            key = f"robot.edits.{element}.{pattern}"
+            matching = fnmatch.filter(names, pattern)
+            if not matching:
+                allowed = ", ".join(filter(None, names)) or "*, as none has a name"
+                raise InputError(f"{key}: matches no name; allowed: {allowed}")
+            for each, name in zip(found, names, strict=True):
+                if name in matching:
+                    each.attrib |= {key: _text(value) for key, value in attributes.items()}
+            try:  # one by one, so that the message can say which
+                mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode")).compile()
+            except ValueError as error:
+                reason = " ".join(str(error).split())
+                raise InputError(f"{key}: does not compile: {reason}") from error
+    return ET.tostring(tree, encoding="unicode") + "\n"
+
+
+def _text(value: Any) -> str:
+    """Write a value as MJCF has it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return " ".join(map(repr, value))
+    return str(value)
 
 
 def _physique(xml: str) -> dict[str, Any]:
@@ -131,7 +211,7 @@ def _physique(xml: str) -> dict[str, Any]:
     mass = float(model.body_subtreemass[0])
     weight = mass * float(abs(model.opt.gravity[2]))
     torques = {
-        actuator.target: float(actuator.gear[0] * max(abs(actuator.ctrlrange)))
+        actuator.target: float(actuator.gear[0]) * _control_limit(actuator)
         for actuator in spec.actuators
     }
     return {
@@ -146,22 +226,24 @@ def _physique(xml: str) -> dict[str, Any]:
     }
 
 
-def _robot_geoms(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
-    return [geom for geom in spec.geoms if geom.name != FLOOR]
+def _limbs(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
+    """Return the bodies beyond the torso, which are those below the world's own."""
+    return [body for body in spec.bodies if body.parent and body.parent.parent]
 
 
 def _set_density(spec: mujoco.MjSpec, density: float) -> None:
     """Set the density of every part [kg/m^3]."""
+    spec.compiler.settotalmass = -1.0  # which would scale it away again
     spec.default.geom.density = density
     for geom in spec.geoms:
         geom.density = density
 
 
-def _set_gear(spec: mujoco.MjSpec, gear: float, joint_gear: dict[str, float]) -> None:
+def _set_gear(spec: mujoco.MjSpec, gear: float | None, joint_gear: Mapping[str, float]) -> None:
     """Set the peak torque of every motor [N m]; a joint's own entry wins over its kind's."""
     joints = [actuator.target for actuator in spec.actuators]
     kinds = dict.fromkeys(joint.partition("_")[0] for joint in joints)
-    allowed = [*kinds, *sorted(joints)]
+    allowed = dict.fromkeys([*kinds, *sorted(joints)])
     for name in joint_gear:
         if name not in allowed:
             raise InputError(
@@ -169,32 +251,51 @@ def _set_gear(spec: mujoco.MjSpec, gear: float, joint_gear: dict[str, float]) ->
             )
     for actuator in spec.actuators:
         kind = actuator.target.partition("_")[0]
-        actuator.name = actuator.target
-        actuator.gear[0] = joint_gear.get(actuator.target, joint_gear.get(kind, gear))
+        own = joint_gear.get(actuator.target, joint_gear.get(kind, gear))
+        if own is not None:
+            actuator.gear[0] = own / _control_limit(actuator)
+
+
+def _control_limit(actuator: mujoco.MjsActuator) -> float:
+    """Return the largest control of a motor, 1 where it has no limit."""
+    return float(max(abs(actuator.ctrlrange))) or 1.0
 
 
 def _set_torso_radius(spec: mujoco.MjSpec, radius: float) -> None:
-    """Set the radius of the torso's sphere [m]."""
-    spec.geom("torso_geom").size[0] = radius
+    """Set the radius of the torso's geom [m]."""
+    geom = spec.geom("torso_geom")
+    if geom is None:
+        raise InputError(
+            "robot.torso_radius: this robot has no geom named torso_geom; allowed: null, and "
+            "robot.edits for others"
+        )
+    geom.size[0] = radius
 
 
 def _scale_legs(spec: mujoco.MjSpec, factor: float) -> None:
-    """Scale every leg segment, and where the next one begins, about its joint."""
-    for geom in _robot_geoms(spec):
-        geom.fromto = geom.fromto * factor  # not a number, and so unchanged, for the torso
-    for body in spec.bodies:
-        if body.name not in ("world", TORSO):
-            body.pos = body.pos * factor
+    """Scale every segment beyond the torso, and where the next one begins, about its joint."""
+    for body in _limbs(spec):
+        body.pos = body.pos * factor
+        for geom in body.geoms:
+            if geom.fromto[0] == geom.fromto[0]:  # a number
+                geom.fromto = geom.fromto * factor
+            else:
+                geom.pos, geom.size[1] = geom.pos * factor, geom.size[1] * factor
 
 
 def _set_damping(spec: mujoco.MjSpec, damping: float) -> None:
-    """Set the damping of every hinge [N m s/rad]; the torso moves freely."""
-    for joint in spec.joints:
-        if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
-            joint.damping[0] = damping
+    """Set the damping of every hinge beyond the torso [N m s/rad]."""
+    for body in _limbs(spec):
+        for joint in body.joints:
+            if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+                joint.damping[0] = damping
 
 
-def _set_friction(spec: mujoco.MjSpec, sliding: float, torsional: float, rolling: float) -> None:
-    """Set the friction of every part and of the floor (MuJoCo takes the larger of two)."""
+def _set_friction(spec: mujoco.MjSpec, friction: tuple[float | None, ...]) -> None:
+    """Set sliding, torsional and rolling friction of every part and of the floor.
+
+    MuJoCo takes the larger one of two that touch.
+    """
     for geom in spec.geoms:
-        geom.friction = [sliding, torsional, rolling]
+        pairs = zip(friction, geom.friction, strict=True)
+        geom.friction = [own if new is None else new for new, own in pairs]

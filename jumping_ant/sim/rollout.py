@@ -7,9 +7,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from jumping_ant.params.models import EnvParams
+from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import Policy
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.sim.rewards import PREFIX, active
+from jumping_ant.sim.vector import RobotVectorEnv
 
 Array = NDArray[np.float64]
 
@@ -19,12 +20,13 @@ class Episode:
     """One episode, a row per control step (T rows).
 
     Attributes:
-        start_qpos: Positions at the start, shape (15,).
-        start_qvel: Velocities at the start, shape (14,).
-        qpos: Positions after each step, shape (T, 15).
-        qvel: Velocities after each step, shape (T, 14).
-        torques: The actions, torque over peak torque, shape (T, 8).
+        start_qpos: Positions at the start, shape (num_positions,).
+        start_qvel: Velocities at the start, shape (num_velocities,).
+        qpos: Positions after each step, shape (T, num_positions).
+        qvel: Velocities after each step, shape (T, num_velocities).
+        torques: The actions, torque over peak torque, shape (T, num_motors).
         rewards: Shape (T,).
+        terms: What each term of the reward added to it, shape (T,) each.
         airborne: Whether the robot touches nothing, shape (T,).
         terminated: Whether the episode ended early.
     """
@@ -35,6 +37,7 @@ class Episode:
     qvel: Array
     torques: Array
     rewards: Array
+    terms: dict[str, Array]
     airborne: NDArray[np.bool_]
     terminated: bool
 
@@ -55,12 +58,15 @@ def run(
         The episodes, in the order of the seeds.
     """
     count, horizon = len(seeds), env.max_episode_steps
-    envs = JumpingAntVectorEnv(xml, env, count, num_threads, AutoresetMode.DISABLED)
+    envs = RobotVectorEnv(xml, env, count, num_threads, AutoresetMode.DISABLED)
     observations, _ = envs.reset(seed=list(seeds))
     policy.start(seeds)
     start_qpos, start_qvel = envs.qpos.copy(), envs.qvel.copy()
-    qpos, qvel = np.empty((horizon, count, 15)), np.empty((horizon, count, 14))
-    torques, rewards = np.empty((horizon, count, 8)), np.empty((horizon, count))
+    anatomy = envs.task.anatomy
+    qpos = np.empty((horizon, count, anatomy.num_positions))
+    qvel = np.empty((horizon, count, anatomy.num_velocities))
+    torques, rewards = np.empty((horizon, count, anatomy.num_motors)), np.empty((horizon, count))
+    terms = {name: np.empty((horizon, count)) for name in active(env.reward)}
     airborne = np.empty((horizon, count), dtype=np.bool_)
     lengths = np.zeros(count, dtype=np.int64)
     fell, alive = np.zeros(count, dtype=np.bool_), np.ones(count, dtype=np.bool_)
@@ -68,7 +74,9 @@ def run(
         if step % policy.actions.hold == 0:
             choice = policy.act(observations)
         torques[step] = choice
-        observations, rewards[step], terminated, truncated, _ = envs.step(torques[step])
+        observations, rewards[step], terminated, truncated, infos = envs.step(torques[step])
+        for name, values in terms.items():
+            values[step] = infos[PREFIX + name]
         qpos[step], qvel[step], airborne[step] = envs.qpos, envs.qvel, envs.airborne
         lengths += alive
         fell |= alive & terminated
@@ -84,6 +92,7 @@ def run(
             qvel[:length, i],
             torques[:length, i],
             rewards[:length, i],
+            {name: values[:length, i] for name, values in terms.items()},
             airborne[:length, i],
             bool(fell[i]),
         )

@@ -1,6 +1,9 @@
-"""What every jumping Ant has in common: observation, action, start state and commands.
+"""The task: what a robot observes, how its episodes start and end, and what it is paid for.
 
-Observation, `Box(27,)` float64:
+One object computes all of it from arrays, for the single environment and for the batched one.
+
+Observation, float64: the positions but for the torso's place on the floor, then the velocities. Of
+the Ant, `Box(27,)`:
 
 | index | what | unit |
 |---|---|---|
@@ -11,9 +14,9 @@ Observation, `Box(27,)` float64:
 | 16-18 | angular velocity of the torso in its own frame | rad/s |
 | 19-26 | angular velocities of the joints, in the order of the angles | rad/s |
 
-Action, `Box(-1, 1, (8,))` float32: torque over peak torque of hip_4, ankle_4, hip_1, ankle_1,
-hip_2, ankle_2, hip_3, ankle_3, the robot's actuator order. 0-3 move the two front legs, 4-7 the two
-back legs, where x is forward:
+Action: torque over peak torque of every motor, in the order of the robot's actuators. Of the Ant,
+`Box(-1, 1, (8,))` float32: hip_4, ankle_4, hip_1, ankle_1, hip_2, ankle_2, hip_3, ankle_3. 0-3 move
+the two front legs, 4-7 the two back legs, where x is forward:
 
 | motors | leg in the source | its hip at x, y |
 |---|---|---|
@@ -23,13 +26,14 @@ back legs, where x is forward:
 | 6, 7 | `back_leg` | -0.2, -0.2 |
 
 The source's names of two legs do not fit this; their places do. A positive torque on an ankle
-pushes a front foot down and lifts a back one. So command 3 below pushes all four feet down, command
-4 lifts them, and commands 1 and 2, the same torque on all, tilt the body.
+pushes a front foot down and lifts a back one. So command 3 of the article pushes all four feet
+down, command 4 lifts them, and commands 1 and 2, the same torque on all, tilt the body.
 
-The state's noise, observation and termination are those of Gymnasium's Ant-v5 without contact
-forces, but for the upper height limit, which a jumping Ant must not have.
+Noise of the start state, observation and the lower limit of height are those of Gymnasium's Ant-v5
+without contact forces.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -37,62 +41,143 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.actions import NUM_ACTIONS, ActionSet
+from jumping_ant.actions import ActionSet
+from jumping_ant.base.errors import InputError
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.sim import rewards
+from jumping_ant.sim.anatomy import Anatomy
 
-DROP_HEIGHT = 1.3  # [m] of a tumbled start: no outstretched leg reaches the floor
+Array = NDArray[np.float64]
 
 
-def action_space(actions: ActionSet) -> gym.Space[Any]:
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a control step brought to n simulations.
+
+    Attributes:
+        rewards: Shape (n,).
+        terms: What each term of the reward added to it, shape (n,) each.
+        terminated: Whether the episode ended, shape (n,).
+    """
+
+    rewards: Array
+    terms: dict[str, Array]
+    terminated: NDArray[np.bool_]
+
+
+def action_space(actions: ActionSet, num_motors: int) -> gym.Space[Any]:
     """Return the space of one choice from an action set."""
     if actions.table is not None:
         return gym.spaces.Discrete(len(actions.table))
-    return gym.spaces.Box(-1.0, 1.0, (NUM_ACTIONS,), np.float32)
+    return gym.spaces.Box(-1.0, 1.0, (num_motors,), np.float32)
 
 
-def observation_space() -> gym.spaces.Box:
-    """Return the space of one observation."""
-    return gym.spaces.Box(-np.inf, np.inf, (27,), np.float64)
-
-
-def observe(qpos: NDArray[np.float64], qvel: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the observation of each state.
-
-    Args:
-        qpos: Positions, shape (num_envs, 15).
-        qvel: Velocities, shape (num_envs, 14).
-
-    Returns:
-        Observations, shape (num_envs, 27). Entries that are not finite read zero: such a state
-        ends its episode, and learners must not be fed what it holds.
-    """
-    observations = np.concatenate([qpos[:, 2:], qvel], axis=1)
-    if not np.isfinite(observations).all():
-        observations[~np.isfinite(observations)] = 0.0
-    return observations
-
-
-def start_state(
-    model: mujoco.MjModel,
-    noise_scale: float,
-    generator: np.random.Generator,
-    tumbled: float = 0.0,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Draw a start state, as Ant-v5 draws it, or a tumbled one.
+class Task:
+    """The task of a robot.
 
     Args:
         model: The robot.
-        noise_scale: Half width of the positions' uniform noise, and deviation of the velocities'.
-        generator: Where the noise comes from; it is advanced by one episode.
-        tumbled: Chance that the robot starts in the air in any orientation, all of them equally
-            likely, so that it lands on its back as often as on its feet.
+        params: The task's parameters.
 
-    Returns:
-        Positions, shape (15,), and velocities, shape (14,).
+    Attributes:
+        anatomy: Sizes and coordinates of the robot.
+        dt: Duration of a control step [s].
+
+    Raises:
+        InputError: Robot and parameters do not fit together.
     """
-    qpos = model.qpos0 + generator.uniform(-noise_scale, noise_scale, model.nq)
-    qvel = noise_scale * generator.standard_normal(model.nv)
-    if tumbled > 0 and generator.random() < tumbled:
-        quaternion = generator.standard_normal(4)
-        qpos[3:7] = quaternion / np.linalg.norm(quaternion)
-        qpos[2] = DROP_HEIGHT
-    return qpos, qvel
+
+    def __init__(self, model: mujoco.MjModel, params: EnvParams) -> None:
+        self.params = params
+        self.anatomy = Anatomy.of(model)
+        self.dt = float(model.opt.timestep) * params.frame_skip
+        self._start_qpos = model.qpos0.copy()
+        if (width := len(params.commands[0])) != self.anatomy.num_motors:
+            raise InputError(
+                f"env.commands: given rows of {width} torques, allowed: the robot's "
+                f"{self.anatomy.num_motors} motors"
+            )
+
+    @property
+    def observation_space(self) -> gym.spaces.Box:
+        """The space of one observation."""
+        return gym.spaces.Box(-np.inf, np.inf, (self.anatomy.num_observations,), np.float64)
+
+    def action_space(self, actions: ActionSet) -> gym.Space[Any]:
+        """Return the space of one choice from an action set."""
+        return action_space(actions, self.anatomy.num_motors)
+
+    def observe(self, qpos: Array, qvel: Array) -> Array:
+        """Return the observation of each state.
+
+        Args:
+            qpos: Positions, shape (n, num_positions).
+            qvel: Velocities, shape (n, num_velocities).
+
+        Returns:
+            Observations, shape (n, num_observations). Entries that are not finite read zero: such a
+            state ends its episode, and learners must not be fed what it holds.
+        """
+        observations = np.concatenate([qpos[:, self.anatomy.num_horizontal :], qvel], axis=1)
+        if not np.isfinite(observations).all():
+            observations[~np.isfinite(observations)] = 0.0
+        return observations
+
+    def start_state(
+        self, generator: np.random.Generator, tumbled: float = 0.0
+    ) -> tuple[Array, Array]:
+        """Draw a start state, as Gymnasium's Ant-v5 draws it, or a tumbled one.
+
+        Args:
+            generator: Where the noise comes from; it is advanced by one episode.
+            tumbled: Chance that the robot starts in the air in any orientation, all of them equally
+                likely, so that it lands on its back as often as on its feet.
+
+        Returns:
+            Positions, shape (num_positions,), and velocities, shape (num_velocities,).
+        """
+        anatomy, noise = self.anatomy, self.params.reset_noise_scale
+        qpos = self._start_qpos + generator.uniform(-noise, noise, anatomy.num_positions)
+        qvel = noise * generator.standard_normal(anatomy.num_velocities)
+        if tumbled > 0 and generator.random() < tumbled:
+            if anatomy.is_free:
+                quaternion = generator.standard_normal(4)
+                qpos[anatomy.orientation] = quaternion / np.linalg.norm(quaternion)
+            else:
+                qpos[anatomy.orientation] = generator.uniform(-np.pi, np.pi)
+            qpos[anatomy.height_address] = self.params.drop_height - anatomy.height_offset
+        return qpos, qvel
+
+    def judge(self, qpos: Array, qvel: Array, torques: Array, travel: Array) -> Outcome:
+        """Return the reward of a control step and whether it ended the episode.
+
+        An episode ends where the torso is too low, too high or tilted too far, or the state is not
+        finite.
+
+        A state that is not finite earns nothing.
+
+        Args:
+            qpos: Positions after it, shape (n, num_positions).
+            qvel: Velocities after it, shape (n, num_velocities).
+            torques: Torques over peak torques that it held, shape (n, num_motors).
+            travel: Way of the torsos along x in it [m], shape (n,).
+        """
+        params = self.params
+        heights = self.anatomy.heights(qpos)
+        finite = np.isfinite(qpos).all(axis=1) & np.isfinite(qvel).all(axis=1)
+        terminated: NDArray[np.bool_] = np.logical_not(finite)
+        if params.min_torso_height is not None:
+            terminated |= heights < params.min_torso_height
+        if params.max_torso_height is not None:
+            terminated |= heights > params.max_torso_height
+        if params.max_tilt is not None:
+            terminated |= self.anatomy.uprightness(qpos) < np.cos(params.max_tilt)
+        step = rewards.ControlStep(
+            self.anatomy, qpos, heights, travel / self.dt, torques, terminated
+        )
+        terms = rewards.terms(step, params.reward)
+        if not finite.all():
+            for values in terms.values():
+                values[~finite] = 0.0
+        total = sum(terms.values(), start=np.zeros(len(qpos)))
+        return Outcome(total, terms, terminated)

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from zipfile import BadZipFile
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_bytes
+from jumping_ant.sim.rewards import PREFIX
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,10 +19,11 @@ class Trajectory:
     """An episode of T control steps of k = `frame_skip` simulation steps each.
 
     Attributes:
-        qpos: Positions after every simulation step, the start state first, (T * k + 1, 15).
-        qvel: Velocities likewise, (T * k + 1, 14).
-        ctrl: Torques over peak torques held in each control step, in [-1, 1], (T, 8).
-        reward_height: Height reward of each control step, (T,).
+        qpos: Positions after every simulation step, the start state first, (T * k + 1, nq).
+        qvel: Velocities likewise, (T * k + 1, nv).
+        torques: Torques over peak torques held in each control step, in [-1, 1], (T, num_motors).
+        rewards: Of each control step, (T,).
+        terms: What each term of the reward added to it, (T,) each.
         seed: The agent's seed.
         episode: Number of the episode among that seed's.
         episode_return: Sum of its rewards.
@@ -33,8 +36,9 @@ class Trajectory:
 
     qpos: NDArray[np.float64]
     qvel: NDArray[np.float64]
-    ctrl: NDArray[np.float64]
-    reward_height: NDArray[np.float64]
+    torques: NDArray[np.float64]
+    rewards: NDArray[np.float64]
+    terms: dict[str, NDArray[np.float64]]
     seed: int
     episode: int
     episode_return: float
@@ -42,23 +46,38 @@ class Trajectory:
     frame_skip: int
 
     def __post_init__(self) -> None:
-        steps = len(self.ctrl)
+        steps = len(self.torques)
         if steps == 0 or self.timestep <= 0 or self.frame_skip < 1:
             raise ValueError(
                 f"given {steps} control steps of {self.frame_skip} simulation steps of "
                 f"{self.timestep} s; allowed: at least one of each, of a positive duration"
             )
         rows = steps * self.frame_skip + 1
-        expected = {
-            "qpos": (rows, 15),
-            "qvel": (rows, 14),
-            "ctrl": (steps, 8),
-            "reward_height": (steps,),
+        arrays = {"qpos": self.qpos, "qvel": self.qvel, "torques": self.torques}
+        for name, array in arrays.items():
+            length = steps if name == "torques" else rows
+            if array.ndim != 2 or len(array) != length:
+                raise ValueError(f"{name}: given shape {array.shape}, allowed: {length} rows")
+        series = {"rewards": self.rewards} | {
+            PREFIX + name: term for name, term in self.terms.items()
         }
-        for name, shape in expected.items():
-            given = getattr(self, name).shape
-            if given != shape:
-                raise ValueError(f"{name}: given shape {given}, allowed: {shape}")
+        for name, array in series.items():
+            if array.shape != (steps,):
+                raise ValueError(f"{name}: given shape {array.shape}, allowed: {(steps,)}")
+
+    def check(self, model: mujoco.MjModel) -> None:
+        """Refuse to be shown with another robot.
+
+        Raises:
+            InputError: The sizes differ.
+        """
+        given = self.qpos.shape[1], self.qvel.shape[1], self.torques.shape[1]
+        if given != (model.nq, model.nv, model.nu):
+            raise InputError(
+                "trajectory: given states of {} positions and {} velocities and {} torques, "
+                "allowed: the robot's {}, {} and {}; it shows another robot, and `dvc repro` "
+                "evaluates this one".format(*given, model.nq, model.nv, model.nu)
+            )
 
     def rows(self, stride: int = 1, seconds: float = np.inf) -> NDArray[np.int64]:
         """Choose states to show: every `stride`-th of the episode's first seconds.
@@ -88,8 +107,26 @@ class Trajectory:
         buffer = io.BytesIO()
         # Uncompressed: trajectories are noise to a compressor, and its versions differ. NumPy
         # gives every entry the same date.
-        np.savez(buffer, allow_pickle=False, **vars(self))
+        terms = {PREFIX + name: values for name, values in self.terms.items()}
+        fields = {name: value for name, value in vars(self).items() if name != "terms"}
+        np.savez(buffer, allow_pickle=False, **fields, **terms)
         write_bytes(path, buffer.getvalue())
+
+
+def frame_stride(timestep: float, fps: int) -> int:
+    """Return the number of simulation steps from one frame to the next.
+
+    Raises:
+        InputError: The frame rate does not divide the simulation's.
+    """
+    rate = round(1 / timestep)
+    if fps > rate or rate % fps:
+        divisors = [str(number) for number in range(1, rate + 1) if rate % number == 0]
+        raise InputError(
+            f"record.fps: given {fps}, allowed: the divisors of the simulation's {rate} Hz: "
+            f"{', '.join(divisors)}"
+        )
+    return rate // fps
 
 
 def load(path: Path) -> Trajectory:
@@ -103,8 +140,13 @@ def load(path: Path) -> Trajectory:
             return Trajectory(
                 qpos=content["qpos"].astype(np.float64, copy=False),
                 qvel=content["qvel"].astype(np.float64, copy=False),
-                ctrl=content["ctrl"].astype(np.float64, copy=False),
-                reward_height=content["reward_height"].astype(np.float64, copy=False),
+                torques=content["torques"].astype(np.float64, copy=False),
+                rewards=content["rewards"].astype(np.float64, copy=False),
+                terms={
+                    name.removeprefix(PREFIX): content[name].astype(np.float64, copy=False)
+                    for name in content
+                    if name.startswith(PREFIX)
+                },
                 seed=int(content["seed"]),
                 episode=int(content["episode"]),
                 episode_return=float(content["episode_return"]),

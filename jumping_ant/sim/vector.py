@@ -1,4 +1,4 @@
-"""Many jumping Ants stepped together on MuJoCo's native thread pool.
+"""Many robots stepped together on MuJoCo's native thread pool.
 
 This is the one simulator core: training, populations and evaluation all step it. Environment `i`
 draws its episodes' noise from a generator of its own, seeded with the `i`-th of the seeds given, so
@@ -9,45 +9,51 @@ from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from mujoco import mjtStage
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.params.models import EnvParams
-from jumping_ant.sim import robot
-from jumping_ant.sim.rewards import is_down, torso_height_reward
-from jumping_ant.sim.task import action_space, observation_space, observe, start_state
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.sim import rewards, robot
+from jumping_ant.sim.task import Outcome, Task
+
+Mask = NDArray[np.bool_]
 
 
-class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]]):
-    """A batch of `JumpingAnt` environments with Gymnasium's vector API.
+class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]]):
+    """A batch of `RobotEnv` environments with Gymnasium's vector API.
 
-    Autoreset is `AutoresetMode.SAME_STEP` by default: an episode that ends is replaced in the same
-    step, its last observation stands in `infos["final_obs"]` and its step's info in
-    `infos["final_info"]`. With `AutoresetMode.DISABLED` ended environments simulate on, and
-    `reset(options={"reset_mask": ...})` restarts those of a mask.
+    What `infos` hold, and the masks `_<key>` beside them, are those of `SyncVectorEnv` in each of
+    its autoreset modes:
+
+    - SAME_STEP, the default: an episode that ends is replaced in the same step, its last
+      observation stands in `infos["final_obs"]` and its step's info in `infos["final_info"]`.
+    - NEXT_STEP: the step after an end ignores the action, and starts an episode instead.
+    - DISABLED: `reset(options={"reset_mask": ...})` restarts those of a mask; ended environments
+      simulate on until then.
 
     Args:
         xml: The robot as MJCF text.
         params: The task.
         num_envs: Number of environments.
         num_threads: Threads that step them; results do not depend on it.
-        autoreset_mode: SAME_STEP or DISABLED.
+        autoreset_mode: What follows the end of an episode.
         actions: What a step's actions are, and how many control steps it holds them for.
         episode_steps: Control steps after which each environment's episodes are truncated, shape
             (num_envs,), infinite for never; by default `params.max_episode_steps`.
-        tumbled_starts: Share of the episodes that start tumbled (see `task.start_state`).
+        tumbled_starts: Share of the episodes that start tumbled (see `Task.start_state`).
 
     Attributes:
+        task: The task, with the robot's anatomy.
+        batch: MuJoCo's batch of simulations.
         generators: Where each environment's noise comes from.
 
     Raises:
-        InputError: The XML is not a robot with the Ant's joints.
-        ValueError: The autoreset mode is not one of the two.
+        InputError: The XML is not a robot, or not one that the task fits.
     """
 
     def __init__(
@@ -58,30 +64,30 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
         num_threads: int = 1,
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
         actions: ActionSet | None = None,
-        episode_steps: NDArray[np.float64] | None = None,
+        episode_steps: NDArray[Any] | None = None,
         tumbled_starts: float = 0.0,
     ) -> None:
-        if autoreset_mode not in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
-            raise ValueError(
-                f"autoreset_mode: given {autoreset_mode}, allowed: SAME_STEP, DISABLED"
-            )
         self.params = params
         self.model = robot.load(xml)
+        self.task = Task(self.model, params)
         self.num_envs = num_envs
         self.metadata = {"autoreset_mode": autoreset_mode}
-        self.single_observation_space = observation_space()
+        self.single_observation_space = self.task.observation_space
         self.actions = actions or ActionSet()
-        self.single_action_space = action_space(self.actions)
+        self.single_action_space = self.task.action_space(self.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._autoreset = autoreset_mode is AutoresetMode.SAME_STEP
-        self._batch = Batch(self.model, num_envs, num_threads)
-        self.qpos = self._batch.bind("qpos")
-        self.qvel = self._batch.bind("qvel")
-        self._ctrl = self._batch.bind("ctrl")
-        self._contacts = self._batch.bind("ncon")
+        self._autoreset = autoreset_mode
+        self.batch = Batch(self.model, num_envs, num_threads)
+        self.qpos = self.batch.bind("qpos")
+        self.qvel = self.batch.bind("qvel")
+        self._ctrl = self.batch.bind("ctrl")
+        self._contacts = self.batch.bind("ncon")
+        self._torso_x = self.batch.bind("xpos")[:, self.task.anatomy.torso, 0]
+        self._last_x = self._torso_x.copy()  # not a part of the state: MuJoCo's is a substep late
         self.generators = [np.random.default_rng() for _ in range(num_envs)]
         self._num_steps = np.zeros(num_envs, dtype=np.int64)
+        self._has_ended = np.zeros(num_envs, dtype=np.bool_)
         self._tumbled_starts = tumbled_starts
         limit = np.full(num_envs, params.max_episode_steps)
         self._episode_steps = limit if episode_steps is None else episode_steps
@@ -89,10 +95,10 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
     @property
     def dt(self) -> float:
         """Duration of a control step [s]."""
-        return float(self.model.opt.timestep) * self.params.frame_skip
+        return self.task.dt
 
     @property
-    def airborne(self) -> NDArray[np.bool_]:
+    def airborne(self) -> Mask:
         """Whether each robot touches nothing, as of the last simulation step, (num_envs,)."""
         return self._contacts == 0
 
@@ -110,7 +116,7 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
             options: `{"reset_mask": mask}` with a boolean mask of shape (num_envs,).
 
         Returns:
-            Observations, shape (num_envs, 27), and info.
+            Observations, shape (num_envs, num_observations), and infos with `torso_height` [m].
 
         Raises:
             ValueError: As many seeds as environments are needed.
@@ -124,72 +130,53 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
                 if mask[index] and own_seed is not None:
                     self.generators[index], _ = gym.utils.seeding.np_random(own_seed)
         self._start_episodes(np.flatnonzero(mask))
-        return observe(self.qpos, self.qvel), {"torso_height": self.qpos[:, 2].copy()}
+        observations = self.task.observe(self.qpos, self.qvel)
+        return observations, _masked({"torso_height": self._heights()}, mask)
 
     def step(
         self, actions: NDArray[Any]
-    ) -> tuple[
-        NDArray[np.float64],
-        NDArray[np.float64],
-        NDArray[np.bool_],
-        NDArray[np.bool_],
-        dict[str, Any],
-    ]:
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask, Mask, dict[str, Any]]:
         """Hold each row's action for `actions.hold` control steps.
 
         Of an environment whose episode ends within them, that end is returned.
 
         Args:
-            actions: Torques in [-1, 1], shape (num_envs, 8), or commands, shape (num_envs,).
+            actions: Torques in [-1, 1], shape (num_envs, num_motors), or commands, (num_envs,).
 
         Returns:
-            Observations (num_envs, 27), rewards, terminations and truncations (num_envs,), and
-            `infos` with `reward_height` and `torso_height` [m], both (num_envs,). Rewards are sums
-            over the control steps.
+            Observations (num_envs, num_observations), rewards, terminations and truncations
+            (num_envs,), and infos with `reward_<term>` and `torso_height` [m], (num_envs,) each.
+            Rewards are sums over the control steps.
         """
-        self._ctrl[:] = self.actions.torques(actions)
-        observations, rewards, terminations, truncations = self._control_step()
-        heights = self.qpos[:, 2].copy()
-        for _ in range(self.actions.hold - 1):
-            alive = ~(terminations | truncations)
-            if not alive.any():
-                break
-            after, reward, terminated, truncated = self._control_step()
-            observations[alive], heights[alive] = after[alive], self.qpos[alive, 2]
-            rewards[alive] += reward[alive]
-            terminations[alive], truncations[alive] = terminated[alive], truncated[alive]
-        infos: dict[str, Any] = {"reward_height": rewards.copy(), "torso_height": heights}
-        done = terminations | truncations
-        if self._autoreset and done.any():
+        restarted = self._has_ended.copy() if self._autoreset is AutoresetMode.NEXT_STEP else None
+        if restarted is not None and restarted.any():
+            return self._step_the_others(actions, restarted)
+        observations, outcome, truncations, heights = self._hold(actions, None)
+        everywhere = np.ones(self.num_envs, dtype=np.bool_)
+        infos = _masked(_reward_infos(outcome), everywhere)
+        infos |= _masked({"torso_height": heights}, everywhere)
+        done = outcome.terminated | truncations
+        self._has_ended = done.copy()
+        if self._autoreset is AutoresetMode.SAME_STEP and done.any():
             final = np.full(self.num_envs, None, dtype=object)
             for index in np.flatnonzero(done):
                 final[index] = observations[index].copy()
-            last = {key: np.where(done, value, 0.0) for key, value in infos.items()}
-            infos |= {"final_obs": final, "_final_obs": done}
-            infos |= {"final_info": last, "_final_info": done}
+            last = _masked(_reward_infos(outcome) | {"torso_height": heights}, done)
             self._start_episodes(np.flatnonzero(done))
-            observations[done] = observe(self.qpos[done], self.qvel[done])
-        return observations, rewards, terminations, truncations, infos
-
-    def _control_step(
-        self,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Simulate one control step; return observations, rewards and both kinds of end."""
-        try:
-            self._batch.step(nstep=self.params.frame_skip)
-        except SimulationError as error:  # MuJoCo gave up on these: their episodes end, alone
-            self.qpos[error.ids] = np.nan
-        self._num_steps += 1
-        rewards = torso_height_reward(self.qpos[:, 2], self.params.reward)
-        terminations = is_down(self.qpos, self.qvel, self.params.min_torso_height)
-        truncations = ~terminations & (self._num_steps >= self._episode_steps)
-        return observe(self.qpos, self.qvel), rewards, terminations, truncations
+            observations[done] = self.task.observe(self.qpos[done], self.qvel[done])
+            infos = _masked(_reward_infos(outcome), ~done)
+            infos |= _masked({"torso_height": np.where(done, self._heights(), heights)}, everywhere)
+            infos |= {"final_obs": final, "_final_obs": done.copy()}
+            infos |= {"final_info": last, "_final_info": done.copy()}
+        return observations, outcome.rewards, outcome.terminated, truncations, infos
 
     def save_state(self) -> dict[str, Any]:
         """Return all that later steps depend on: arrays, and what JSON can express."""
         return {
-            "physics": self._batch.state.copy(),
+            "physics": self.batch.state.copy(),
+            "torso_x": self._last_x.copy(),
             "num_steps": self._num_steps.copy(),
+            "has_ended": self._has_ended.copy(),
             "generators": [generator.bit_generator.state for generator in self.generators],
         }
 
@@ -198,21 +185,102 @@ class JumpingAntVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[A
 
         `airborne` tells of the contacts of the last step, and so nothing until the next.
         """
-        self._batch.state[:] = state["physics"]
+        self.batch.state[:] = state["physics"]
+        self._last_x = state["torso_x"].copy()
         self._num_steps[:] = state["num_steps"]
+        self._has_ended = state["has_ended"].copy()
         for generator, own in zip(self.generators, state["generators"], strict=True):
             generator.bit_generator.state = own
+
+    def _step_the_others(
+        self, actions: NDArray[Any], restarted: Mask
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask, Mask, dict[str, Any]]:
+        """Start an episode where the last step ended one, and step the other environments."""
+        self._start_episodes(np.flatnonzero(restarted))
+        starts, start_heights = self.task.observe(self.qpos, self.qvel), self._heights()
+        observations, outcome, truncations, heights = self._hold(actions, ~restarted)
+        observations[restarted] = starts[restarted]
+        heights = np.where(restarted, start_heights, heights)
+        rewards = np.where(restarted, 0.0, outcome.rewards)
+        terminations = outcome.terminated & ~restarted
+        infos = _masked(_reward_infos(outcome), ~restarted)
+        infos |= _masked({"torso_height": heights}, np.ones(self.num_envs, dtype=np.bool_))
+        self._has_ended = terminations | truncations
+        return observations, rewards, terminations, truncations, infos
+
+    def _hold(
+        self, actions: NDArray[Any], mask: Mask | None
+    ) -> tuple[NDArray[np.float64], Outcome, Mask, NDArray[np.float64]]:
+        """Hold actions; return observations, the outcome, truncations, and heights [m].
+
+        Args:
+            actions: As of `step`.
+            mask: Which environments step; None for all. Rows of the others mean nothing.
+        """
+        torques = np.asarray(self.actions.torques(actions), dtype=np.float64)
+        self._ctrl[:] = torques * self.task.anatomy.control_limits
+        running = None if mask is None else np.flatnonzero(mask)
+        observations, outcome, truncations = self._control_step(torques, running)
+        heights = self._heights()
+        for _ in range(self.actions.hold - 1):
+            alive = ~(outcome.terminated | truncations)
+            if mask is not None:
+                alive &= mask
+            if not alive.any():
+                break
+            after, then, truncated = self._control_step(torques, running)
+            observations[alive], heights[alive] = after[alive], self._heights()[alive]
+            outcome.rewards[alive] += then.rewards[alive]
+            for name, values in outcome.terms.items():
+                values[alive] += then.terms[name][alive]
+            outcome.terminated[alive] = then.terminated[alive]
+            truncations[alive] = truncated[alive]
+        if mask is not None:
+            truncations &= mask
+        return observations, outcome, truncations, heights
+
+    def _control_step(
+        self, torques: NDArray[np.float64], running: NDArray[np.int64] | None
+    ) -> tuple[NDArray[np.float64], Outcome, Mask]:
+        """Simulate one control step; return observations, the outcome and truncations."""
+        before = self._last_x
+        try:
+            self.batch.step(running, nstep=self.params.frame_skip)
+        except SimulationError as error:  # MuJoCo gave up on these: their episodes end, alone
+            self.qpos[error.ids] = np.nan
+        self._num_steps[slice(None) if running is None else running] += 1
+        self._last_x = self._torso_x.copy()
+        outcome = self.task.judge(self.qpos, self.qvel, torques, self._last_x - before)
+        truncations = ~outcome.terminated & (self._num_steps >= self._episode_steps)
+        return self.task.observe(self.qpos, self.qvel), outcome, truncations
+
+    def _heights(self) -> NDArray[np.float64]:
+        return np.array(self.task.anatomy.heights(self.qpos))
 
     def _start_episodes(self, indices: NDArray[np.int64]) -> None:
         if len(indices) == 0:
             return
-        self._batch.reset(indices, stage=mjtStage.mjSTAGE_NONE)
+        self.batch.reset(indices, stage=mujoco.mjtStage.mjSTAGE_NONE)
         for index in indices:
-            self.qpos[index], self.qvel[index] = start_state(
-                self.model,
-                self.params.reset_noise_scale,
-                self.generators[index],
-                self._tumbled_starts,
+            self.qpos[index], self.qvel[index] = self.task.start_state(
+                self.generators[index], self._tumbled_starts
             )
-        self._batch.forward(indices)
+        self.batch.forward(indices)
+        self._last_x[indices] = self._torso_x[indices]
         self._num_steps[indices] = 0
+        self._has_ended[indices] = False
+
+
+def _reward_infos(outcome: Outcome) -> dict[str, NDArray[np.float64]]:
+    return {f"{rewards.PREFIX}{name}": values.copy() for name, values in outcome.terms.items()}
+
+
+def _masked(infos: dict[str, NDArray[np.float64]], mask: Mask) -> dict[str, Any]:
+    """Return infos of some environments as Gymnasium has them: zero elsewhere, a mask beside.
+
+    Those of no environment are left out.
+    """
+    masked: dict[str, Any] = {}
+    for key, values in infos.items() if mask.any() else ():
+        masked |= {key: np.where(mask, values, 0.0), f"_{key}": mask.copy()}
+    return masked

@@ -14,7 +14,7 @@ from mlflow.entities import LoggedModel, Run
 from mlflow.exceptions import MlflowException
 
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.params import params_file
+from jumping_ant.experiment import params_file
 from jumping_ant.tracking import pages, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import ConflictError, failures_as_input_errors

@@ -15,7 +15,9 @@ from mlflow.models import Model, ModelSignature
 from mlflow.types import Schema, TensorSpec
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
+from jumping_ant import policies
 from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.policies import Interface
 from jumping_ant.tracking import pages
 from jumping_ant.tracking.records import SeedRecord
 from jumping_ant.tracking.store import (
@@ -33,7 +35,7 @@ from jumping_ant.tracking.store import (
 
 CHAMPION = "champion"
 ABOUT = (
-    "The jumping Ant: observations (n, 27) in, torques over peak torque (n, 8) out. Hold each "
+    "A jumping robot: observations in, torques over peak torque out, a row each. Hold each "
     "output for as many control steps as the version's tag `hold` says, then ask for the next one. "
     "`champion` is the seed whose policy did best in validation, not on the held-out episodes."
 )
@@ -41,10 +43,6 @@ PACKAGE_DIR = PROJECT_ROOT / "jumping_ant"
 CODE = PACKAGE_DIR / "tracking" / "serving.py"
 # What `jumping_ant.tracking.serving` and all it imports need.
 REQUIREMENTS = ("mlflow", "numpy", "pydantic", "torch")
-SIGNATURE = ModelSignature(
-    inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, 27))]),
-    outputs=Schema([TensorSpec(np.dtype(np.float64), (-1, 8))]),
-)
 
 
 def registered_name(agent: str) -> str:
@@ -200,6 +198,7 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
             _model_tags(record, run),
             record.params,
         )
+    interface = policies.read_interface(record.policy_path)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model"
         mlflow.pyfunc.save_model(
@@ -207,8 +206,8 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
             python_model=str(CODE),
             artifacts={"policy": str(record.policy_path)},
             code_paths=[str(PACKAGE_DIR)],
-            signature=SIGNATURE,
-            input_example=np.zeros((1, 27)),
+            signature=_signature(interface),
+            input_example=np.zeros((1, interface.num_observations or 1)),
             pip_requirements=_requirements(),
             mlflow_model=Model(
                 artifact_path=model.artifact_location,
@@ -219,6 +218,15 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
         )
         store.client.log_model_artifacts(model.model_id, str(path))
     return store.client.finalize_logged_model(model.model_id, "READY")
+
+
+def _signature(interface: Interface) -> ModelSignature:
+    """Return what goes in and out: batches of any size, of any width where none is looked at."""
+    width = interface.num_observations or -1
+    return ModelSignature(
+        inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, width))]),
+        outputs=Schema([TensorSpec(np.dtype(np.float64), (-1, interface.num_motors))]),
+    )
 
 
 @functools.cache

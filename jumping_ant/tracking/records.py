@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from jumping_ant import policies
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.files import digest
 from jumping_ant.base.paths import AgentPaths, Paths
-from jumping_ant.params.models import Params
+from jumping_ant.experiment.models import Params
 from jumping_ant.tracking import descriptions
 from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_json, read_rows
 from jumping_ant.words.looks import looks, remark
@@ -143,7 +144,7 @@ class SeedRecord:
             "policy file in DVC's cache, MD5": self.md5,
         }
         known = {what: value for what, value in origins.items() if value}
-        aside = remark(self.algorithm, self.params["robot"])
+        aside = remark(ALGORITHMS[self.algorithm].is_baseline, self.params["robot"])
         name = f"{self.algorithm} ({aside})" if aside else self.algorithm
         means |= {} if self.validation_return is None else {"validation": self.validation_return}
         return descriptions.policy(name, self.seed, self.hold, means, known)
@@ -214,7 +215,7 @@ class ComparisonRecord:
         figures = sorted(paths.figures.glob("*.*"))
         found = {
             "params.yaml": paths.params,
-            "jumping_ant.json": paths.physique,
+            "robot.json": paths.physique,
             "comparison.json": paths.comparison,
             "results/report.html": paths.report,
             f"media/{paths.lineup.name}": paths.lineup,
@@ -232,7 +233,7 @@ def read(root: Path, params: Params) -> ComparisonRecord:
         InputError: A file is there but damaged.
     """
     found, missing = [], []
-    looked = looks({name: block.algorithm for name, block in params.agents.items()})
+    looked = looks({name: block.is_baseline for name, block in params.agents.items()})
     for agent in params.agents:
         settings = run_params(root, params, agent)
         for seed in params.seeds:
@@ -278,7 +279,9 @@ def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
     physiques = read_json(physique_path) if physique_path.exists() else {}
     physique = physiques.get("after" if is_edited else "before", {})
     numbers = {name: value for name, value in physique.items() if isinstance(value, float)}
-    robot = (params.robot.model_dump() if is_edited else {}) | numbers
+    # MLflow's names take no pattern: edits are one value.
+    edits = params.robot.model_dump() | {"edits": str(params.robot.edits)}
+    robot = (edits if is_edited else {"source": params.robot.source}) | numbers
     return {
         **dict(_flatten(block.model_dump())),
         **dict(_flatten({"env": params.env.model_dump(), "robot": robot})),

@@ -1,8 +1,9 @@
 """A policy as an MLflow model.
 
 MLflow stores this file, the package and the policy file, and runs this file to load the model
-("models from code"): nothing is pickled. The input is a batch of observations, shape (n, 27), the
-output the torques over peak torque, shape (n, 8) (see `jumping_ant.sim.task`).
+("models from code"): nothing is pickled. The input is a batch of observations, shape (n,
+num_observations), the output the torques over peak torque, shape (n, num_motors) (see
+`jumping_ant.sim.task`).
 """
 
 from pathlib import Path
@@ -34,7 +35,7 @@ class ServedPolicy(PythonModel):
         model_input: np.ndarray,  # the one kind of array hint that MLflow knows
         params: dict[str, Any] | None = None,
     ) -> NDArray[np.float64]:
-        """Return torques, shape (n, 8), for observations of shape (n, 27)."""
+        """Return torques (n, num_motors) for observations (n, num_observations)."""
         if len(model_input) != self._num_episodes:
             self._num_episodes = len(model_input)
             self._policy.start(range(self._num_episodes))

@@ -14,7 +14,6 @@ same.
 """
 
 import hashlib
-import importlib
 import json
 import math
 import threading
@@ -29,12 +28,15 @@ from typing import Any, Literal, TextIO
 import numpy as np
 
 from jumping_ant import policies
+from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
+from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import imports, machine
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths, SeedPaths
-from jumping_ant.params.models import AgentParams, EnvParams, Params, TrainingParams
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import EnvParams, TrainingParams
 from jumping_ant.sim import robot, rollout
 from jumping_ant.training import compute
 from jumping_ant.training.checkpoints import Checkpoints, Saved
@@ -136,7 +138,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 def train_seed(
     xml: str,
     env: EnvParams,
-    agent: AgentParams,
+    agent: AgentBlock,
     training: TrainingParams,
     seed: int,
     stop: threading.Event,
@@ -157,7 +159,6 @@ def train_seed(
         saved: Where to resume from.
         checkpoint_seconds: Time from one checkpoint to the next [s].
     """
-    trainer = importlib.import_module(f"jumping_ant.agents.{agent.trainer}.trainer")
     episode_seeds = [training.evaluation_seed + i for i in range(training.evaluation_episodes)]
     started = last = time.perf_counter()
     paused = -saved.seconds if saved else 0.0
@@ -165,7 +166,7 @@ def train_seed(
     def is_checkpoint_due() -> bool:
         return stop.is_set() or time.perf_counter() - last >= checkpoint_seconds
 
-    for event in trainer.train(
+    job = Job(
         xml,
         env,
         agent,
@@ -174,7 +175,8 @@ def train_seed(
         num_threads,
         saved.content if saved else None,
         is_checkpoint_due,
-    ):
+    )
+    for event in trainer_of(agent)(job):
         now = time.perf_counter()
         report = Report(event, now - started - paused)
         if isinstance(event, Snapshot):
@@ -192,7 +194,7 @@ def train_seed(
         paused += time.perf_counter() - now
 
 
-def dependencies(xml: str, params: Params, agent: AgentParams) -> str:
+def dependencies(xml: str, params: Params, agent: AgentBlock) -> str:
     """Return the digest of all that the bytes of an agent's seeds depend on.
 
     These are the robot, the parameters, the code of training and of the agent's trainer, and the
@@ -203,8 +205,10 @@ def dependencies(xml: str, params: Params, agent: AgentParams) -> str:
         params: All parameters; of them the task and how snapshots are evaluated count.
         agent: The agent's block.
     """
-    trainer = Path(__file__).parents[1] / "agents" / agent.trainer / "trainer.py"
-    code = sorted(imports.closure(Path(__file__), trainer))
+    families = Path(__file__).parents[1] / "agents"
+    own = families / agent.trainer
+    files = imports.closure(Path(__file__), own / "trainer.py") | set(own.rglob("*.py"))
+    code = [file for file in sorted(files) if _is_of(file, own, families)]
     content = {
         "robot": xml,
         "params": [block.model_dump() for block in (params.env, params.training, agent)],
@@ -212,6 +216,11 @@ def dependencies(xml: str, params: Params, agent: AgentParams) -> str:
         "machine": machine.describe(),
     }
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+def _is_of(file: Path, own: Path, families: Path) -> bool:
+    """Tell whether a file is of one family of agents, or of none."""
+    return file.is_relative_to(own) or file.parent == families or families not in file.parents
 
 
 class _Seed:

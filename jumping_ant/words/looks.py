@@ -12,7 +12,6 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREYS = ("#7F7F7F", "#ABABAB")
 DASHES = ("--", ":", "-.")
 INK = "#333333"
-BASELINES = ("random", "open_loop")  # algorithms that learn nothing
 LONG_AXIS = 30.0  # values further apart than by this factor get a logarithmic axis
 VERDICTS = {"supported": "#00795A", "refuted": "#B4461B", "inconclusive": "#6B7280"}
 
@@ -26,27 +25,26 @@ class Look:
     line: str
 
 
-def looks(algorithms: Mapping[str, str]) -> dict[str, Look]:
+def looks(baselines: Mapping[str, bool]) -> dict[str, Look]:
     """Return each agent's look.
 
     Args:
-        algorithms: What each agent runs, by its name, in the order of `params.yaml`.
+        baselines: Whether each agent is a baseline, by its name, in the order of `params.yaml`.
     """
-    learners = [name for name, algorithm in algorithms.items() if not is_baseline(algorithm)]
+    learners = [name for name, is_baseline in baselines.items() if not is_baseline]
     drawn = {
         name: Look(COLOURS[i % len(COLOURS)], MARKERS[i % len(MARKERS)], "-")
         for i, name in enumerate(learners)
     }
-    baselines = [name for name in algorithms if name not in drawn]
-    for i, name in enumerate(baselines):
+    for i, name in enumerate(name for name in baselines if name not in drawn):
         grey = GREYS[i // len(DASHES) % len(GREYS)]
         drawn[name] = Look(grey, "x", DASHES[i % len(DASHES)])
-    return {name: drawn[name] for name in algorithms}
+    return {name: drawn[name] for name in baselines}
 
 
-def label(name: str, algorithm: str) -> str:
+def label(name: str, algorithm: str, is_baseline: bool) -> str:
     """Return the name to print: an algorithm's acronym in capitals, other names as given."""
-    return name.upper() if name == algorithm and not is_baseline(algorithm) else name
+    return name.upper() if name == algorithm and not is_baseline else name
 
 
 def of_sample(label: str, drawn: Mapping[str, Look]) -> Look:
@@ -64,12 +62,7 @@ def is_long(values: Sequence[float]) -> bool:
     return bool(values) and min(values) >= 1 and max(values) > LONG_AXIS * min(values)
 
 
-def remark(algorithm: str, robot: str) -> str:
+def remark(is_baseline: bool, robot: str) -> str:
     """Return what sets an agent apart from those that learn on the edited robot, if anything."""
-    parts = ["baseline"] if is_baseline(algorithm) else []
+    parts = ["baseline"] if is_baseline else []
     return ", ".join([*parts, *(["unedited robot"] if robot == "unedited" else [])])
-
-
-def is_baseline(algorithm: str) -> bool:
-    """Return whether an algorithm learns nothing."""
-    return algorithm in BASELINES

@@ -35,7 +35,7 @@ MEASURES = {
     "jumps": Measure("Jumps", "", "Times off the ground for long enough.", 0),
     "airborne_seconds": Measure("Airborne", "s", "Time without any contact.", 1),
     "flight": Measure("Flight", "", "Share of the control steps that end without any contact.", 1),
-    "smoothness": Measure(
+    "torque_change": Measure(
         "Torque change",
         "",
         "Mean squared change of torque over peak torque from step to step; none at rest.",

@@ -1,7 +1,10 @@
 """PGPE: EvoTorch's own problem and search, on a batch of simulations."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+import small_agents
 import torch
 from evotorch import SolutionBatch
 from evotorch.neuroevolution import GymNE
@@ -10,11 +13,12 @@ from evotorch.neuroevolution.net import RunningStat
 from jumping_ant import policies
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Finished, Progress, Snapshot
-from jumping_ant.agents.evolution.problem import SOLUTION_LENGTH, JumpProblem
+from jumping_ant.agents.evolution.problem import JumpProblem
 from jumping_ant.agents.evolution.trainer import train
+from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive
-from jumping_ant.params import params_file
-from jumping_ant.sim.env import Decisions, JumpingAnt
+from jumping_ant.experiment import params_file
+from jumping_ant.sim.env import Decisions, RobotEnv
 
 PARAMS = params_file.load()
 AGENT = PARAMS.agents["pgpe"].model_copy(
@@ -35,7 +39,7 @@ def test_returns_are_those_of_gymne(
     task = PARAMS.env.model_copy(update={"max_episode_steps": agent.episode_steps})
     generator = np.random.default_rng(0)
     seen = generator.normal(0.5, 2.0, (500, 27)).astype(np.float32)
-    solutions = torch.from_numpy(generator.normal(0, 0.2, (6, SOLUTION_LENGTH))).float()
+    solutions = torch.from_numpy(generator.normal(0, 0.2, (6, 8 * 28))).float()
 
     problem = JumpProblem(robot_xml, PARAMS.env, agent, seed=10)
     for observation in seen:
@@ -47,9 +51,9 @@ def test_returns_are_those_of_gymne(
     for index in range(6):
 
         def start_like_ours(seed: int = derive(10, "starts", index)) -> Decisions:
-            env = JumpingAnt(robot_xml, task)
+            env = RobotEnv(robot_xml, task)
             env.reset(seed=seed)  # a batch draws one episode when it is made
-            return Decisions(env, ActionSet.of(agent.actions))
+            return Decisions(env, ActionSet.of(agent.actions, task.commands))
 
         reference = GymNE(
             start_like_ours,
@@ -72,8 +76,8 @@ def test_the_policy_scores_what_the_solution_scored(robot_xml: str) -> None:
     problem = JumpProblem(robot_xml, PARAMS.env, agent, seed=0)
     batch = problem.generate_batch(6)
     problem.evaluate(batch)
-    policy = problem.policy(batch[2].values, torch.zeros(SOLUTION_LENGTH))
-    env = JumpingAnt(robot_xml, PARAMS.env)
+    policy = problem.policy(batch[2].values, torch.zeros(8 * 28))
+    env = RobotEnv(robot_xml, PARAMS.env)
     env.reset(seed=derive(0, "starts", 2))
     observation, _ = env.reset()
     total = 0.0
@@ -83,14 +87,16 @@ def test_the_policy_scores_what_the_solution_scored(robot_xml: str) -> None:
     assert problem.returns[2] == pytest.approx(total, rel=1e-3, abs=1e-6)
 
 
-def test_the_seed_alone_determines_the_run(robot_xml: str) -> None:
-    runs = [list(train(robot_xml, PARAMS.env, AGENT, seed, 3)) for seed in (1, 1, 2)]
+@pytest.mark.parametrize("name", small_agents.of_family("evolution"))
+def test_the_seed_alone_determines_the_run(robot_xml: str, name: str) -> None:
+    agent: Any = small_agents.agents()[name]
+    runs = [list(train(Job(robot_xml, PARAMS.env, agent, seed, 3))) for seed in (1, 1, 2)]
     assert runs[0][-1].policy == runs[1][-1].policy
     assert runs[0][-1].policy != runs[2][-1].policy
 
 
 def test_the_policy_tells_how_wide_the_search_still_is(robot_xml: str) -> None:
-    events = list(train(robot_xml, PARAMS.env, AGENT, 0, evaluations=1))
+    events = list(train(Job(robot_xml, PARAMS.env, AGENT, 0)))
     policy = policies.load(events[-1].policy)
     spread = np.append(policy.weight_spread, policy.bias_spread)
     told = [event.extra["stdev_mean"] for event in events if isinstance(event, Progress)]
@@ -102,7 +108,7 @@ def test_the_policy_tells_how_wide_the_search_still_is(robot_xml: str) -> None:
 
 
 def test_events_tell_the_run(robot_xml: str) -> None:
-    events = list(train(robot_xml, PARAMS.env, AGENT, 0, evaluations=3))
+    events = list(train(Job(robot_xml, PARAMS.env, AGENT, 0, evaluations=3)))
     rows = [event for event in events if isinstance(event, Progress)]
     assert [row.updates for row in rows] == [1, 2, 3]
     assert [row.episodes for row in rows] == [6, 12, 18]

@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,15 +15,15 @@ from stable_baselines3.common.buffers import NStepReplayBuffer, ReplayBuffer
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.off_policy import trainer
-from jumping_ant.agents.off_policy.adam import FlatAdam, denormals_flushed
-from jumping_ant.agents.off_policy.mlp import MLP
-from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer
-from jumping_ant.params import params_file
+from jumping_ant.agents.off_policy.lean.adam import FlatAdam, denormals_flushed
+from jumping_ant.agents.off_policy.lean.mlp import MLP, Pass
+from jumping_ant.agents.off_policy.lean.replay import BatchedReplayBuffer
+from jumping_ant.experiment import params_file
 
 PARAMS = params_file.load()
 ENV = PARAMS.env.model_copy(update={"max_episode_steps": 45})
-STOCK = {"LeanDQN": DQN, "LeanSAC": SAC}
 
 
 def filled_model(xml: str, name: str, **changes: object) -> OffPolicyAlgorithm:
@@ -54,10 +55,10 @@ def test_updates_are_those_of_sb3(
 ) -> None:
     lean = filled_model(robot_xml, name, **changes)
     with monkeypatch.context() as patch:
-        for attribute, stock in STOCK.items():
-            patch.setattr(trainer, attribute, stock)
+        stock = replace(ALGORITHMS[name], learner=f"stable_baselines3:{name.upper()}")
+        patch.setitem(ALGORITHMS, name, stock)
         reference = filled_model(robot_xml, name, **changes)
-    assert type(reference) in STOCK.values() and type(lean) not in STOCK.values()
+    assert type(reference) in (DQN, SAC) and type(lean) not in (DQN, SAC)
     start = weights(lean)
     assert torch.equal(start, weights(reference))
 
@@ -165,9 +166,12 @@ def test_gradients_are_those_of_autograd() -> None:
     outputs = reference(inputs)
     outputs.backward(gradient)
     with torch.no_grad():
-        assert torch.allclose(mlp.forward(inputs), outputs, atol=1e-6)
-        assert torch.allclose(mlp.input_gradient(gradient, first=2), inputs.grad[:, 2:], atol=1e-6)
-        by_inputs = mlp.backward(gradient.clone(), to_inputs=True)
+        kept, other = Pass(), Pass()
+        assert torch.allclose(mlp.forward(inputs, kept), outputs, atol=1e-6)
+        mlp.forward(torch.ones(20, 6), other)  # leaves the first pass alone
+        by_part = mlp.input_gradient(gradient, kept, first=2)
+        assert torch.allclose(by_part, inputs.grad[:, 2:], atol=1e-6)
+        by_inputs = mlp.backward(gradient.clone(), kept, to_inputs=True)
     assert torch.allclose(by_inputs, inputs.grad, atol=1e-6)
     for mine, theirs in zip(network.parameters(), reference.parameters(), strict=True):
         assert torch.allclose(mine.grad, theirs.grad, atol=1e-6)
@@ -175,6 +179,7 @@ def test_gradients_are_those_of_autograd() -> None:
 
 def test_means_of_silent_neurons_vanish() -> None:
     """Left alone they stay denormal, the smallest numbers there are, and cost a hundredfold."""
+    torch.set_num_threads(1)  # as in the pipeline; others would keep their denormals
     tiny = torch.finfo(torch.float32).tiny
     network = torch.nn.Linear(8, 8)
     optimizer = torch.optim.Adam(network.parameters())

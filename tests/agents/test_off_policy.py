@@ -1,23 +1,25 @@
-"""DQN and SAC: Stable-Baselines3's own loop, with what this project adds to it."""
+"""Off-policy algorithms: Stable-Baselines3's own loop, with what this project adds to it."""
 
 import io
 
 import gymnasium as gym
 import numpy as np
 import pytest
+import small_agents
 import torch
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Finished, Progress, Snapshot
+from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, train
 from jumping_ant.base.archive import unpack
 from jumping_ant.base.seeding import derive
-from jumping_ant.params import params_file
-from jumping_ant.sim.env import Decisions, JumpingAnt
+from jumping_ant.sim.env import Decisions, RobotEnv
 
-PARAMS = params_file.load()
+PARAMS = small_agents.PARAMS
+NAMES = small_agents.of_family("off_policy")
 ENV = PARAMS.env.model_copy(update={"max_episode_steps": 60})
 SMALL = {
     "total_steps": 240,
@@ -45,15 +47,15 @@ def trained_weights(events: list) -> bytes:
 
 
 @pytest.mark.parametrize("hold", [1, 3])
-@pytest.mark.parametrize("name", ["dqn", "sac"])
+@pytest.mark.parametrize("name", NAMES)
 def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, hold: int) -> None:
     """Against SB3 as anyone would call it: its own `learn`, on Gymnasium's single environment."""
     agent = small(name, hold)
 
     def single() -> gym.Env:
         task = ENV.model_copy(update={"max_episode_steps": agent.episode_steps})
-        env: gym.Env = gym.wrappers.DtypeObservation(JumpingAnt(robot_xml, task), np.float32)
-        return Monitor(Decisions(env, ActionSet.of(agent.actions)))
+        env: gym.Env = gym.wrappers.DtypeObservation(RobotEnv(robot_xml, task), np.float32)
+        return Monitor(Decisions(env, ActionSet.of(agent.actions, task.commands)))
 
     torch.set_num_threads(1)
     envs = DummyVecEnv([single])
@@ -61,7 +63,7 @@ def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, hold: in
     envs.seed(derive(3, "starts"))
     reference.learn(agent.total_steps // hold)
 
-    events = list(train(robot_xml, ENV, agent, seed=3, evaluations=2))
+    events = list(train(Job(robot_xml, ENV, agent, seed=3, evaluations=2)))
     ours = make_model(make_envs(robot_xml, ENV, agent, seed=4), agent, seed=4)
     ours.policy.load_state_dict(read_weights(events[-1].policy))
     for theirs, mine in zip(reference.policy.parameters(), ours.policy.parameters(), strict=True):
@@ -72,20 +74,20 @@ def read_weights(policy: bytes) -> dict:
     return torch.load(io.BytesIO(unpack(policy)["policy.pth"]), weights_only=True)
 
 
-@pytest.mark.parametrize("name", ["dqn", "sac"])
+@pytest.mark.parametrize("name", NAMES)
 def test_the_seed_alone_determines_the_policy(robot_xml: str, name: str) -> None:
     agent = small(name, num_envs=4)
-    runs = [list(train(robot_xml, ENV, agent, seed, evaluations=2)) for seed in (1, 1, 2)]
+    runs = [list(train(Job(robot_xml, ENV, agent, seed, evaluations=2))) for seed in (1, 1, 2)]
     assert runs[0][-1].policy == runs[1][-1].policy
     assert trained_weights(runs[0]) != trained_weights(runs[2])
 
 
 @pytest.mark.parametrize("hold", [1, 3])
-@pytest.mark.parametrize("name", ["dqn", "sac"])
+@pytest.mark.parametrize("name", NAMES)
 def test_events_tell_the_run(robot_xml: str, name: str, hold: int) -> None:
     """In control steps, however long a decision lasts; rows and updates go by decisions."""
     agent = small(name, hold, num_envs=2, gradient_steps=2)
-    events = list(train(robot_xml, ENV, agent, seed=0, evaluations=3))
+    events = list(train(Job(robot_xml, ENV, agent, seed=0, evaluations=3)))
     rows = [event for event in events if isinstance(event, Progress)]
     evaluated = [80, 160, 240]
     logged = range(agent.log_interval * hold, 241, agent.log_interval * hold)

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from commands import COMMAND_SIGNS
 
 from jumping_ant import policies
-from jumping_ant.actions import COMMAND_SIGNS
 from jumping_ant.agents.events import Finished, Progress, Snapshot
+from jumping_ant.agents.job import Job
+from jumping_ant.agents.open_loop.algorithms import OpenLoopParams
 from jumping_ant.agents.open_loop.trainer import metronome, train
 from jumping_ant.base.seeding import derive_all
-from jumping_ant.params.models import OpenLoopParams, Params
+from jumping_ant.experiment.models import Params
 from jumping_ant.sim import rollout
 
 AGENT = OpenLoopParams(
@@ -16,6 +18,7 @@ AGENT = OpenLoopParams(
     robot="edited",
     algorithm="open_loop",
     amplitude=0.75,
+    commands=[3, 4],
     half_periods=[1, 4, 2],
     episodes=3,
     episode_steps=60,
@@ -24,7 +27,7 @@ AGENT = OpenLoopParams(
 
 @pytest.fixture(scope="module")
 def events(robot_xml: str, known_params: Params) -> list:
-    return list(train(robot_xml, known_params.env, AGENT, seed=5, evaluations=9))
+    return list(train(Job(robot_xml, known_params.env, AGENT, seed=5, evaluations=9)))
 
 
 def test_the_best_rhythm_is_kept(events: list, robot_xml: str, known_params: Params) -> None:
@@ -33,7 +36,9 @@ def test_the_best_rhythm_is_kept(events: list, robot_xml: str, known_params: Par
     starts, returns = derive_all(5, "starts", AGENT.episodes), {}
     rows = [event for event in events if isinstance(event, Progress)]
     for row, half_period in zip(rows, AGENT.half_periods, strict=True):
-        episodes = rollout.run(robot_xml, env, metronome(0.75, half_period), starts)
+        episodes = rollout.run(
+            robot_xml, env, metronome(AGENT, known_params.env, half_period), starts
+        )
         values = np.array([episode.rewards.sum() for episode in episodes])
         assert (row.return_mean, row.return_std) == pytest.approx((values.mean(), values.std()))
         assert row.extra == {"half_period": half_period}
@@ -43,7 +48,7 @@ def test_the_best_rhythm_is_kept(events: list, robot_xml: str, known_params: Par
     assert best != AGENT.half_periods[0], "not by being the first"
     snapshot, finished = events[-2:]
     assert isinstance(snapshot, Snapshot) and isinstance(finished, Finished)
-    assert snapshot.policy == finished.policy == metronome(0.75, best).to_bytes()
+    assert snapshot.policy == finished.policy == metronome(AGENT, known_params.env, best).to_bytes()
 
 
 def test_control_steps_are_counted(robot_xml: str, known_params: Params, events: list) -> None:
@@ -53,10 +58,12 @@ def test_control_steps_are_counted(robot_xml: str, known_params: Params, events:
     assert AGENT.max_env_steps == 3 * full
     high = known_params.env.model_copy(update={"min_torso_height": 0.55})
     starts = derive_all(5, "starts", AGENT.episodes)
-    steps, expected = [event.env_steps for event in train(robot_xml, high, AGENT, 5, 1)], []
+    steps, expected = [event.env_steps for event in train(Job(robot_xml, high, AGENT, 5))], []
     limited = high.model_copy(update={"max_episode_steps": AGENT.episode_steps})
     for half_period in AGENT.half_periods:
-        episodes = rollout.run(robot_xml, limited, metronome(0.75, half_period), starts)
+        episodes = rollout.run(
+            robot_xml, limited, metronome(AGENT, known_params.env, half_period), starts
+        )
         expected.append(sum(len(episode.rewards) for episode in episodes))
     assert steps[:3] == np.cumsum(expected).tolist()
     assert expected[0] < full
@@ -74,7 +81,7 @@ def test_the_policy_plays_a_square_wave(events: list, robot_xml: str, known_para
 
 def test_the_seed_alone_determines_the_run(robot_xml: str, known_params: Params) -> None:
     first, second, other = (
-        list(train(robot_xml, known_params.env, AGENT, seed, 1, num_threads))
+        list(train(Job(robot_xml, known_params.env, AGENT, seed, 1, num_threads)))
         for seed, num_threads in ((1, 1), (1, 2), (2, 1))
     )
     assert first == second

@@ -4,56 +4,49 @@ from typing import Any
 
 import numpy as np
 import pytest
+import small_agents
 
-from jumping_ant.agents.evolution import trainer as evolution
-from jumping_ant.agents.off_policy import trainer as off_policy
-from jumping_ant.agents.open_loop import trainer as open_loop
-from jumping_ant.params import params_file
-from jumping_ant.sim import vector
+from jumping_ant.agents.job import Job, trainer_of
+from jumping_ant.sim.task import Task
 
-PARAMS = params_file.load()
 EPISODE_STEPS, NUM_STARTS = 10, 6
 NETWORKS = {
     "total_steps": 240,
     "num_envs": NUM_STARTS,
     "episode_steps": EPISODE_STEPS,
     "long_episodes": 0.0,
+    "tumbled_starts": 0.0,
     "learning_starts": 1000,
     "net_arch": [8],
 }
-SMALL: dict[str, tuple[Any, dict[str, Any]]] = {
-    "dqn": (off_policy, NETWORKS),
-    "sac": (off_policy, NETWORKS),
-    "pgpe": (
-        evolution,
-        {"generations": 2, "population_size": NUM_STARTS, "episode_steps": EPISODE_STEPS},
-    ),
-    "metronome": (
-        open_loop,
-        {"half_periods": [2, 3], "episodes": NUM_STARTS, "episode_steps": EPISODE_STEPS},
-    ),
+POPULATION = {"generations": 2, "population_size": NUM_STARTS, "episode_steps": EPISODE_STEPS}
+RHYTHMS = {"half_periods": [2, 3], "episodes": NUM_STARTS, "episode_steps": EPISODE_STEPS}
+SMALL = {"off_policy": NETWORKS, "evolution": POPULATION, "open_loop": RHYTHMS}
+AGENTS = {
+    name: agent.model_copy(update=SMALL[agent.trainer])
+    for name, agent in small_agents.agents().items()
+    if agent.trainer in SMALL
 }
 
 
-@pytest.mark.parametrize("name", sorted(SMALL))
+@pytest.mark.parametrize("name", AGENTS)
 def test_no_environment_starts_as_one_of_a_neighbouring_seed(
     robot_xml: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    trainer, changes = SMALL[name]
-    agent = PARAMS.agents[name].model_copy(update=changes)
+    agent = AGENTS[name]
     drawn: list[bytes] = []
-    original = vector.start_state
+    original = Task.start_state
 
     def start_state(*args: Any) -> Any:
         qpos, qvel = original(*args)
         drawn.append(np.concatenate([qpos, qvel]).tobytes())
         return qpos, qvel
 
-    monkeypatch.setattr(vector, "start_state", start_state)
+    monkeypatch.setattr(Task, "start_state", start_state)
     starts = []
     for seed in range(4):
         drawn.clear()
-        list(trainer.train(robot_xml, PARAMS.env, agent, seed, evaluations=1))
+        list(trainer_of(agent)(Job(robot_xml, small_agents.PARAMS.env, agent, seed)))
         assert len(set(drawn[:NUM_STARTS])) == NUM_STARTS, "each environment starts otherwise"
         assert len(drawn) >= 2 * NUM_STARTS, "the next episodes are looked at, too"
         starts.append(set(drawn))

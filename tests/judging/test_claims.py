@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from small_project import COMPARE
 
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.judging.claims.field import lacks_constant, out_of_luck, robot_of
 from jumping_ant.judging.results import AgentResults, SeedCurve
-from jumping_ant.params.models import ALGORITHMS, CommandParams
+from jumping_ant.params.blocks import CommandParams
 
 LOW, MIDDLE, HIGH = (np.linspace(start, 1.1 * start, 8) for start in (300.0, 700.0, 3000.0))
 TORN = np.array([100.0, 150.0, 200.0, 290.0, 340.0, 500.0, 700.0, 900.0])  # on both sides of LOW

@@ -63,7 +63,7 @@ def test_summary_follows_its_contract(project):
     assert list(summary["agents"]) == list(AGENTS)
     dqn = summary["agents"]["dqn"]
     assert list(dqn) == [
-        "seeds", "return", "peak_height", "smoothness", "length", "apex", "mean_height", "jumps",
+        "seeds", "return", "peak_height", "torque_change", "length", "apex", "mean_height", "jumps",
         "airborne_seconds", "flight", "fluidity", "work", "drift", "survived", "env_steps",
         "train_seconds", "return_at_equal_steps", "return_at_equal_seconds",
     ]  # fmt: skip
@@ -300,7 +300,7 @@ def test_timing_of_another_training_is_refused(project):
 def test_cells_that_are_no_numbers_are_refused(project, cell, said):
     path = project / "results" / "agents" / "dqn" / "episodes.csv"
     rows = read_csv(path)
-    rows[2]["smoothness"] = cell
+    rows[2]["torque_change"] = cell
     write_csv(path, rows)
     with pytest.raises(InputError, match=said):
         load(project, PARAMS)

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation, motion
 from jumping_ant.judging.evaluation import QUANTITIES, measure, replay
-from jumping_ant.params.models import Params
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.rollout import Episode
@@ -41,7 +41,7 @@ def short(known_params: Params) -> Params:
 @pytest.fixture(scope="module")
 def evaluated(robot_xml: str, short: Params) -> tuple[pd.DataFrame, Trajectory]:
     return evaluation.evaluate(
-        robot_xml, short, {4: UniformPolicy(4, ActionSet()), 7: UniformPolicy(7, ActionSet())}
+        robot_xml, short, {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
     )
 
 
@@ -56,6 +56,7 @@ def still_episode(steps: int = 4) -> Episode:
         qvel=np.zeros((steps, 14)),
         torques=np.zeros((steps, 8)),
         rewards=np.zeros(steps),
+        terms={},
         airborne=np.zeros(steps, dtype=np.bool_),
         terminated=False,
     )
@@ -71,7 +72,7 @@ def test_a_robot_that_does_nothing(model: mujoco.MjModel, known_params: Params) 
         "jumps": 0,
         "airborne_seconds": 0,
         "flight": 0,
-        "smoothness": 0,
+        "torque_change": 0,
         "fluidity": np.nan,
         "work": 0,
         "drift": 0,
@@ -108,7 +109,7 @@ def test_quantities_by_hand(model: mujoco.MjModel, known_params: Params) -> None
             "jumps": 1,  # 0.1 s are two control steps
             "airborne_seconds": 3 * 0.05,
             "flight": 3 / 4,
-            "smoothness": sum(changes) / (3 * 8),
+            "torque_change": sum(changes) / (3 * 8),
             "fluidity": np.nan,  # shorter than a window
             "work": gear * (1 * 2 + 1 * 3 + 0 + 0.5 * 4 + 0 * 5 + 0.5 * 1) * 0.05,
             "drift": 5.0,
@@ -147,7 +148,7 @@ def test_constant_torques_have_no_torque_change(
     for steps in (1, 4):
         episode = still_episode(steps)
         episode.torques[:] = np.linspace(-1, 1, 8)
-        assert measure(model, known_params, episode)["smoothness"] == 0.0
+        assert measure(model, known_params, episode)["torque_change"] == 0.0
 
 
 @pytest.mark.filterwarnings("error")
@@ -169,24 +170,24 @@ def test_a_broken_state_is_left_out(
 def test_replay_is_the_episode_to_the_last_bit(
     model: mujoco.MjModel, robot_xml: str, short: Params
 ) -> None:
-    episode = rollout.run(robot_xml, short.env, UniformPolicy(0, ActionSet()), [3, 4, 5], 2)[1]
+    episode = rollout.run(robot_xml, short.env, UniformPolicy(0, ActionSet(), 8), [3, 4, 5], 2)[1]
     skip = short.env.frame_skip
     trajectory = replay(model, skip, episode, 0, 1)
     np.testing.assert_array_equal(trajectory.qpos[0], episode.start_qpos)
     np.testing.assert_array_equal(trajectory.qvel[0], episode.start_qvel)
     np.testing.assert_array_equal(trajectory.qpos[skip::skip], episode.qpos)
     np.testing.assert_array_equal(trajectory.qvel[skip::skip], episode.qvel)
-    np.testing.assert_array_equal(trajectory.ctrl, episode.torques)
+    np.testing.assert_array_equal(trajectory.torques, episode.torques)
     assert (trajectory.seed, trajectory.episode) == (0, 1)
     assert (trajectory.timestep, trajectory.frame_skip) == (0.01, 5)
-    assert trajectory.episode_return == trajectory.reward_height.sum()
+    assert trajectory.episode_return == trajectory.rewards.sum()
 
 
 def test_replay_keeps_an_episode_that_broke_down(
     model: mujoco.MjModel, robot_xml: str, short: Params
 ) -> None:
     wild = short.env.model_copy(update={"reset_noise_scale": 1e150})
-    episode = rollout.run(robot_xml, wild, UniformPolicy(0, ActionSet()), [3])[0]
+    episode = rollout.run(robot_xml, wild, UniformPolicy(0, ActionSet(), 8), [3])[0]
     assert episode.terminated
     assert len(episode.rewards) == 1
     assert len(replay(model, 5, episode, 0, 0).qpos) == 6
@@ -204,7 +205,7 @@ def test_every_policy_meets_the_same_episodes(
     assert table["episode"].tolist() == [0, 1, 2, 0, 1, 2]
     assert table["episode_seed"].tolist() == [9, 10, 11, 9, 10, 11]
     for seed in (4, 7):
-        ran = rollout.run(robot_xml, short.env, UniformPolicy(seed, ActionSet()), [9, 10, 11])
+        ran = rollout.run(robot_xml, short.env, UniformPolicy(seed, ActionSet(), 8), [9, 10, 11])
         returns = [float(episode.rewards.sum()) for episode in ran]
         assert table.loc[table["seed"] == seed, "return"].tolist() == returns
 
@@ -216,14 +217,16 @@ def test_the_trajectory_is_that_of_the_median_return(
     row = table.sort_values("return").iloc[2]  # the lower one of the middle two
     assert trajectory.episode_return == row["return"]
     assert (trajectory.seed, trajectory.episode) == (row["seed"], row["episode"])
-    one_seed, of_three = evaluation.evaluate(robot_xml, short, {4: UniformPolicy(4, ActionSet())})
+    one_seed, of_three = evaluation.evaluate(
+        robot_xml, short, {4: UniformPolicy(4, ActionSet(), 8)}
+    )
     assert of_three.episode_return == one_seed["return"].median()
 
 
 def test_no_number_depends_on_threads(
     evaluated: tuple[pd.DataFrame, Trajectory], robot_xml: str, short: Params
 ) -> None:
-    policies: Any = {4: UniformPolicy(4, ActionSet()), 7: UniformPolicy(7, ActionSet())}
+    policies: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
     table, trajectory = evaluation.evaluate(robot_xml, short, policies, num_threads=2)
     pd.testing.assert_frame_equal(table, evaluated[0], check_exact=True)
     np.testing.assert_array_equal(trajectory.qpos, evaluated[1].qpos)

@@ -10,12 +10,13 @@ from evotorch.neuroevolution import GymNE
 from jumping_ant import policies
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_file
+from jumping_ant.experiment import params_file
 from jumping_ant.judging import reproduction
 from jumping_ant.judging.reproduction import Trace, percentile_among, place, play
-from jumping_ant.params import article, params_file
+from jumping_ant.params import article
 from jumping_ant.policies import LinearPolicy
 from jumping_ant.sim import robot
-from jumping_ant.sim.env import JumpingAnt
+from jumping_ant.sim.env import RobotEnv
 
 XML = robot.build(article.ROBOT)
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (20, 27))
@@ -62,7 +63,7 @@ def test_printed_points_meet_the_same_steps_of_ours() -> None:
 def test_a_test_goes_on_where_an_episode_would_have_ended() -> None:
     """The rewards are those of a plain loop over the single environment that ignores the ends."""
     task = article.ENV.model_copy(update={"min_torso_height": 0.6, "max_episode_steps": 50})
-    env = JumpingAnt(XML, task)
+    env = RobotEnv(XML, task)
     observation, _ = env.reset(seed=7)
     rng = np.random.default_rng(1)
     rewards, ends = [], []
@@ -86,7 +87,7 @@ def test_choices_are_held_and_follow_what_is_observed() -> None:
 
     play(XML, article.ENV, act, 3, seed=0, num_steps=10)
     assert len(seen) == 4
-    env = JumpingAnt(XML, article.ENV)
+    env = RobotEnv(XML, article.ENV)
     observation, _ = env.reset(seed=0)
     np.testing.assert_array_equal(seen[0], observation[None])
     for _ in range(3):
@@ -113,7 +114,8 @@ def network(algorithm: str) -> tuple[Any, Any]:
         with torch.no_grad():  # an untrained layer hardly varies, and clips nothing
             model.actor.log_std.weight.mul_(12.0)
             model.actor.log_std.bias.sub_(0.5)
-    return model, policies.load(policy_file(model, agent))
+    actions = ActionSet.of(agent.actions, article.ENV.commands)
+    return model, policies.load(policy_file(model, agent, actions))
 
 
 def generators(count: int, seed: int = 0) -> list[np.random.Generator]:
@@ -183,7 +185,7 @@ def linear_policy() -> LinearPolicy:
     )
 
 
-class SeededStart(JumpingAnt):
+class SeededStart(RobotEnv):
     """Starts from a known state, as EvoTorch resets without a seed."""
 
     def reset(self, **_: Any) -> Any:

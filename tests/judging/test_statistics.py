@@ -13,7 +13,7 @@ from jumping_ant.judging.statistics import (
     interquartile_mean,
     probability_of_improvement,
 )
-from jumping_ant.params.models import CompareParams
+from jumping_ant.params.blocks import CompareParams
 
 PARAMS = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=2000, seed=0)
 

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import COMMAND_SIGNS
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation, variants
-from jumping_ant.params.models import EnvParams, Params
+from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import LinearPolicy, UniformPolicy
 from jumping_ant.sim import rollout
 
@@ -38,6 +40,7 @@ class Chooser:
     """A policy whose torques the test chooses."""
 
     actions = ActionSet(hold=2)
+    num_observations, num_motors = 27, 8
 
     def __init__(self, torques: list[list[float]]) -> None:
         self._torques = np.array(torques)
@@ -51,7 +54,7 @@ class Chooser:
 
 def test_rounding_takes_the_nearest_command() -> None:
     torques = [[0.2] * 8, [0.3] * 8, [0.9, 0.1] * 2 + [-0.2] * 4, [-1.0] * 4 + [0.1] * 4]
-    rounded = variants.RoundedPolicy(Chooser(torques))
+    rounded = variants.RoundedPolicy(Chooser(torques), 0.5 * COMMAND_SIGNS)
     assert rounded.act(np.zeros((4, 27))).tolist() == [
         [0.0] * 8,
         [0.5] * 8,
@@ -62,7 +65,7 @@ def test_rounding_takes_the_nearest_command() -> None:
 
 
 def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, short: EnvParams) -> None:
-    policy, uniform = linear(0.1), UniformPolicy(0, ActionSet())
+    policy, uniform = linear(0.1), UniformPolicy(0, ActionSet(), 8)
     found = variants.make(robot_xml, short, policy, policy, 0, VALIDATION_SEED)
     assert list(found) == ["final", "rounded", "best_sample"]
     assert list(variants.make(robot_xml, short, uniform, uniform, 0, VALIDATION_SEED)) == ["final"]

@@ -12,13 +12,17 @@ from ruamel.yaml import YAML
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.params import models, params_file
+from jumping_ant.experiment import models, params_file
 
 CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
 RANDOM = CONTENT["agents"]["random"]
 MISSING = object()
 NAMES = "lower-case letters, digits, _ and -, the first a letter or digit"
-KEYS_OF_ENV = "frame_skip, reset_noise_scale, max_episode_steps, min_torso_height, reward"
+KEYS_OF_ENV = (
+    "frame_skip, reset_noise_scale, drop_height, max_episode_steps, min_torso_height, "
+    "max_torso_height, max_tilt, commands, reward"
+)
+ROBOTS = "ant, hopper, walker2d, half_cheetah, humanoid, or a file robots/NAME.xml"
 
 
 def changed(key: str, value: Any) -> dict[str, Any]:
@@ -70,8 +74,8 @@ def test_budgets_are_counted_in_control_steps(
         # Keys.
         ("env.frameskip", 5, "unknown key (did you mean 'frame_skip'?); allowed: " + KEYS_OF_ENV),
         ("env.xyz", 5, "unknown key; allowed: " + KEYS_OF_ENV),
-        ("agents.random.gamma", 0.9, "unknown key; allowed: robot, trainer, algorithm, actions"),
-        ("agents.random.a\nb", 1, "unknown key; allowed: robot, trainer, algorithm, actions"),
+        ("agents.random.gamma", 0.9, "unknown key; allowed: trainer, algorithm, robot, actions"),
+        ("agents.random.a\nb", 1, "unknown key; allowed: trainer, algorithm, robot, actions"),
         (
             "agents.sac.actions.hod",
             1,
@@ -81,9 +85,9 @@ def test_budgets_are_counted_in_control_steps(
         ("env.frame_skip", MISSING, "missing; it must be given"),
         ("compare", MISSING, "missing; it must be given"),
         # Types.
-        ("robot.density", "heavy", "given 'heavy', allowed: number"),
-        ("robot.density", None, "given None, allowed: number"),
-        ("robot.density", True, "given True, allowed: number"),
+        ("robot.density", "heavy", "given 'heavy', allowed: number or null"),
+        ("env.drop_height", None, "given None, allowed: number"),
+        ("env.drop_height", True, "given True, allowed: number"),
         ("env.frame_skip", 2.5, "given 2.5, allowed: integer"),
         ("env.frame_skip", "5", "given '5', allowed: integer"),
         ("robot", None, "given None, allowed: a block of keys"),
@@ -102,11 +106,11 @@ def test_budgets_are_counted_in_control_steps(
         ("agents.pgpe.actions.kind", "commands", "given 'commands', allowed: 'torques'"),
         ("agents.random.actions.kind", "all", "given 'all', allowed: 'torques' or 'commands'"),
         # Ranges.
-        ("robot.density", 0, "given 0, allowed: greater than 0"),
-        ("robot.density", -2.5, "given -2.5, allowed: greater than 0"),
+        ("robot.density", 0, "given 0, allowed: greater than 0 or null"),
+        ("robot.density", -2.5, "given -2.5, allowed: greater than 0 or null"),
         ("robot.joint_gear", {"ankle": -1}, "given -1, allowed: greater than 0"),
         ("env.reset_noise_scale", -0.1, "given -0.1, allowed: greater than or equal to 0"),
-        ("env.reward.span", 0.0, "given 0.0, allowed: greater than 0"),
+        ("env.reward.torso_height.span", 0.0, "given 0.0, allowed: greater than 0"),
         ("agents.dqn.gamma", 1.5, "given 1.5, allowed: less than or equal to 1"),
         ("agents.dqn.net_arch", [], "given [], allowed: at least one"),
         ("agents.sac.ent_coef", -1, "given -1, allowed: greater than 0 or 'auto'"),
@@ -122,9 +126,19 @@ def test_budgets_are_counted_in_control_steps(
         ("compare.confidence", 1, "given 1, allowed: less than 1"),
         ("evaluate.seed", 2**31, "given 2147483648, allowed: less than 2147483648"),
         # Numbers that are none.
-        ("env.reward.scale", float("nan"), "given nan, allowed: a finite number"),
-        ("env.reward.floor", float("inf"), "given inf, allowed: a finite number"),
-        ("robot.gear", float("-inf"), "given -inf, allowed: a finite number"),
+        ("env.reward.alive.weight", float("nan"), "given nan, allowed: a finite number"),
+        ("env.reward.torso_height.floor", float("inf"), "given inf, allowed: a finite number"),
+        ("env.drop_height", float("-inf"), "given -inf, allowed: a finite number"),
+        ("env.commands", [[0.5, "up"]], "given 'up', allowed: number"),
+        ("env.commands", [[0, 1.5]], "given 1.5, allowed: less than or equal to 1"),
+        ("env.commands", [], "given [], allowed: at least one"),
+        ("env.commands", [[0], [0, 1]], "given rows of 1 and of 2 torques, allowed: one a motor"),
+        ("robot.source", "snake", f"given 'snake', allowed: {ROBOTS}"),
+        (
+            "robot.source",
+            "robots/../../etc.xml",
+            f"given 'robots/../../etc.xml', allowed: {ROBOTS}",
+        ),
         ("seeds", {"a": 10**5000}, "given a number too long to show, allowed: list"),
         # Algorithms, agents and seeds.
         ("agents.dqn.trainer", "evolution", "given 'evolution', allowed: 'off_policy'"),
@@ -137,7 +151,8 @@ def test_budgets_are_counted_in_control_steps(
 )
 def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, said: str) -> None:
     line = refusal(changed(key, value))
-    where = f"{key}.ankle" if value == {"ankle": -1} else key
+    inner = {"env.commands": {"up": ".0.1", "1.5": ".0.1"}, "robot.joint_gear": {"-1": ".ankle"}}
+    where = key + next((at for what, at in inner.get(key, {}).items() if what in said), "")
     assert line == f"params.yaml: {where}: {said}".replace("\n", " ")
 
 
@@ -147,12 +162,12 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
         (
             "agents.dqn.algorithm",
             "ppo",
-            "agents.dqn.algorithm: given 'ppo', allowed: random, open_loop, dqn, sac, pgpe",
+            "agents.dqn.algorithm: given 'ppo', allowed: random, open_loop, dqn, sac, td3, pgpe, snes",
         ),
         (
             "agents.dqn.algorithm",
             MISSING,
-            "agents.dqn.algorithm: missing; allowed: random, open_loop, dqn, sac, pgpe",
+            "agents.dqn.algorithm: missing; allowed: random, open_loop, dqn, sac, td3, pgpe, snes",
         ),
         (
             "agents.metronome.half_periods",

@@ -75,7 +75,7 @@ def test_heights_stand_together(content: Content, episodes: dict[str, Trajectory
 
 
 def test_agents_have_the_colours_of_the_figures(content: Content) -> None:
-    for agent, look in looks.looks(ALGORITHMS).items():
+    for agent, look in looks.looks({"random": True, "mine": False}).items():
         color = int(look.colour[1:] + "ff", 16)
         paths = (f"/height/{agent}", f"/{agent}/trail", f"/{agent}/world/torso/torso_geom")
         assert {int(content.shape(path)["colors"]) for path in paths} == {color}

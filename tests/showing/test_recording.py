@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.params.models import Params
+from jumping_ant.experiment.models import Params
 from jumping_ant.showing.recording import about
 from jumping_ant.showing.recording import episode as recording
 from jumping_ant.showing.recording.curves import ticks
@@ -148,12 +148,16 @@ def test_torques_and_rewards_are_recorded_in_every_control_step(
     }
     for motor, name in enumerate(names):
         torques = content.scalars(f"/torque/{name}")
-        np.testing.assert_allclose(torques, gear * episode.ctrl[:, motor])
+        np.testing.assert_allclose(torques, gear * episode.torques[:, motor])
     starts = content.times("/torque/hip_1")
     np.testing.assert_array_equal(starts, 50_000_000 * np.arange(STEPS))
-    np.testing.assert_array_equal(content.scalars("/reward/height"), episode.reward_height)
-    np.testing.assert_array_equal(content.times("/reward/height"), starts + 50_000_000)
-    assert content.steps("/reward/height") == content.steps("/torque/hip_1") == list(range(STEPS))
+    np.testing.assert_array_equal(content.scalars("/reward/torso_height"), episode.rewards)
+    np.testing.assert_array_equal(content.times("/reward/torso_height"), starts + 50_000_000)
+    assert (
+        content.steps("/reward/torso_height")
+        == content.steps("/torque/hip_1")
+        == list(range(STEPS))
+    )
 
 
 def test_every_series_has_a_name_and_a_colour(content: Content) -> None:
@@ -289,7 +293,7 @@ def test_the_page_tells_the_episode(content: Content) -> None:
     [
         ("sac", "edited", "of `mine`: SAC.\n"),
         ("random", "edited", "of `mine`: a baseline, which acts at random.\n"),
-        ("open_loop", "unedited", "does not look at the robot. Its robot is Gymnasium's Ant as it"),
+        ("open_loop", "unedited", "does not look at the robot. Its robot is without the edits."),
     ],
 )
 def test_the_page_names_baselines_and_the_unedited_robot(
@@ -326,7 +330,7 @@ def test_an_episode_that_broke_off_is_recorded_up_to_there(
     content = Content(path)
     assert len(content.scalars("/height/torso")) == 13
     assert len(content.scalars("/torque/hip_1")) == 3  # the third began
-    assert len(content.scalars("/reward/height")) == 2  # but did not end
+    assert len(content.scalars("/reward/torso_height")) == 2  # but did not end
 
 
 def test_rerun_verifies_the_file(file: Path, tmp_path: Path) -> None:
@@ -342,9 +346,9 @@ def test_two_recordings_hold_the_same_data(
     again.write_bytes(record(robot_xml, episode))
     assert rerun_cli("compare", file, again, home=tmp_path).returncode == 0
     assert everything(file) == everything(again)
-    rewards = episode.reward_height.copy()
+    rewards = episode.rewards.copy()
     rewards[5] += 0.01
-    changed = dataclasses.replace(episode, reward_height=rewards)
+    changed = dataclasses.replace(episode, terms={"torso_height": rewards})
     other.write_bytes(record(robot_xml, changed))
     assert rerun_cli("compare", file, other, home=tmp_path).returncode == 1
     assert everything(file) != everything(other)

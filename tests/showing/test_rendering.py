@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.params import params_file
-from jumping_ant.params.models import RecordParams
+from jumping_ant.experiment import params_file
+from jumping_ant.params.blocks import RecordParams
 from jumping_ant.showing import rendering
 from jumping_ant.sim import robot
-from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.trajectory import Trajectory, frame_stride
 
 STEPS = 12
 
@@ -116,13 +116,13 @@ def test_large_pictures_are_drawn(robot_xml: str, episode: Trajectory) -> None:
 
 @pytest.mark.parametrize(("fps", "stride"), [(50, 2), (100, 1), (20, 5), (1, 100)])
 def test_frame_stride_counts_simulation_steps(fps: int, stride: int) -> None:
-    assert rendering.frame_stride(0.01, fps) == stride
+    assert frame_stride(0.01, fps) == stride
 
 
 @pytest.mark.parametrize("fps", [30, 60, 200])
 def test_frame_rates_that_do_not_divide_are_refused(fps: int) -> None:
     with pytest.raises(InputError, match=f"record.fps: given {fps}, allowed: .* 25, 50, 100"):
-        rendering.frame_stride(0.01, fps)
+        frame_stride(0.01, fps)
 
 
 def test_camera_path_is_still_until_the_torso_leaves_its_slack() -> None:

@@ -18,10 +18,10 @@ from small_project import make_params, write_project
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.judging.results import load
-from jumping_ant.params.models import Params
 from jumping_ant.showing import rendering
 from jumping_ant.showing.report import contests, page
 from jumping_ant.showing.report.charts import learning
@@ -46,8 +46,9 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     """A project through all stages that the report comes after."""
     root = tmp_path_factory.mktemp("project")
     write_project(root, AGENTS, SEEDS)
-    write_text(root / "assets" / "jumping_ant.xml", robot_xml)
-    write_json(root / "assets" / "jumping_ant.json", robot.summarize(robot_xml))
+    write_text(root / "assets" / "edited.xml", robot_xml)
+    write_text(root / "assets" / "unedited.xml", robot.unedited(settings.robot))
+    write_json(root / "assets" / "robot.json", robot.summarize(settings.robot, robot_xml))
     model = mujoco.MjModel.from_xml_string(robot_xml)
     machine = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}
     for number, name in enumerate(AGENTS):
@@ -171,7 +172,7 @@ def test_seeds_that_never_got_there_are_hollow() -> None:
         "values": {"SAC": [1.0, 2.0], "SAC, rounded": [3.0, None]},
         "reached": {"SAC": [True, False]},
     }
-    drawn = {"SAC": looks.looks({"sac": "sac"})["sac"]}
+    drawn = {"SAC": looks.looks({"sac": False})["sac"]}
     own, rounded = contests.claim({"plot": plot}, drawn, [5, 6]).data
     assert own.marker.symbol == ("circle", "circle-open")
     assert own.text == ("seed 5", "seed 6, which never got there")

@@ -21,12 +21,12 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.params.models import Params
+from jumping_ant.experiment.models import Params
 from jumping_ant.policies import UniformPolicy
 from jumping_ant.showing import watch
 from jumping_ant.showing.playing import play
 from jumping_ant.showing.recording.live import LiveRecording, Step
-from jumping_ant.sim.env import JumpingAnt
+from jumping_ant.sim.env import RobotEnv
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -41,11 +41,11 @@ def project(tmp_path: Path, robot_xml: str) -> Path:
     shutil.copytree(ROOT / "jumping_ant", tmp_path / "jumping_ant")
     shutil.copy(ROOT / "params.yaml", tmp_path)
     (tmp_path / "assets").mkdir()
-    (tmp_path / "assets" / "jumping_ant.xml").write_text(robot_xml)
+    (tmp_path / "assets" / "edited.xml").write_text(robot_xml)
     for seed in (0, 5):
         folder = tmp_path / "models" / "random" / f"seed-{seed}"
         folder.mkdir(parents=True)
-        (folder / "policy.zip").write_bytes(UniformPolicy(seed, ActionSet()).to_bytes())
+        (folder / "policy.zip").write_bytes(UniformPolicy(seed, ActionSet(), 8).to_bytes())
     write_text(Paths(tmp_path).agent("random").seed_means, "seed,return\n0,10.0\n5,20.5\n")
     return tmp_path
 
@@ -93,9 +93,9 @@ def test_a_screen_that_is_not_there_ends_in_one_line(project: Path) -> None:
 
 def test_a_policy_plays_in_real_time(robot_xml: str, known_params: Params) -> None:
     short = known_params.env.model_copy(update={"max_episode_steps": 4})
-    env = JumpingAnt(robot_xml, short)
+    env = RobotEnv(robot_xml, short)
     begin = time.monotonic()
-    steps = list(play(env, UniformPolicy(0, ActionSet()), first_seed=9, num_episodes=2))
+    steps = list(play(env, UniformPolicy(0, ActionSet(), 8), first_seed=9, num_episodes=2))
     assert time.monotonic() - begin >= 8 * 0.05
     assert len(steps) == 8
     env.reset(seed=10)
@@ -106,7 +106,7 @@ def test_what_is_streamed_is_the_simulation(
     robot_xml: str, known_params: Params, tmp_path: Path
 ) -> None:
     """Every simulation step, the end of a control step being the start of the next."""
-    env = JumpingAnt(robot_xml, known_params.env)
+    env = RobotEnv(robot_xml, known_params.env)
     path = tmp_path / "live.rrd"
     played = []
     with rr.RecordingStream("test", send_properties=False) as stream:

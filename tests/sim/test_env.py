@@ -9,16 +9,19 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from commands import COMMAND_SIGNS
 from gymnasium.utils.env_checker import check_env
 
-from jumping_ant.actions import COMMAND_SIGNS, ActionSet
+from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.experiment import presets
+from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
-from jumping_ant.params.models import EnvParams, Params
+from jumping_ant.params.blocks import EnvParams
 from jumping_ant.sim import robot
-from jumping_ant.sim.env import Decisions, JumpingAnt
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.vector import RobotVectorEnv
 
 DRAW = """
 import gymnasium, jumping_ant.sim.env
@@ -34,8 +37,8 @@ env.close()
 
 
 @pytest.fixture
-def env(robot_xml: str, known_params: Params) -> JumpingAnt:
-    return JumpingAnt(robot_xml, known_params.env)
+def env(robot_xml: str, known_params: Params) -> RobotEnv:
+    return RobotEnv(robot_xml, known_params.env)
 
 
 def task(params: Params, **changes: Any) -> EnvParams:
@@ -46,7 +49,7 @@ def torques(count: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-1, 1, (count, 8)).astype(np.float32)
 
 
-def test_gymnasiums_own_checks_pass(env: JumpingAnt) -> None:
+def test_gymnasiums_own_checks_pass(env: RobotEnv) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for harmless in ("space minimum", "space maximum", "not having a spec"):
@@ -54,29 +57,46 @@ def test_gymnasiums_own_checks_pass(env: JumpingAnt) -> None:
         check_env(env)
 
 
-def test_it_is_ant_v5_to_the_last_bit(source_xml: str, known_params: Params) -> None:
-    ours = JumpingAnt(source_xml, task(known_params, max_episode_steps=10**9))
+# Gymnasium's names of the terms that it pays.
+GYMNASIUM_TERMS = {
+    "reward_forward": "reward_forward_velocity",
+    "reward_survive": "reward_alive",
+    "reward_ctrl": "reward_control_cost",
+}
+
+
+def test_presets_run_is_ant_v5_to_the_last_bit() -> None:
+    """Its reward and the terms of that included; contact forces cost nothing there."""
+    params = presets.load("run")
+    xml = robot.build(params.robot)
+    ours = RobotEnv(xml, params.env.model_copy(update={"max_episode_steps": 10**9}))
     theirs: Any = gym.make(
         "Ant-v5",
         include_cfrc_ext_in_observation=False,
-        healthy_z_range=(known_params.env.min_torso_height, np.inf),
+        contact_cost_weight=0.0,
         max_episode_steps=10**9,
     )
-    for step, action in enumerate(torques(1000)):
+    ends = 0
+    for step, action in enumerate(torques(1000).astype(np.float64)):
         if step % 300 == 0:
             np.testing.assert_array_equal(ours.reset(seed=step)[0], theirs.reset(seed=step)[0])
-        observation, _, terminated, truncated, _ = ours.step(action)
-        reference, _, over, _, _ = theirs.step(action)
+        observation, reward, terminated, truncated, info = ours.step(action)
+        reference, paid, over, _, told = theirs.step(action)
         np.testing.assert_array_equal(observation, reference)
+        assert reward == paid
+        for theirs_name, name in GYMNASIUM_TERMS.items():
+            assert info[name] == told[theirs_name]
         assert (terminated, truncated) == (bool(over), False)
+        ends += terminated
         if terminated or step % 70 == 69:
             np.testing.assert_array_equal(ours.reset()[0], theirs.reset()[0])
+    assert ends > 0
     theirs.close()
 
 
 def test_termination_is_ant_v5s(source_xml: str, known_params: Params) -> None:
     """In a fall: the torso sinks through a limit on the way."""
-    ours = JumpingAnt(source_xml, task(known_params, min_torso_height=0.7))
+    ours = RobotEnv(source_xml, task(known_params, min_torso_height=0.7))
     theirs: Any = gym.make("Ant-v5", healthy_z_range=(0.7, np.inf))
     ended = []
     for seed in range(4):
@@ -92,7 +112,7 @@ def test_termination_is_ant_v5s(source_xml: str, known_params: Params) -> None:
     theirs.close()
 
 
-def test_reward_is_the_sum_of_its_terms_and_follows_the_height(env: JumpingAnt) -> None:
+def test_reward_is_the_sum_of_its_terms_and_follows_the_height(env: RobotEnv) -> None:
     env.reset(seed=0)
     for action in torques(100):
         observation, reward, _, _, info = env.step(action)
@@ -102,7 +122,7 @@ def test_reward_is_the_sum_of_its_terms_and_follows_the_height(env: JumpingAnt) 
         assert reward == pytest.approx(10 * np.clip(observation[0] - 0.6, 0, 1))
 
 
-def test_the_seed_determines_the_episodes(env: JumpingAnt) -> None:
+def test_the_seed_determines_the_episodes(env: RobotEnv) -> None:
     def run(seed: int) -> np.ndarray:
         first, _ = env.reset(seed=seed)
         steps = [env.step(action)[0] for action in torques(20)]
@@ -114,14 +134,14 @@ def test_the_seed_determines_the_episodes(env: JumpingAnt) -> None:
 
 
 def test_start_states_are_as_noisy_as_asked(robot_xml: str, known_params: Params) -> None:
-    still = JumpingAnt(robot_xml, task(known_params, reset_noise_scale=0.0))
+    still = RobotEnv(robot_xml, task(known_params, reset_noise_scale=0.0))
     observation, info = still.reset(seed=0)
     assert info["torso_height"] == observation[0] == 0.75
     np.testing.assert_array_equal(observation, [0.75, 1] + [0] * 25)
 
 
 def test_an_episode_is_cut_at_the_limit(robot_xml: str, known_params: Params) -> None:
-    env = JumpingAnt(robot_xml, task(known_params, max_episode_steps=3))
+    env = RobotEnv(robot_xml, task(known_params, max_episode_steps=3))
     for _ in range(2):
         env.reset(seed=0)
         assert [env.step(np.zeros(8))[2:4] for _ in range(3)] == [
@@ -132,13 +152,13 @@ def test_an_episode_is_cut_at_the_limit(robot_xml: str, known_params: Params) ->
 
 
 def test_a_fall_at_the_limit_is_a_fall(robot_xml: str, known_params: Params) -> None:
-    env = JumpingAnt(robot_xml, task(known_params, max_episode_steps=1, min_torso_height=5.0))
+    env = RobotEnv(robot_xml, task(known_params, max_episode_steps=1, min_torso_height=5.0))
     env.reset(seed=0)
     assert env.step(np.zeros(8))[2:4] == (True, False)
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
-def test_a_state_that_breaks_down_ends_the_episode(env: JumpingAnt, bad: float) -> None:
+def test_a_state_that_breaks_down_ends_the_episode(env: RobotEnv, bad: float) -> None:
     env.reset(seed=0)
     env.data.qvel[7] = bad
     observation, reward, terminated, truncated, _ = env.step(np.zeros(8))
@@ -149,7 +169,7 @@ def test_a_state_that_breaks_down_ends_the_episode(env: JumpingAnt, bad: float) 
     assert not env.step(np.zeros(8))[2]
 
 
-def test_returned_observations_share_no_memory(env: JumpingAnt) -> None:
+def test_returned_observations_share_no_memory(env: RobotEnv) -> None:
     returned = [env.reset(seed=0)[0], *(env.step(np.zeros(8))[0] for _ in range(3))]
     for index, one in enumerate(returned):
         assert not np.shares_memory(one, env.data.qpos)
@@ -157,7 +177,7 @@ def test_returned_observations_share_no_memory(env: JumpingAnt) -> None:
         assert all(not np.shares_memory(one, other) for other in returned[:index])
 
 
-def test_decisions_for_commands_apply_the_torques_of_the_table(env: JumpingAnt) -> None:
+def test_decisions_for_commands_apply_the_torques_of_the_table(env: RobotEnv) -> None:
     decisions = Decisions(env, ActionSet(0.5 * COMMAND_SIGNS))
     assert decisions.action_space == gym.spaces.Discrete(5)
     decisions.reset(seed=0)
@@ -172,8 +192,8 @@ def test_a_decision_is_so_many_steps_of_the_same_torques(
 ) -> None:
     """With an episode cut after eight steps, too: in the middle of the third decision."""
     params = task(known_params, max_episode_steps=limit)
-    single = JumpingAnt(robot_xml, params)
-    decisions = Decisions(JumpingAnt(robot_xml, params), ActionSet(amplitude=0.5, hold=3))
+    single = RobotEnv(robot_xml, params)
+    decisions = Decisions(RobotEnv(robot_xml, params), ActionSet(amplitude=0.5, hold=3))
     np.testing.assert_array_equal(decisions.reset(seed=2)[0], single.reset(seed=2)[0])
     for number, chosen in enumerate(torques(3)):
         observation, reward, terminated, truncated, info = decisions.step(chosen)
@@ -184,13 +204,13 @@ def test_a_decision_is_so_many_steps_of_the_same_torques(
                 break
         assert len(expected) == (2 if number == 2 and limit == 8 else 3)
         np.testing.assert_array_equal(observation, expected[-1][0])
-        assert reward == sum(step[1] for step in expected) == info["reward_height"]
+        assert reward == sum(step[1] for step in expected) == info["reward_torso_height"]
         assert (terminated, truncated) == expected[-1][2:4] == (False, len(expected) < 3)
         assert info["torso_height"] == expected[-1][4]["torso_height"]
 
 
-def pinned() -> JumpingAnt:
-    return JumpingAnt(robot.build(article.ROBOT), article.ENV)
+def pinned() -> RobotEnv:
+    return RobotEnv(robot.build(article.ROBOT), article.ENV)
 
 
 def test_make_gives_the_articles_robot_and_task() -> None:
@@ -205,7 +225,7 @@ def test_make_gives_the_articles_robot_and_task() -> None:
 
 def test_make_vec_gives_a_batch_that_steps_as_make_does() -> None:
     batch = gym.make_vec("JumpingAnt-v0", num_envs=3)
-    assert isinstance(batch, JumpingAntVectorEnv)
+    assert isinstance(batch, RobotVectorEnv)
     singles = [gym.make("JumpingAnt-v0") for _ in range(3)]
     starts = [single.reset(seed=5 + row)[0] for row, single in enumerate(singles)]
     np.testing.assert_array_equal(batch.reset(seed=5)[0], starts)
@@ -248,7 +268,7 @@ def test_the_pinned_task_has_the_articles_numbers() -> None:
 def test_pictures_are_shown_as_fast_as_the_robot_moves(
     robot_xml: str, known_params: Params
 ) -> None:
-    env = JumpingAnt(robot_xml, task(known_params, frame_skip=4))
+    env = RobotEnv(robot_xml, task(known_params, frame_skip=4))
     assert (env.dt, env.metadata["render_fps"]) == (0.04, 25)
 
 
@@ -267,7 +287,7 @@ def test_pictures_are_drawn_without_a_screen() -> None:
     assert "Traceback" not in process.stderr
 
 
-def test_without_a_render_mode_nothing_is_drawn(env: JumpingAnt) -> None:
+def test_without_a_render_mode_nothing_is_drawn(env: RobotEnv) -> None:
     env.reset(seed=0)
     assert env.render() is None
     env.close()
@@ -276,6 +296,6 @@ def test_without_a_render_mode_nothing_is_drawn(env: JumpingAnt) -> None:
 
 def test_other_render_modes_and_robots_are_refused(robot_xml: str, known_params: Params) -> None:
     with pytest.raises(ValueError, match="given 'ascii', allowed: None, 'human', 'rgb_array'"):
-        JumpingAnt(robot_xml, known_params.env, render_mode="ascii")
+        RobotEnv(robot_xml, known_params.env, render_mode="ascii")
     with pytest.raises(InputError, match="not valid MJCF"):
-        JumpingAnt("<mujoco", known_params.env)
+        RobotEnv("<mujoco", known_params.env)

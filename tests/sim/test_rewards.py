@@ -1,16 +1,49 @@
-"""The task by hand-computed numbers."""
+"""The terms of the reward and the ends of episodes, by hand-computed numbers."""
+
+from typing import Any
 
 import numpy as np
 import pytest
 
-from jumping_ant.params.models import RewardParams
-from jumping_ant.sim.rewards import is_down, torso_height_reward
+from jumping_ant.params import article
+from jumping_ant.params.blocks import EnvParams, RewardParams
+from jumping_ant.sim import rewards, robot
+from jumping_ant.sim.task import Outcome, Task
 
-PARAMS = RewardParams(floor=0.6, span=0.5, scale=10.0)
+OFF: dict[str, Any] = {name: {"weight": 0.0} for name in rewards.TERMS}
+OFF["torso_height"] |= {"floor": 0.6, "span": 0.5}
+
+
+def reward(**weights: float) -> RewardParams:
+    given = {name: OFF[name] | {"weight": weight} for name, weight in weights.items()}
+    return RewardParams.model_validate(OFF | given)
+
+
+def task(robot_xml: str, **changes: Any) -> Task:
+    params = article.ENV.model_copy(update={"min_torso_height": None} | changes)
+    return Task(robot.load(robot_xml), EnvParams.model_validate(params.model_dump()))
+
+
+def judge(
+    task: Task, qpos: np.ndarray, torques: np.ndarray | None = None, travel: float = 0.0
+) -> Outcome:
+    count = len(qpos)
+    torques = np.zeros((count, 8)) if torques is None else torques
+    return task.judge(qpos, np.zeros((count, 14)), torques, np.full(count, travel))
+
+
+def poses(*heights: float) -> np.ndarray:
+    qpos = np.zeros((len(heights), 15))
+    qpos[:, 2], qpos[:, 3] = heights, 1.0
+    return qpos
+
+
+def test_every_term_has_settings_and_every_setting_a_term() -> None:
+    assert list(rewards.TERMS) == list(RewardParams.model_fields)
 
 
 @pytest.mark.parametrize(
-    ("height", "reward"),
+    ("height", "value"),
     [
         (0.0, 0.0),
         (0.6, 0.0),
@@ -23,25 +56,81 @@ PARAMS = RewardParams(floor=0.6, span=0.5, scale=10.0)
         (-np.inf, 0.0),
     ],
 )
-def test_reward_rises_from_the_floor_over_the_span(height: float, reward: float) -> None:
-    assert torso_height_reward(np.array([height]), PARAMS) == pytest.approx([reward])
+def test_height_earns_from_the_floor_over_the_span(
+    robot_xml: str, height: float, value: float
+) -> None:
+    jump = task(robot_xml, reward=reward(torso_height=10.0))
+    assert judge(jump, poses(height)).rewards == pytest.approx([value])
 
 
-def test_the_projects_reward_is_the_articles() -> None:
-    article = RewardParams(floor=0.6, span=1.0, scale=10.0)
+def test_the_articles_reward(robot_xml: str) -> None:
     heights = np.linspace(0, 3, 50)
-    expected = 10 * np.clip(heights - 0.6, 0, 1)
-    np.testing.assert_array_equal(torso_height_reward(heights, article), expected)
+    outcome = judge(task(robot_xml), poses(*heights))
+    np.testing.assert_array_equal(outcome.rewards, 10 * np.clip(heights - 0.6, 0, 1))
+    assert list(outcome.terms) == ["torso_height"]
 
 
-def test_an_episode_ends_below_the_height_and_not_at_it() -> None:
-    qpos, qvel = np.zeros((3, 15)), np.zeros((3, 14))
-    qpos[:, 2] = [0.2, np.nextafter(0.2, 0), 5.0]
-    assert is_down(qpos, qvel, 0.2).tolist() == [False, True, False]
+def test_velocity_is_the_way_along_x_over_the_time(robot_xml: str) -> None:
+    run = task(robot_xml, reward=reward(forward_velocity=2.0))
+    assert judge(run, poses(1.0), travel=0.1).rewards == pytest.approx([2 * 0.1 / 0.05])
+    assert judge(run, poses(1.0), travel=-0.1).rewards == pytest.approx([-2 * 0.1 / 0.05])
+
+
+def test_being_alive_pays_until_the_end(robot_xml: str) -> None:
+    stay = task(robot_xml, reward=reward(alive=1.5), min_torso_height=0.5)
+    assert judge(stay, poses(0.6, 0.4)).rewards.tolist() == [1.5, 0.0]
+
+
+def test_torques_cost_their_squares(robot_xml: str) -> None:
+    save = task(robot_xml, reward=reward(control_cost=0.5))
+    torques = np.array([[1, -1, 0.5, 0, 0, 0, 0, 0], [0] * 8])
+    assert judge(save, poses(1.0, 1.0), torques).rewards.tolist() == [-0.5 * 2.25, 0.0]
+
+
+def test_leaning_earns_less(robot_xml: str) -> None:
+    stand = task(robot_xml, reward=reward(upright=3.0))
+    qpos = poses(1.0, 1.0, 1.0, 1.0)
+    half = np.sqrt(0.5)
+    qpos[:, 3:7] = [[1, 0, 0, 0], [half, half, 0, 0], [0, 0, 1, 0], [half, 0, 0, half]]
+    np.testing.assert_allclose(judge(stand, qpos).rewards, [3, 0, -3, 3], atol=1e-12)
+
+
+def test_the_reward_is_the_sum_of_the_terms_that_count(robot_xml: str) -> None:
+    both = task(robot_xml, reward=reward(torso_height=10.0, alive=1.0, upright=0.25))
+    outcome = judge(both, poses(0.7, 0.0))
+    assert list(outcome.terms) == ["torso_height", "alive", "upright"]
+    np.testing.assert_array_equal(outcome.rewards, sum(outcome.terms.values()))
+    assert outcome.rewards == pytest.approx([2 + 1 + 0.25, 1 + 0.25])
+    nothing = judge(task(robot_xml, reward=reward()), poses(1.0))
+    assert (nothing.rewards.tolist(), nothing.terms) == ([0.0], {})
+
+
+def test_an_episode_ends_below_the_height_and_not_at_it(robot_xml: str) -> None:
+    low = task(robot_xml, min_torso_height=0.2)
+    heights = poses(0.2, np.nextafter(0.2, 0), 5.0)
+    assert judge(low, heights).terminated.tolist() == [False, True, False]
+
+
+def test_an_episode_ends_above_a_height_and_not_at_it(robot_xml: str) -> None:
+    high = task(robot_xml, max_torso_height=1.0)
+    heights = poses(1.0, np.nextafter(1.0, 2), -5.0)
+    assert judge(high, heights).terminated.tolist() == [False, True, False]
+
+
+def test_an_episode_ends_where_the_torso_leans_too_far(robot_xml: str) -> None:
+    steep, qpos = task(robot_xml, max_tilt=0.5), poses(1.0, 1.0, 1.0)
+    for row, angle in enumerate((0.49, 0.51, np.pi)):
+        qpos[row, 3:7] = np.cos(angle / 2), 0, np.sin(angle / 2), 0
+    assert judge(steep, qpos).terminated.tolist() == [False, True, True]
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_an_episode_ends_where_a_state_is_not_finite(bad: float) -> None:
-    qpos, qvel = np.ones((4, 15)), np.ones((4, 14))
+def test_an_episode_ends_where_a_state_is_not_finite_and_earns_nothing(
+    robot_xml: str, bad: float
+) -> None:
+    every = task(robot_xml, reward=reward(**dict.fromkeys(rewards.TERMS, 1.0)))
+    qpos, qvel = poses(1.0, 1.0, 1.0, 1.0), np.ones((4, 14))
     qpos[1, 0] = qpos[2, 14] = qvel[3, 13] = bad
-    assert is_down(qpos, qvel, 0.2).tolist() == [False, True, True, True]
+    outcome = every.judge(qpos, qvel, np.ones((4, 8)), np.ones(4))
+    assert outcome.terminated.tolist() == [False, True, True, True]
+    assert (outcome.rewards != 0).tolist() == [True, False, False, False]

@@ -1,6 +1,7 @@
 """The edited robot, compiled: its numbers against those of Gymnasium's Ant."""
 
 import hashlib
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -9,12 +10,15 @@ import pytest
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
-from jumping_ant.params import article, presets
-from jumping_ant.params.models import Params, RobotParams
+from jumping_ant.experiment import presets
+from jumping_ant.experiment.models import Params
+from jumping_ant.params import article
+from jumping_ant.params.blocks import GYMNASIUM_ROBOTS, RobotParams
 from jumping_ant.sim import robot
 
 # The source's own values: with these, nothing is edited.
 UNEDITED = RobotParams(
+    source="ant",
     density=5.0,
     gear=150.0,
     joint_gear={},
@@ -24,6 +28,7 @@ UNEDITED = RobotParams(
     friction=1.0,
     torsional_friction=0.5,
     rolling_friction=0.5,
+    edits={},
 )
 MOTORS = ["hip_4", "ankle_4", "hip_1", "ankle_1", "hip_2", "ankle_2", "hip_3", "ankle_3"]
 
@@ -198,9 +203,11 @@ def test_the_same_edits_give_the_same_text(robot_xml: str, known_params: Params)
     assert robot.load(robot_xml).opt.timestep == 0.01
 
 
-def test_summary_agrees_with_the_compiled_models(source: mujoco.MjModel, robot_xml: str) -> None:
+def test_summary_agrees_with_the_compiled_models(
+    source: mujoco.MjModel, robot_xml: str, known_params: Params
+) -> None:
     after = robot.load(robot_xml)
-    summary = robot.summarize(robot_xml)
+    summary = robot.summarize(known_params.robot, robot_xml)
     for told, model in ((summary["before"], source), (summary["after"], after)):
         mass = model.body_subtreemass[0]
         assert told["mass"] == pytest.approx(mass)
@@ -213,7 +220,10 @@ def test_summary_agrees_with_the_compiled_models(source: mujoco.MjModel, robot_x
             model.actuator_gear[:, 0].sum() / weight
         )
     assert summary["before"]["peak_torque"]["hip_1"] == 150
-    assert summary["source"]["sha256"] == hashlib.sha256(robot.SOURCE_PATH.read_bytes()).hexdigest()
+    assert (
+        summary["source"]["sha256"]
+        == hashlib.sha256(robot.source_path("ant").read_bytes()).hexdigest()
+    )
     assert summary["versions"]["mujoco"] == mujoco.__version__
 
 
@@ -238,10 +248,6 @@ def test_edits_that_do_not_compile_are_refused(changes: dict[str, float]) -> Non
     [
         ("", "robot XML: not valid MJCF: "),
         ("<mujoco><worldbody>", "robot XML: not valid MJCF: "),
-        (
-            "<mujoco/>",
-            "robot XML: given 0 positions, 0 velocities, 0 motors; allowed: the Ant's 15, 14, 8",
-        ),
     ],
 )
 def test_other_robots_are_refused(xml: str, said: str) -> None:
@@ -258,9 +264,9 @@ def test_diverged_states_are_not_reset_behind_ones_back(robot_xml: str) -> None:
 
 
 def test_read_wants_the_robot_built(tmp_path: Any, robot_xml: str) -> None:
-    with pytest.raises(InputError, match=r"jumping_ant.xml: No such file .*; `dvc repro build`"):
+    with pytest.raises(InputError, match=r"edited.xml: No such file .*; `dvc repro build`"):
         robot.read(tmp_path)
-    write_text(tmp_path / "assets" / "jumping_ant.xml", robot_xml)
+    write_text(tmp_path / "assets" / "edited.xml", robot_xml)
     assert robot.read(tmp_path) == robot_xml
 
 
@@ -276,3 +282,107 @@ def test_leaving_out_constraint_islands_changes_no_bit(robot_xml: str) -> None:
             mujoco.mj_step(model, data, nstep=5)
         states.append(np.concatenate([data.qpos, data.qvel]))
     assert np.array_equal(*states)
+
+
+AS_IT_COMES = RobotParams(
+    source="hopper",
+    density=None,
+    gear=None,
+    joint_gear={},
+    torso_radius=None,
+    leg_length=None,
+    damping=None,
+    friction=None,
+    torsional_friction=None,
+    rolling_friction=None,
+    edits={},
+)
+
+
+def other(source: str, **changes: Any) -> mujoco.MjModel:
+    return robot.load(robot.build(AS_IT_COMES.model_copy(update={"source": source} | changes)))
+
+
+@pytest.mark.parametrize("source", [*GYMNASIUM_ROBOTS, "robots/tripod.xml"])
+def test_without_edits_a_robot_is_its_source_to_the_last_bit(source: str) -> None:
+    plain = mujoco.MjModel.from_xml_path(str(robot.source_path(source)))
+    states = []
+    for model in (plain, other(source)):
+        data, generator = mujoco.MjData(model), np.random.default_rng(0)
+        for _ in range(50):
+            data.ctrl[:] = generator.uniform(-1, 1, model.nu)
+            mujoco.mj_step(model, data, nstep=5)
+        states.append(np.concatenate([data.qpos, data.qvel]))
+    np.testing.assert_array_equal(*states)
+    text = robot.unedited(AS_IT_COMES.model_copy(update={"source": source}))
+    assert robot.load(text).body_subtreemass[0] == plain.body_subtreemass[0]
+
+
+def test_the_knobs_turn_any_robot() -> None:
+    plain, changed = other("half_cheetah"), other("half_cheetah", density=500.0, friction=0.9)
+    np.testing.assert_allclose(changed.body_mass.sum(), plain.body_mass.sum() * 0.8, rtol=0.3)
+    assert (changed.geom_friction[:, 0] == 0.9).all()
+    np.testing.assert_array_equal(changed.geom_friction[:, 1:], plain.geom_friction[:, 1:])
+    limp, long = other("hopper", damping=0.25), other("hopper", leg_length=1.5)
+    np.testing.assert_array_equal(limp.dof_damping, [0, 0, 0, 0.25, 0.25, 0.25])
+    foot = long.geom("foot_geom")
+    assert foot.size[1] == pytest.approx(1.5 * 0.195)
+    assert long.geom("torso_geom").size[1] == other("hopper").geom("torso_geom").size[1]
+
+
+def test_the_gear_is_the_peak_torque_where_controls_are_limited_otherwise() -> None:
+    model = other("humanoid", gear=100.0)  # whose controls end at 0.4
+    np.testing.assert_allclose(model.actuator_gear[:, 0] * model.actuator_ctrlrange[:, 1], 100.0)
+
+
+def test_edits_set_attributes_by_element_and_name() -> None:
+    edits: Any = {
+        "joint": {"ankle_[12]": {"range": [20.0, 60.0], "limited": True}},
+        "option": {"*": {"timestep": 0.005}},
+        "geom": {"floor": {"condim": 4}},
+    }
+    model, plain = edited(edits=edits), edited()
+    for name in ("ankle_1", "ankle_2"):
+        np.testing.assert_allclose(np.degrees(model.joint(name).range), [20, 60])
+    np.testing.assert_array_equal(model.joint("ankle_3").range, plain.joint("ankle_3").range)
+    assert model.opt.timestep == 0.005
+    assert (model.geom("floor").condim[0], model.geom("torso_geom").condim[0]) == (4, 3)
+
+
+@pytest.mark.parametrize(
+    ("edits", "said"),
+    [
+        ({"wheel": {"*": {"size": 1}}}, r"robot.edits.wheel: no such element; allowed: .*geom.*"),
+        (
+            {"joint": {"knee*": {"damping": 1}}},
+            r"robot.edits.joint.knee\*: matches no name; allowed: root, hip_1, .*",
+        ),
+        (
+            {"joint": {"hip*": {"colour": "red"}}},
+            r"robot.edits.joint.hip\*: does not compile: .*unrecognized attribute: 'colour'",
+        ),
+        ({"geom": {"floor": {"size": "big"}}}, r"robot.edits.geom.floor: does not compile: "),
+    ],
+)
+def test_edits_that_meet_nothing_are_refused(edits: Any, said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        edited(edits=edits)
+    assert "\n" not in str(caught.value)
+
+
+def test_knobs_that_a_robot_has_not_are_refused() -> None:
+    with pytest.raises(InputError, match="robot.torso_radius: this robot has no geom named"):
+        other("humanoid", torso_radius=0.2)
+
+
+def test_a_source_is_a_file_of_the_project(tmp_path: Path) -> None:
+    own = AS_IT_COMES.model_copy(update={"source": "robots/mine.xml"})
+    with pytest.raises(InputError, match=r"given 'robots/mine.xml', which is no file, allowed: "):
+        robot.build(own, tmp_path)
+    write_text(tmp_path / "robots" / "mine.xml", "<mujoco>")
+    with pytest.raises(InputError, match=r"robot.source: .*mine.xml: .*[Ee]rror"):
+        robot.build(own, tmp_path)
+    write_text(tmp_path / "robots" / "mine.xml", robot.source_path("hopper").read_text())
+    assert robot.load(robot.build(own, tmp_path)).nu == 3
+    summary = robot.summarize(own, robot.build(own, tmp_path), tmp_path)
+    assert summary["source"]["file"] == "robots/mine.xml"

@@ -6,12 +6,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from commands import COMMAND_SIGNS
 from gymnasium.vector import AutoresetMode
 
-from jumping_ant.actions import COMMAND_SIGNS, ActionSet
-from jumping_ant.params.models import Params
-from jumping_ant.sim.env import Decisions, JumpingAnt
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.actions import ActionSet
+from jumping_ant.experiment.models import Params
+from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.vector import RobotVectorEnv
 
 STILL = np.zeros((3, 8))
 
@@ -26,9 +27,9 @@ def make(robot_xml: str, known_params: Params) -> Any:
         actions: ActionSet | None = None,
         episode_steps: Any = None,
         **task: Any,
-    ) -> JumpingAntVectorEnv:
+    ) -> RobotVectorEnv:
         params = known_params.env.model_copy(update=task)
-        return JumpingAntVectorEnv(xml, params, num_envs, num_threads, mode, actions, episode_steps)
+        return RobotVectorEnv(xml, params, num_envs, num_threads, mode, actions, episode_steps)
 
     return make_envs
 
@@ -44,7 +45,7 @@ def test_every_row_is_the_single_environment_to_the_last_bit(
     actions = torques(1000, 2)
     batches = [make(2, threads, **task) for threads in (1, 2)]
     steps = [envs.reset(seed=7)[0] for envs in batches]
-    singles = [JumpingAnt(robot_xml, batches[0].params) for _ in range(2)]
+    singles = [RobotEnv(robot_xml, batches[0].params) for _ in range(2)]
     for row, single in enumerate(singles):
         start = single.reset(seed=7 + row)[0]
         assert all(np.array_equal(observations[row], start) for observations in steps)
@@ -59,8 +60,9 @@ def test_every_row_is_the_single_environment_to_the_last_bit(
                 observation, _ = single.reset()
             for observations, rewards, terminations, truncations, infos in outcomes:
                 np.testing.assert_array_equal(observations[row], observation)
-                assert rewards[row] == infos["reward_height"][row] == reward
-                assert infos["torso_height"][row] == info["torso_height"]
+                last = infos["final_info"] if terminated or truncated else infos
+                assert rewards[row] == last["reward_torso_height"][row] == reward
+                assert last["torso_height"][row] == info["torso_height"]
                 assert (terminations[row], truncations[row]) == (terminated, truncated)
                 if terminated or truncated:
                     np.testing.assert_array_equal(infos["final_obs"][row], final)
@@ -123,9 +125,84 @@ def test_a_mask_guards_the_noise_of_the_others(make: Any) -> None:
     np.testing.assert_array_equal(envs.reset()[0][1:], untouched.reset()[0][1:])
 
 
-def test_other_autoreset_modes_are_refused(make: Any) -> None:
-    with pytest.raises(ValueError, match="NEXT_STEP, allowed: SAME_STEP, DISABLED"):
-        make(mode=AutoresetMode.NEXT_STEP)
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
+def test_infos_and_resets_are_those_of_sync_vector_env(
+    make: Any, robot_xml: str, mode: AutoresetMode
+) -> None:
+    """To the last bit, keys and masks included, with ends of both kinds."""
+    task = {"max_episode_steps": 30, "min_torso_height": 0.5}
+    ours = make(4, num_threads=2, mode=mode, **task)
+    theirs = gym.vector.SyncVectorEnv(
+        [lambda: RobotEnv(robot_xml, ours.params)] * 4, autoreset_mode=mode
+    )
+    same(ours.reset(seed=3), theirs.reset(seed=3))
+    ends = np.zeros(2, dtype=np.int64)
+    for action in torques(150, 4):
+        outcome = ours.step(action)
+        same(outcome, theirs.step(action))
+        ends += [outcome[2].sum(), outcome[3].sum()]
+    assert ends.min() > 0, ends
+    theirs.close()
+
+
+def same(ours: Any, theirs: Any) -> None:
+    if isinstance(theirs, dict):
+        assert ours.keys() == theirs.keys()
+        for key in theirs:
+            same(ours[key], theirs[key])
+    elif isinstance(theirs, tuple):
+        for mine, other in zip(ours, theirs, strict=True):
+            same(mine, other)
+    elif theirs.dtype == object:  # observations, and None where there is none
+        for mine, other in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(mine, other)
+    else:
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_the_step_after_an_end_starts_an_episode_and_ignores_the_action(make: Any) -> None:
+    """Whole decisions of commands, too, with environments that end at different times."""
+    actions = ActionSet(0.5 * COMMAND_SIGNS, hold=3)
+    mode, limits = AutoresetMode.NEXT_STEP, np.array([6, 9, np.inf])
+    envs = make(mode=mode, actions=actions, episode_steps=limits, min_torso_height=0.0)
+    starts, _ = envs.reset(seed=0)
+    again = make()
+    again.reset(seed=0)
+    second_starts, _ = again.reset()
+    truncated = []
+    for step in range(4):
+        observations, rewards, _, truncations, infos = envs.step(np.array([3, 3, 3]))
+        truncated.append(truncations.tolist())
+        restarted = [step == 2, step == 3, False]
+        assert infos["_reward_torso_height"].tolist() == [not each for each in restarted]
+        for row in np.flatnonzero(restarted):
+            np.testing.assert_array_equal(observations[row], second_starts[row])
+            assert rewards[row] == 0
+    assert truncated[1] == [True, False, False] and truncated[2] == [False, True, False]
+    assert truncated[0] == truncated[3] == [False] * 3
+
+
+def test_a_batch_draws_a_picture_of_each() -> None:
+    size = {"render_mode": "rgb_array", "width": 96, "height": 64}
+    envs: Any = gym.make_vec("JumpingAnt-v0", num_envs=2, **size)
+    single: Any = gym.make("JumpingAnt-v0", **size)
+    assert envs.metadata["render_fps"] == 20
+    envs.reset(seed=3)
+    single.reset(seed=4)
+    for action in torques(5):
+        envs.step(np.stack([action, action]))
+        single.step(action)
+    pictures = envs.render()
+    assert pictures is not None and [each.shape for each in pictures] == [(64, 96, 3)] * 2
+    alone = single.render()  # of the poses a simulation step before, as Gymnasium draws them
+    assert alone is not None
+    other, own = (np.abs(each.astype(float) - alone).mean() for each in pictures)
+    assert own < 1 < other
+    envs.close()
+    assert gym.make_vec("JumpingAnt-v0", num_envs=2).render() is None
+    single.close()
+    with pytest.raises(ValueError, match="given 'human', allowed: None, 'rgb_array'"):
+        gym.make_vec("JumpingAnt-v0", num_envs=2, render_mode="human")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e12, 1e200])
@@ -243,14 +320,17 @@ def test_a_decision_is_so_many_steps_of_the_same_torques(make: Any, actions: Act
             for row in np.flatnonzero(done):
                 np.testing.assert_array_equal(infos["final_obs"][row], expected[row])
                 assert last["torso_height"][row] == final[row][3]
-                assert last["reward_height"][row] == earned[row]
+                assert last["reward_torso_height"][row] == earned[row]
             expected[done] = plain.reset(options={"reset_mask": done})[0][done]
         np.testing.assert_array_equal(observations, expected)
         np.testing.assert_array_equal(rewards, earned)
-        np.testing.assert_array_equal(infos["reward_height"], earned)
+        if not done.all():
+            np.testing.assert_array_equal(infos["reward_torso_height"], np.where(done, 0, earned))
         assert terminations.tolist() == [bool(row[1]) for row in final]
         assert truncations.tolist() == [bool(row[2]) for row in final]
-        np.testing.assert_array_equal(infos["torso_height"], [row[3] for row in final])
+        heights = np.array([row[3] for row in final])
+        np.testing.assert_array_equal(infos["torso_height"][~done], heights[~done])
+        np.testing.assert_array_equal(infos["torso_height"][done], observations[done, 0])
     assert {(0, True), (1, True)} & ends, "falls before a decision is over"
     assert (1, False) in ends, "a limit of 50 steps within a decision of 3"
 
@@ -260,7 +340,7 @@ def test_single_decisions_are_those_of_the_batch(
     make: Any, robot_xml: str, actions: ActionSet
 ) -> None:
     batch = make(2, actions=actions, max_episode_steps=40, min_torso_height=0.3)
-    singles = [Decisions(JumpingAnt(robot_xml, batch.params), actions) for _ in range(2)]
+    singles = [Decisions(RobotEnv(robot_xml, batch.params), actions) for _ in range(2)]
     batch.reset(seed=6)
     for row, single in enumerate(singles):
         single.reset(seed=6 + row)
@@ -281,8 +361,9 @@ def test_single_decisions_are_those_of_the_batch(
                 terminated,
                 truncated,
             )
-            assert infos["torso_height"][row] == info["torso_height"]
-            assert infos["reward_height"][row] == info["reward_height"]
+            last = infos["final_info"] if terminated or truncated else infos
+            assert last["torso_height"][row] == info["torso_height"]
+            assert last["reward_torso_height"][row] == info["reward_torso_height"]
     assert min(ends.values()) > 0, ends
 
 
@@ -296,7 +377,7 @@ def test_each_environment_has_an_episode_length_of_its_own(make: Any) -> None:
 
 def test_spaces_are_those_of_the_single_environment(make: Any, robot_xml: str) -> None:
     envs = make()
-    single = JumpingAnt(robot_xml, envs.params)
+    single = RobotEnv(robot_xml, envs.params)
     assert envs.single_observation_space == single.observation_space
     assert envs.single_action_space == single.action_space
     observations, _ = envs.reset(seed=0)

@@ -29,7 +29,7 @@ from tracked_project import (
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, digest, write_bytes, write_text
-from jumping_ant.params import params_file
+from jumping_ant.experiment import params_file
 from jumping_ant.tracking import connection, models, pages, reading, records, store, writers
 from jumping_ant.tracking.mirror import track
 
@@ -81,7 +81,7 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
     names = {str(path.relative_to(files)) for path in files.rglob("*") if path.is_file()}
     assert names == {
         "params.yaml",
-        "jumping_ant.json",
+        "robot.json",
         "comparison.json",
         "results/report.html",
         "figures/curves.png",
@@ -300,7 +300,7 @@ def test_models_say_how_long_to_hold_an_output(project: Path) -> None:
 
 def test_the_unedited_robot_has_no_edits(untracked_project: Path) -> None:
     facts = {"before": {"mass": 0.88}, "after": {"mass": 0.44}}
-    write_text(untracked_project / "assets" / "jumping_ant.json", json.dumps(facts))
+    write_text(untracked_project / "assets" / "robot.json", json.dumps(facts))
     params = params_file.load(untracked_project / "params.yaml")
     block = params.agent("sac").model_copy(update={"robot": "unedited"})
     plain = params.model_copy(update={"agents": {"sac": block}})

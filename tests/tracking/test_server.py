@@ -77,7 +77,7 @@ def test_a_server_gets_all_and_serves_the_champion(
 
 
 def test_a_served_policy_begins_new_episodes_with_a_batch_of_another_size(tmp_path: Path) -> None:
-    (tmp_path / "policy.zip").write_bytes(UniformPolicy(7, ActionSet()).to_bytes())
+    (tmp_path / "policy.zip").write_bytes(UniformPolicy(7, ActionSet(), 8).to_bytes())
     context = PythonModelContext({"policy": str(tmp_path / "policy.zip")}, None)
     model = serving.ServedPolicy()
     model.load_context(context)

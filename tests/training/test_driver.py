@@ -2,7 +2,6 @@
 
 import csv
 import hashlib
-import importlib
 import json
 import os
 import re
@@ -18,49 +17,47 @@ from typing import Any
 import numpy as np
 import psutil
 import pytest
+import small_agents
 
 from jumping_ant import policies
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Snapshot
+from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError, StoppedError
-from jumping_ant.params import params_file
-from jumping_ant.params.models import ComputeParams, Params
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.sim import rollout
 from jumping_ant.training import driver
 from jumping_ant.training.checkpoints import Saved
 
-SMALL = {
-    "dqn": {"total_steps": 960, "learning_starts": 100, "net_arch": [16], "log_interval": 80},
-    "sac": {
-        "total_steps": 240,
-        "num_envs": 4,
-        "learning_starts": 20,
-        "batch_size": 16,
-        "net_arch": [16],
-        "log_interval": 30,
-    },
-    "pgpe": {"generations": 6, "population_size": 4, "episode_steps": 20},
-}
-RHYTHMS = {"half_periods": [2, 3], "episodes": 2, "episode_steps": 20}
-BASELINES = {"random": {}, "random-commands": {}, "metronome": RHYTHMS}
-SMALL_OF_ALL = SMALL | BASELINES
+AGENTS = {name: row(agent) for name, agent in small_agents.PARAMS.agents.items()}
+TRAINED = sorted(
+    {
+        agent.algorithm: name
+        for name, agent in small_agents.PARAMS.agents.items()
+        if not AGENTS[name].is_baseline
+    }.values()
+)
+SMALL_OF_ALL = [*TRAINED, "random", "random-commands", "metronome"]
 
 
 def small_params(workers: int) -> Params:
-    settings = params_file.load().model_dump()
+    settings = small_agents.PARAMS.model_dump()
     settings["seeds"] = [0, 5]
     settings["env"]["max_episode_steps"] = 40
     settings["training"]["evaluations"] = 2
     settings["compute"]["workers"] = workers
-    for name, changes in SMALL_OF_ALL.items():
-        settings["agents"][name] |= changes
+    for name in SMALL_OF_ALL:
+        settings["agents"][name] |= small_agents.SMALL[settings["agents"][name]["trainer"]]
     return params_file.check(settings)
 
 
 @pytest.fixture
 def project(tmp_path: Path, robot_xml: str) -> Path:
     (tmp_path / "assets").mkdir()
-    (tmp_path / "assets" / "jumping_ant.xml").write_text(robot_xml)
+    (tmp_path / "assets" / "edited.xml").write_text(robot_xml)
     return tmp_path
 
 
@@ -123,7 +120,7 @@ def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> No
     monkeypatch.setattr(driver._Seed, "write", write)
 
 
-@pytest.mark.parametrize("agent", sorted(SMALL))
+@pytest.mark.parametrize("agent", TRAINED)
 def test_a_killed_run_goes_on_to_the_same_bytes(
     project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,7 +150,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(
         assert seconds == sorted(seconds) and len(seconds) > 1
 
 
-@pytest.mark.parametrize("agent", sorted(SMALL))
+@pytest.mark.parametrize("agent", TRAINED)
 def test_threads_change_nothing_across_a_checkpoint(robot_xml: str, agent: str) -> None:
     settings = small_params(1)
     run = partial(train_seed, robot_xml, settings, agent)
@@ -288,7 +285,7 @@ def test_a_dead_worker_is_replaced_from_the_checkpoint(
     assert digests(project / "models") == expected
 
 
-@pytest.mark.parametrize("agent", sorted(SMALL))
+@pytest.mark.parametrize("agent", TRAINED)
 def test_curve_and_timing(project: Path, agent: str) -> None:
     driver.train(project, small_params(1), agent)
     for seed in (0, 5):
@@ -322,12 +319,11 @@ def with_training(**changes: Any) -> Params:
 
 def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[bytes, float]:
     """Return each snapshot of a run and its mean return in the validation episodes."""
-    xml = (project / "assets" / "jumping_ant.xml").read_text()
+    xml = (project / "assets" / "edited.xml").read_text()
     rules = settings.training
     seeds = [rules.evaluation_seed + i for i in range(rules.evaluation_episodes)]
     block = settings.agents[agent]
-    trainer = importlib.import_module(f"jumping_ant.agents.{block.trainer}.trainer")
-    events = trainer.train(xml, settings.env, block, seed, rules.evaluations)
+    events = trainer_of(block)(Job(xml, settings.env, block, seed, rules.evaluations))
     policy_files = [event.policy for event in events if isinstance(event, Snapshot)]
     assert len(policy_files) == rules.evaluations
     means = {}
@@ -337,7 +333,7 @@ def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[by
     return means
 
 
-@pytest.mark.parametrize("agent", sorted(SMALL))
+@pytest.mark.parametrize("agent", TRAINED)
 def test_the_best_snapshot_in_validation_is_published(project: Path, agent: str) -> None:
     """And the last policy beside it."""
     settings = with_training(evaluations=3)
@@ -354,7 +350,7 @@ def test_the_best_snapshot_in_validation_is_published(project: Path, agent: str)
         assert np.nanmax(told) == means[best]
 
 
-@pytest.mark.parametrize("agent", sorted(SMALL))
+@pytest.mark.parametrize("agent", TRAINED)
 def test_the_last_policy_is_published_if_asked_for(project: Path, agent: str) -> None:
     settings = with_training(evaluations=3, publish="final")
     driver.train(project, settings, agent)

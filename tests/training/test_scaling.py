@@ -2,8 +2,8 @@ from pathlib import Path
 
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison, results
-from jumping_ant.params.models import Params
 from jumping_ant.training import scaling
 
 SEEDS = [0, 5]

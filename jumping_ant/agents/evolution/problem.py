@@ -16,24 +16,26 @@ from evotorch.neuroevolution.net import RunningNorm
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from jumping_ant.actions import NUM_ACTIONS, ActionSet
+from jumping_ant.actions import ActionSet
+from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.base.seeding import derive, derive_all
-from jumping_ant.params.models import EnvParams, PGPEParams
-from jumping_ant.policies import NUM_OBSERVATIONS, LinearPolicy
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.policies import LinearPolicy
+from jumping_ant.sim import robot
+from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.vector import RobotVectorEnv
 
-SOLUTION_LENGTH = NUM_ACTIONS * NUM_OBSERVATIONS + NUM_ACTIONS
-Network = tuple[torch.Tensor, torch.Tensor]  # weight (8, 27) and bias (8,)
+Network = tuple[torch.Tensor, torch.Tensor]  # weight (motors, observations) and bias (motors,)
 INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the first centre, as in EvoTorch's GymNE
 
 
 class JumpProblem(Problem):
     """EvoTorch's problem of finding a linear policy that jumps.
 
-    A solution is the flat weight (8, 27) followed by the bias (8,). Its fitness is the return of
-    one episode, less `decrease_rewards_by` a control step survived. The normaliser is held fixed
-    within a generation, so that all of its policies are judged alike, and then takes in what they
-    saw.
+    A solution is the flat weight (num_motors, num_observations) followed by the bias
+    (num_motors,). Its fitness is the return of one episode, less `decrease_rewards_by` a control
+    step survived. The normaliser is held fixed within a generation, so that all of its policies
+    are judged alike, and then takes in what they saw.
 
     Args:
         xml: The robot as MJCF text.
@@ -44,19 +46,21 @@ class JumpProblem(Problem):
     """
 
     def __init__(
-        self, xml: str, env: EnvParams, agent: PGPEParams, seed: int, num_threads: int = 1
+        self, xml: str, env: EnvParams, agent: EvolutionParams, seed: int, num_threads: int = 1
     ) -> None:
         logging.getLogger("evotorch").setLevel(logging.WARNING)  # it describes every problem
+        anatomy = Anatomy.of(robot.load(xml))
+        self._shape = (anatomy.num_motors, anatomy.num_observations)
         super().__init__(
             "max",
-            solution_length=SOLUTION_LENGTH,
+            solution_length=anatomy.num_motors * (anatomy.num_observations + 1),
             dtype=torch.float32,
             initial_bounds=INITIAL_BOUNDS,
             seed=derive(seed, "search", bits=32),
         )
         self.agent = agent
-        self.actions = ActionSet.of(agent.actions)
-        self.normalizer = RunningNorm(shape=NUM_OBSERVATIONS, dtype=torch.float32)
+        self.actions = ActionSet.of(agent.actions, env.commands)
+        self.normalizer = RunningNorm(shape=anatomy.num_observations, dtype=torch.float32)
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
         self.fitness: NDArray[np.float64] = np.zeros(agent.population_size)
@@ -64,7 +68,7 @@ class JumpProblem(Problem):
         shares = np.array_split(np.arange(agent.population_size), num_threads)
         self._shares = [share for share in shares if len(share)]
         self._envs = [
-            JumpingAntVectorEnv(
+            RobotVectorEnv(
                 xml,
                 env,
                 len(share),
@@ -83,12 +87,12 @@ class JumpProblem(Problem):
         """Return the policy at a distribution's centre, with the normaliser as it stands.
 
         Args:
-            center: A solution, shape (224,).
-            spread: Deviation of the distribution, shape (224,).
+            center: A solution, shape (solution_length,).
+            spread: Deviation of the distribution, shape (solution_length,).
         """
-        weight, bias = _unflatten(center)
+        weight, bias = self._unflatten(center)
         mean, stdev = self._moments()
-        weight_spread, bias_spread = _unflatten(spread)
+        weight_spread, bias_spread = self._unflatten(spread)
         return LinearPolicy(
             weight.numpy(),
             bias.numpy(),
@@ -127,7 +131,9 @@ class JumpProblem(Problem):
 
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
         # Plain tensors: EvoTorch's own class checks every operation for writes.
-        networks = [_unflatten(solution) for solution in batch.values.as_subclass(torch.Tensor)]
+        networks = [
+            self._unflatten(solution) for solution in batch.values.as_subclass(torch.Tensor)
+        ]
         shares = [[networks[index] for index in share] for share in self._shares]
         episodes = list(self._pool.map(self._play, self._envs, shares))
         self.returns = np.concatenate([episode.returns for episode in episodes])
@@ -140,11 +146,12 @@ class JumpProblem(Problem):
         self.fitness = self.returns - self.agent.decrease_rewards_by * lengths
         batch.set_evals(torch.as_tensor(self.fitness, dtype=torch.float32))
 
-    def _play(self, envs: JumpingAntVectorEnv, networks: Sequence[Network]) -> "_Episodes":
+    def _play(self, envs: RobotVectorEnv, networks: Sequence[Network]) -> "_Episodes":
         """Play an episode of each policy, side by side."""
         decisions = -(-self.agent.episode_steps // self.actions.hold)
-        episodes = _Episodes.empty(decisions, len(networks))
-        torques = torch.empty(len(networks), NUM_ACTIONS)
+        num_motors, num_observations = self._shape
+        episodes = _Episodes.empty(decisions, len(networks), num_observations)
+        torques = torch.empty(len(networks), num_motors)
         mean, stdev = self._moments()
         episodes.observations[0], _ = envs.reset()
         episodes.alive[0] = alive = np.ones(len(networks), dtype=np.bool_)
@@ -163,10 +170,16 @@ class JumpProblem(Problem):
                 break
         return episodes
 
+    def _unflatten(self, solution: torch.Tensor) -> Network:
+        """Return weight and bias of a flat solution."""
+        num_motors, num_observations = self._shape
+        weight, bias = solution.split([num_motors * num_observations, num_motors])
+        return weight.reshape(self._shape), bias
+
     def _moments(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the normaliser's mean and deviation, (27,) each; none before it saw anything."""
+        """Return the normaliser's mean and deviation; 0 and 1 before it saw anything."""
         if self.normalizer.count == 0:
-            return torch.zeros(NUM_OBSERVATIONS), torch.ones(NUM_OBSERVATIONS)
+            return torch.zeros(self._shape[1]), torch.ones(self._shape[1])
         return self.normalizer.mean, self.normalizer.stdev
 
 
@@ -175,7 +188,7 @@ class _Episodes:
     """Episodes of n policies, of T decisions or fewer.
 
     Attributes:
-        observations: At the start and after each decision, shape (T + 1, n, 27).
+        observations: At the start and after each decision, shape (T + 1, n, num_observations).
         alive: Whether a policy took that decision, true at the start, shape (T + 1, n).
         returns: Shape (n,).
     """
@@ -185,13 +198,7 @@ class _Episodes:
     returns: NDArray[np.float64]
 
     @classmethod
-    def empty(cls, steps: int, size: int) -> "_Episodes":
+    def empty(cls, steps: int, size: int, num_observations: int) -> "_Episodes":
         """Return episodes that have not begun."""
-        observations = np.zeros((steps + 1, size, NUM_OBSERVATIONS), np.float32)
+        observations = np.zeros((steps + 1, size, num_observations), np.float32)
         return cls(observations, np.zeros((steps + 1, size), np.bool_), np.zeros(size))
-
-
-def _unflatten(solution: torch.Tensor) -> Network:
-    """Return weight (8, 27) and bias (8,) of a flat solution (224,)."""
-    weight, bias = solution.split([NUM_ACTIONS * NUM_OBSERVATIONS, NUM_ACTIONS])
-    return weight.reshape(NUM_ACTIONS, NUM_OBSERVATIONS), bias

@@ -1,14 +1,16 @@
-"""All that PGPE resumes from: the last generation, the distribution, ClipUp and the problem."""
+"""All that a search resumes from: last generation, distribution, optimiser and problem."""
 
+import numpy as np
 import torch
 from evotorch import SolutionBatch
-from evotorch.algorithms import PGPE
+from evotorch.algorithms.distributed.gaussian import GaussianSearchAlgorithm
+from numpy.typing import NDArray
 
 from jumping_ant.agents.evolution.problem import JumpProblem
 from jumping_ant.base.archive import pack_state, unpack_state
 
 
-def capture(searcher: PGPE, problem: JumpProblem) -> bytes:
+def capture(searcher: GaussianSearchAlgorithm, problem: JumpProblem) -> bytes:
     """Return the state of a search after a generation."""
     population = searcher.population
     return pack_state(
@@ -18,13 +20,13 @@ def capture(searcher: PGPE, problem: JumpProblem) -> bytes:
             "evals": population.evals.as_subclass(torch.Tensor).numpy(),
             "mu": searcher.status["center"].as_subclass(torch.Tensor).numpy(),
             "sigma": searcher.status["stdev"].as_subclass(torch.Tensor).numpy(),
-            "velocity": searcher.optimizer._velocity.as_subclass(torch.Tensor).numpy(),
+            "velocity": _velocity(searcher),
             "problem": problem.save_state(),
         }
     )
 
 
-def restore(searcher: PGPE, problem: JumpProblem, content: bytes) -> None:
+def restore(searcher: GaussianSearchAlgorithm, problem: JumpProblem, content: bytes) -> None:
     """Put a fresh search into a captured state.
 
     Args:
@@ -34,8 +36,7 @@ def restore(searcher: PGPE, problem: JumpProblem, content: bytes) -> None:
     """
     state = unpack_state(content)
     tensors = {
-        name: torch.from_numpy(state[name])
-        for name in ("population", "evals", "mu", "sigma", "velocity")
+        name: torch.from_numpy(state[name]) for name in ("population", "evals", "mu", "sigma")
     }
     population = SolutionBatch(problem, popsize=len(tensors["population"]), empty=True)
     population.access_values()[:] = tensors["population"]
@@ -46,5 +47,14 @@ def restore(searcher: PGPE, problem: JumpProblem, content: bytes) -> None:
     searcher._distribution = searcher._distribution.modified_copy(
         mu=tensors["mu"], sigma=tensors["sigma"]
     )
-    searcher.optimizer._velocity = tensors["velocity"]
+    if searcher.optimizer is not None:
+        searcher.optimizer._velocity = torch.from_numpy(state["velocity"])
     problem.load_state(state["problem"])
+
+
+def _velocity(searcher: GaussianSearchAlgorithm) -> NDArray[np.float32] | None:
+    """Return where ClipUp is heading, None where there is no optimiser."""
+    if searcher.optimizer is None:
+        return None
+    velocity: NDArray[np.float32] = searcher.optimizer._velocity.as_subclass(torch.Tensor).numpy()
+    return velocity

@@ -1,59 +1,32 @@
-"""PGPE with ClipUp: evolution of a linear policy, on EvoTorch.
+"""Evolution of a linear policy, on EvoTorch."""
 
-Policy gradients with parameter-based exploration (Sehnke et al. 2010, "Parameter-exploring policy
-gradients") with the ClipUp optimiser (Toklu et al. 2020).
-"""
-
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import torch
-from evotorch.algorithms import PGPE
+from evotorch.algorithms.distributed.gaussian import GaussianSearchAlgorithm
 
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.evolution import state
+from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.agents.evolution.problem import JumpProblem
-from jumping_ant.params.models import EnvParams, PGPEParams
+from jumping_ant.agents.job import Job, resolve
 
 
-def train(
-    xml: str,
-    env: EnvParams,
-    agent: PGPEParams,
-    seed: int,
-    evaluations: int,
-    num_threads: int = 1,
-    checkpoint: bytes | None = None,
-    is_checkpoint_due: Callable[[], bool] = lambda: False,
-) -> Iterator[Event]:
+def train(job: Job[EvolutionParams]) -> Iterator[Event]:
     """Evolve a linear policy; a row of the curve is a generation.
-
-    Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        agent: The agent's block.
-        seed: Determines the run.
-        evaluations: Number of snapshots, spread evenly over the budget.
-        num_threads: Threads that step the simulations; results do not depend on it.
-        checkpoint: Where to resume from, as an earlier call yielded it.
-        is_checkpoint_due: Asked after every generation.
 
     Yields:
         Progress (with the best return, fitnesses, the centre's norm and the mean stdev), snapshots
         of the centre's policy, checkpoints when due, and at last that policy.
     """
-    problem = JumpProblem(xml, env, agent, seed, num_threads)
-    searcher = PGPE(
-        problem,
-        popsize=agent.population_size,
-        center_learning_rate=agent.center_learning_rate,
-        stdev_learning_rate=agent.stdev_learning_rate,
-        stdev_init=agent.stdev_init,
-        optimizer="clipup",
-        optimizer_config={"max_speed": agent.max_speed, "momentum": agent.momentum},
-    )
-    if checkpoint is not None:
-        state.restore(searcher, problem, checkpoint)
+    agent = job.agent
+    problem = JumpProblem(job.xml, job.env, agent, job.seed, job.num_threads)
+    searcher: Any = resolve(row(agent).learner)(problem, agent)
+    if job.checkpoint is not None:
+        state.restore(searcher, problem, job.checkpoint)
     while searcher.step_count < agent.generations:
         searcher.step()
         generation, center = searcher.step_count, searcher.status["center"]
@@ -72,14 +45,14 @@ def train(
                 "stdev_mean": float(searcher.status["stdev"].mean()),
             },
         )
-        if generation * evaluations % agent.generations < evaluations:
+        if generation * job.evaluations % agent.generations < job.evaluations:
             yield Snapshot(problem.env_steps, _policy_file(searcher, problem))
-        if is_checkpoint_due():
+        if job.is_checkpoint_due():
             yield Checkpoint(problem.env_steps, state.capture(searcher, problem))
     yield Finished(problem.env_steps, _policy_file(searcher, problem))
 
 
-def _policy_file(searcher: PGPE, problem: JumpProblem) -> bytes:
+def _policy_file(searcher: GaussianSearchAlgorithm, problem: JumpProblem) -> bytes:
     """Return the policy at the distribution's centre, as a policy file."""
     status = (searcher.status[name].as_subclass(torch.Tensor) for name in ("center", "stdev"))
     return problem.policy(*status).to_bytes()

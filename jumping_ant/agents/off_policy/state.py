@@ -1,37 +1,45 @@
-"""All that a training of DQN or SAC resumes from: the state of the model and of its world.
+"""All that an off-policy training resumes from: the state of the model and of its world.
 
 Networks, optimisers, replay memory, counters, simulations, and every generator of random numbers
 that is drawn from.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import Any, cast
 
 import numpy as np
 import torch
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from torch import Tensor
 
-from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
 from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
 from jumping_ant.base.archive import pack_state, unpack_state
 
 # Numbers that Stable-Baselines3's loop keeps.
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
-DQN_COUNTERS = ("_n_calls", "exploration_rate")
+# Columns of its replay memory.
+COLUMNS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
-def capture(model: LeanDQN | LeanSAC, own: Any) -> bytes:
+def capture(model: OffPolicyAlgorithm, counters: Sequence[str], own: Any) -> bytes:
     """Return the state of a model that is between two rounds of `learn`.
 
     Args:
         model: The model; its environments are a `SB3VecEnv`.
+        counters: Numbers that it keeps beside those of Stable-Baselines3's loop, by attribute.
         own: What its trainer keeps beside it, as JSON can express it.
     """
     return pack_state(
         {
-            "learner": {name: vector.numpy() for name, vector in model.vectors.items()},
-            "replay": model.replay_buffer.save_state(),
+            "learner": {name: vector.numpy() for name, vector in _vectors(model).items()},
+            "learning_rates": {
+                name: optimizer.param_groups[0]["lr"] for name, optimizer in _optimizers(model)
+            },
+            "replay": _save_replay(cast(ReplayBuffer, model.replay_buffer)),
             "envs": cast(SB3VecEnv, model.env).save_state(),
             "last_obs": model._last_obs,
-            "counters": {name: getattr(model, name) for name in _counters(model)},
+            "counters": {name: getattr(model, name) for name in (*COUNTERS, *counters)},
             "logged": {key: float(value) for key, value in model.logger.name_to_value.items()},
             "actions": model.action_space.np_random.bit_generator.state,
             "numpy": np.random.get_state(legacy=False),
@@ -41,24 +49,27 @@ def capture(model: LeanDQN | LeanSAC, own: Any) -> bytes:
     )
 
 
-def restore(model: LeanDQN | LeanSAC, content: bytes) -> Any:
+def restore(model: OffPolicyAlgorithm, counters: Sequence[str], content: bytes) -> Any:
     """Put a fresh model into a captured state.
 
     Args:
         model: Made with the same parameters, and set up to learn.
+        counters: As for `capture`.
         content: What `capture` returned.
 
     Returns:
         What its trainer kept beside it.
     """
     state = unpack_state(content)
-    for name, vector in model.vectors.items():
+    for name, vector in _vectors(model).items():
         vector.copy_(torch.from_numpy(state["learner"][name]))
-    model.replay_buffer.load_state(state["replay"])
+    for name, optimizer in _optimizers(model):
+        optimizer.param_groups[0]["lr"] = state["learning_rates"][name]
+    _load_replay(cast(ReplayBuffer, model.replay_buffer), state["replay"])
     cast(SB3VecEnv, model.env).load_state(state["envs"])
     model._last_obs = state["last_obs"]
-    for name, value in state["counters"].items():
-        setattr(model, name, value)
+    for name in (*COUNTERS, *counters):
+        setattr(model, name, state["counters"][name])
     for key, value in state["logged"].items():
         model.logger.record(key, value)
     model.action_space.np_random.bit_generator.state = state["actions"]
@@ -67,5 +78,60 @@ def restore(model: LeanDQN | LeanSAC, content: bytes) -> Any:
     return state["own"]
 
 
-def _counters(model: LeanDQN | LeanSAC) -> tuple[str, ...]:
-    return COUNTERS + DQN_COUNTERS if isinstance(model, LeanDQN) else COUNTERS
+def _vectors(model: OffPolicyAlgorithm) -> dict[str, Tensor]:
+    """Return all tensors that learning writes, by name, where they lie.
+
+    A lean learner names its own. Of another these are the parameters that Stable-Baselines3 saves
+    and the means of its optimisers, which are all Adam.
+    """
+    if hasattr(model, "vectors"):
+        own: dict[str, Tensor] = model.vectors
+        return own
+    vectors = {f"policy.{key}": tensor for key, tensor in model.policy.state_dict().items()}
+    for name, optimizer in _optimizers(model):
+        vectors |= {f"{name}.{key}": tensor for key, tensor in _means(optimizer).items()}
+    variables = model._get_torch_save_params()[1]
+    return vectors | {name: _attribute(model, name).detach() for name in variables}
+
+
+def _optimizers(model: OffPolicyAlgorithm) -> Iterator[tuple[str, torch.optim.Optimizer]]:
+    """Yield the optimisers that Stable-Baselines3 saves, with their names."""
+    for name in model._get_torch_save_params()[0]:
+        part = _attribute(model, name)
+        if isinstance(part, torch.optim.Optimizer):
+            yield name, part
+
+
+def _attribute(model: OffPolicyAlgorithm, name: str) -> Any:
+    """Return what lies at a name with dots."""
+    part: Any = model
+    for key in name.split("."):
+        part = getattr(part, key)
+    return part
+
+
+def _means(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """Return what an Adam keeps of each parameter; before its first step, that is zero."""
+    means: dict[str, Tensor] = {}
+    parameters = [each for group in optimizer.param_groups for each in group["params"]]
+    for number, parameter in enumerate(parameters):
+        kept = optimizer.state[parameter]
+        if not kept:
+            kept |= {"step": torch.zeros(())}
+            kept |= {key: torch.zeros_like(parameter) for key in ("exp_avg", "exp_avg_sq")}
+        means |= {f"{number}.{key}": kept[key] for key in ("step", "exp_avg", "exp_avg_sq")}
+    return means
+
+
+def _save_replay(replay: ReplayBuffer) -> dict[str, Any]:
+    """Return the transitions in memory, and where the next one goes."""
+    size = replay.buffer_size if replay.full else replay.pos
+    return {"position": replay.pos} | {name: getattr(replay, name)[:size] for name in COLUMNS}
+
+
+def _load_replay(replay: ReplayBuffer, state: dict[str, Any]) -> None:
+    """Take transitions over into an empty memory of the same size."""
+    for name in COLUMNS:
+        getattr(replay, name)[: len(state[name])] = state[name]
+    replay.pos = state["position"]
+    replay.full = len(state["rewards"]) == replay.buffer_size

@@ -1,15 +1,14 @@
-"""DQN and SAC, on Stable-Baselines3.
+"""Off-policy algorithms, on Stable-Baselines3.
 
-DQN (Mnih et al. 2015, "Human-level control through deep reinforcement learning") acts by five
-discrete commands, SAC (Haarnoja et al. 2018, "Soft Actor-Critic Algorithms and Applications") by
-continuous torques. Algorithms and networks are Stable-Baselines3's, with leaner gradient steps; the
-loop around them does what its `learn()` does, and yields in between.
+Algorithms and networks are Stable-Baselines3's, some of them with leaner gradient steps (see the
+catalogue); the loop around them does what its `learn()` does, and yields in between.
 """
 
+import inspect
 import io
 import json
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
@@ -18,6 +17,7 @@ from gymnasium import spaces
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.callbacks import CallbackList
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import TrainFreq
@@ -25,21 +25,19 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
+from jumping_ant.agents.job import Job, resolve
 from jumping_ant.agents.off_policy import state
-from jumping_ant.agents.off_policy.learners import LeanDQN, LeanSAC
+from jumping_ant.agents.off_policy.algorithms import OffPolicyParams
 from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
 from jumping_ant.base.archive import pack, unpack
 from jumping_ant.base.seeding import derive, derive_all
-from jumping_ant.params.models import DQNParams, EnvParams, SACParams
-from jumping_ant.policies import network_entries, velocity_factors
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.policies import Interface, network_entries
+from jumping_ant.sim.task import Task
+from jumping_ant.sim.vector import RobotVectorEnv
 
-# What the learning curve keeps of SB3's log, by algorithm.
-LOGGED = {
-    "dqn": ("train/loss", "rollout/exploration_rate"),
-    "sac": ("train/actor_loss", "train/critic_loss", "train/ent_coef"),
-}
 # State of the run rather than of the policy, and so not in a policy file: times, and the last
 # observations and episodes.
 RUN_STATE = (
@@ -57,61 +55,54 @@ class ScaledObservations(BaseFeaturesExtractor):
     """Multiplies velocities by a factor, so that the networks see numbers of like size.
 
     Args:
-        observation_space: The space of one observation, 27 numbers.
+        observation_space: The space of one observation.
         velocity_scale: The factor.
+        first_velocity: The observation that is the first velocity; positions stand before it.
     """
 
-    def __init__(self, observation_space: spaces.Box, velocity_scale: float) -> None:
+    def __init__(
+        self, observation_space: spaces.Box, velocity_scale: float, first_velocity: int
+    ) -> None:
         super().__init__(observation_space, features_dim=observation_space.shape[0])
+        factors = torch.ones(observation_space.shape)
+        factors[first_velocity:] = velocity_scale
         self.factors: torch.Tensor
-        self.register_buffer("factors", torch.from_numpy(velocity_factors(velocity_scale)))
+        self.register_buffer("factors", factors)
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        """Return scaled observations, shape (n, 27)."""
+        """Return scaled observations, shape (n, num_observations)."""
         return observations * self.factors
 
 
-COMMON_SETTINGS = (
-    "buffer_size",
-    "learning_starts",
-    "batch_size",
-    "tau",
-    "gamma",
-    "n_steps",
-    "train_freq",
-    "gradient_steps",
-)
-DQN_SETTINGS = (
-    "target_update_interval",
-    "exploration_fraction",
-    "exploration_initial_eps",
-    "exploration_final_eps",
-    "max_grad_norm",
-)
-SAC_SETTINGS = ("ent_coef",)
-
-
-def make_model(envs: VecEnv, agent: DQNParams | SACParams, seed: int) -> LeanDQN | LeanSAC:
+def make_model(envs: VecEnv, agent: OffPolicyParams, seed: int) -> OffPolicyAlgorithm:
     """Return the untrained Stable-Baselines3 model of an agent.
 
     Args:
         envs: Where it will learn.
-        agent: The agent's block.
+        agent: The agent's block; settings that the model's class knows are given under their names.
         seed: Determines the run.
     """
-    is_sac = isinstance(agent, SACParams)
-    names = COMMON_SETTINGS + (SAC_SETTINGS if is_sac else DQN_SETTINGS)
-    settings: dict[str, Any] = {name: getattr(agent, name) for name in names}
+    learner = resolve(row(agent).learner)
+    known = inspect.signature(learner).parameters
+    settings: dict[str, Any] = {
+        name: getattr(agent, name) for name in type(agent).model_fields if name in known
+    }
     settings["learning_rate"] = LinearSchedule(
         agent.learning_rate, agent.final_learning_rate, end_fraction=1.0
     )
+    if "action_noise" in settings:
+        num_motors = cast(spaces.Box, envs.action_space).shape[0]
+        deviations = np.full(num_motors, settings["action_noise"])
+        settings["action_noise"] = NormalActionNoise(np.zeros(num_motors), deviations)
     policy_kwargs = {
         "net_arch": agent.net_arch,
         "features_extractor_class": ScaledObservations,
-        "features_extractor_kwargs": {"velocity_scale": agent.velocity_scale},
+        "features_extractor_kwargs": {
+            "velocity_scale": agent.velocity_scale,
+            "first_velocity": _task(envs).anatomy.num_observed_positions,
+        },
     }
-    algorithm: Any = LeanSAC if is_sac else LeanDQN
-    model: LeanDQN | LeanSAC = algorithm(
+    model: OffPolicyAlgorithm = learner(
         "MlpPolicy",
         envs,
         policy_kwargs=policy_kwargs,
@@ -126,9 +117,9 @@ def make_model(envs: VecEnv, agent: DQNParams | SACParams, seed: int) -> LeanDQN
 
 
 def make_envs(
-    xml: str, env: EnvParams, agent: DQNParams | SACParams, seed: int, num_threads: int = 1
+    xml: str, env: EnvParams, agent: OffPolicyParams, seed: int, num_threads: int = 1
 ) -> VecEnv:
-    """Return the environments an agent learns in: torques for SAC, commands for DQN.
+    """Return the environments that an agent learns in.
 
     Their episodes are cut as the agent's block says, which learners treat as the time limit it is.
 
@@ -141,80 +132,76 @@ def make_envs(
     """
     episode_steps = np.full(agent.num_envs, agent.episode_steps or np.inf)
     episode_steps[: round(agent.long_episodes * agent.num_envs)] = env.max_episode_steps
-    envs = JumpingAntVectorEnv(
+    envs = RobotVectorEnv(
         xml,
         env,
         agent.num_envs,
         num_threads,
-        actions=ActionSet.of(agent.actions),
+        actions=ActionSet.of(agent.actions, env.commands),
         episode_steps=episode_steps,
         tumbled_starts=agent.tumbled_starts,
     )
     return SB3VecEnv(envs, derive_all(seed, "starts", agent.num_envs))
 
 
-def train(
-    xml: str,
-    env: EnvParams,
-    agent: DQNParams | SACParams,
-    seed: int,
-    evaluations: int,
-    num_threads: int = 1,
-    checkpoint: bytes | None = None,
-    is_checkpoint_due: Callable[[], bool] = lambda: False,
-) -> Iterator[Event]:
-    """Train DQN or SAC, as `OffPolicyAlgorithm.learn` does.
-
-    Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        agent: The agent's block.
-        seed: Determines the run.
-        evaluations: Number of snapshots, spread evenly over the budget.
-        num_threads: Threads that step the simulations; results do not depend on it.
-        checkpoint: Where to resume from, as an earlier call yielded it.
-        is_checkpoint_due: Asked after every round.
+def train(job: Job[OffPolicyParams]) -> Iterator[Event]:
+    """Train as `OffPolicyAlgorithm.learn` does.
 
     Yields:
-        Progress every `log_interval` transitions (with losses, and the exploration rate or the
-        entropy coefficient), snapshots of the policy, checkpoints when due, and at last the policy.
+        Progress every `log_interval` transitions (with what the learner logs), snapshots of the
+        policy, checkpoints when due, and at last the policy.
     """
-    model = make_model(make_envs(xml, env, agent, seed, num_threads), agent, seed)
+    agent = job.agent
+    envs = make_envs(job.xml, job.env, agent, job.seed, job.num_threads)
+    model = make_model(envs, agent, job.seed)
     model.set_logger(Logger(folder=None, output_formats=[]))
-    hold = agent.actions.hold
+    actions = ActionSet.of(agent.actions, job.env.commands)
+    hold = actions.hold
     budget = -(-agent.total_steps // hold)  # decisions, as SB3 counts
     _, callback = model._setup_learn(budget, CallbackList([]))
-    episodes = _EpisodeReturns(model)
-    if checkpoint is not None:
-        episodes.count, episodes.returns = state.restore(model, checkpoint)
+    episodes, counters = _EpisodeReturns(model), row(agent).counters
+    if job.checkpoint is not None:
+        episodes.count, episodes.returns = state.restore(model, counters, job.checkpoint)
     while model.num_timesteps < budget:
         before = model.num_timesteps
         _learn_once(model, callback)
         episodes.collect()
-        is_evaluated = _crossed(before, model.num_timesteps, budget / evaluations)
+        is_evaluated = _crossed(before, model.num_timesteps, budget / job.evaluations)
         if is_evaluated or _crossed(before, model.num_timesteps, agent.log_interval):
             yield _progress(model, agent, episodes)
         if is_evaluated:
-            yield Snapshot(model.num_timesteps * hold, policy_file(model, agent))
-        if is_checkpoint_due():
-            content = state.capture(model, [episodes.count, episodes.returns])
+            yield Snapshot(model.num_timesteps * hold, policy_file(model, agent, actions))
+        if job.is_checkpoint_due():
+            content = state.capture(model, counters, [episodes.count, episodes.returns])
             yield Checkpoint(model.num_timesteps * hold, content)
-    yield Finished(model.num_timesteps * hold, policy_file(model, agent))
+    yield Finished(model.num_timesteps * hold, policy_file(model, agent, actions))
 
 
-def policy_file(model: OffPolicyAlgorithm, agent: DQNParams | SACParams) -> bytes:
+def policy_file(model: OffPolicyAlgorithm, agent: OffPolicyParams, actions: ActionSet) -> bytes:
     """Return a policy file that `SAC.load` or `DQN.load` reads as well.
 
     Stable-Baselines3 dates its archive and keeps the state of the run in it; this one holds the
     policy alone, and is the same bytes for the same run.
+
+    Args:
+        model: The model.
+        agent: The agent's block.
+        actions: What it chooses from.
     """
     buffer = io.BytesIO()
     model.save(buffer, exclude=RUN_STATE)
     entries = unpack(buffer.getvalue())
     del entries["system_info.txt"]
     entries["data"] = json.dumps(_without_addresses(json.loads(entries["data"]))).encode()
-    own = network_entries(agent.algorithm, ActionSet.of(agent.actions), agent.velocity_scale)
-    return pack(own | entries)
+    anatomy = _task(model.env).anatomy
+    interface = Interface(actions, anatomy.num_observations, anatomy.num_motors)
+    return pack(network_entries(agent.algorithm, interface) | entries)
+
+
+def _task(envs: VecEnv | None) -> Task:
+    """Return the task of the environments that a model learns in."""
+    task: Task = cast(VecEnv, envs).get_attr("task")[0]
+    return task
 
 
 def _without_addresses(data: dict[str, Any]) -> dict[str, Any]:
@@ -271,7 +258,7 @@ class _EpisodeReturns:
 
 
 def _progress(
-    model: OffPolicyAlgorithm, agent: DQNParams | SACParams, episodes: _EpisodeReturns
+    model: OffPolicyAlgorithm, agent: OffPolicyParams, episodes: _EpisodeReturns
 ) -> Progress:
     return_mean, return_std = episodes.take()
     values = model.logger.name_to_value
@@ -281,9 +268,7 @@ def _progress(
         episodes=episodes.count,
         return_mean=return_mean,
         return_std=return_std,
-        extra={
-            key.partition("/")[2]: float(values.get(key, "nan")) for key in LOGGED[agent.algorithm]
-        },
+        extra={key.partition("/")[2]: float(values.get(key, "nan")) for key in row(agent).logged},
     )
 
 

@@ -9,7 +9,7 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from jumping_ant.sim.vector import JumpingAntVectorEnv
+from jumping_ant.sim.vector import RobotVectorEnv
 
 
 class SB3VecEnv(VecEnv):
@@ -52,9 +52,9 @@ class SB3VecEnv(VecEnv):
         """Step all environments.
 
         Returns:
-            Observations (num_envs, 27), rewards and dones (num_envs,), and an info for each
-            environment: at an episode's end with `terminal_observation`, `TimeLimit.truncated`
-            and `episode` (return `r` and length `l`), else empty.
+            Observations (num_envs, num_observations), rewards and dones (num_envs,), and an info
+            for each environment: at an episode's end with `terminal_observation`,
+            `TimeLimit.truncated` and `episode` (return `r` and length `l`), else empty.
         """
         observations, rewards, terminated, truncated, vector_infos = self.envs.step(self._actions)
         self._returns += rewards
@@ -76,14 +76,14 @@ class SB3VecEnv(VecEnv):
         return {
             "returns": self._returns.copy(),
             "lengths": self._lengths.copy(),
-            "envs": cast(JumpingAntVectorEnv, self.envs.unwrapped).save_state(),
+            "envs": cast(RobotVectorEnv, self.envs.unwrapped).save_state(),
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Resume from a state of as many environments."""
         self._returns[:] = state["returns"]
         self._lengths[:] = state["lengths"]
-        cast(JumpingAntVectorEnv, self.envs.unwrapped).load_state(state["envs"])
+        cast(RobotVectorEnv, self.envs.unwrapped).load_state(state["envs"])
 
     def close(self) -> None:
         """Close the environments."""

@@ -29,7 +29,7 @@ from jumping_ant.judging.statistics import (
     pair_scores,
     relative_spread,
 )
-from jumping_ant.params.models import CompareParams
+from jumping_ant.params.blocks import CompareParams
 from jumping_ant.words import wording
 from jumping_ant.words.wording import number
 

@@ -21,7 +21,7 @@ from jumping_ant.judging.claims.field import (
 )
 from jumping_ant.judging.claims.findings import Finding, Sample
 from jumping_ant.judging.results import AgentResults
-from jumping_ant.params.models import CompareParams
+from jumping_ant.params.blocks import CompareParams
 from jumping_ant.words.wording import number
 
 MUCH_BETTER = 2.0  # what "much" is taken to mean: a factor on the return

@@ -14,7 +14,7 @@ from jumping_ant.judging.claims.statements import Claim, Field, claims
 from jumping_ant.judging.hypothesis_tests import holm
 from jumping_ant.judging.results import AgentResults
 from jumping_ant.judging.sample_sizes import MOST_SEEDS
-from jumping_ant.params.models import CompareParams
+from jumping_ant.params.blocks import CompareParams
 
 ROUNDING = 1e-12  # 1 - 0.95 is a little more than 0.05
 

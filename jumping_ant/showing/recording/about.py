@@ -56,7 +56,7 @@ def episode_page(
         opening: What plays at first; it ends with the film.
     """
     measures = story.measures
-    seconds = len(trajectory.ctrl) * trajectory.frame_skip * trajectory.timestep
+    seconds = len(trajectory.torques) * trajectory.frame_skip * trajectory.timestep
     arrow = f"{100 * METRES_PER_NEWTON:g} m for 100 N"
     return f"""\
 ## {story.label}, seed {trajectory.seed}, episode {trajectory.episode}
@@ -71,9 +71,9 @@ What plays again and again is the highest jump of the {opening.end:g} s that are
 {opening.peak:.1f} s.
 
 **What to look at.** Arrows are the forces of the ground on each limb ({arrow}): long where the
-robot pushes off and lands, none while it flies. The blue trail is the torso's way. The reward
-follows the torso's height and saturates, so that higher jumps earn by lasting longer. Of the
-learning curves the blue one is this seed's, the grey ones are the other seeds'.
+robot pushes off and lands, none while it flies. The blue trail is the torso's way.
+{_reward(trajectory)}
+Of the learning curves the blue one is this seed's, the grey ones are the other seeds'.
 
 **Colours.** {_legend(model)}; the same for shapes, arrows, torques and forces.
 
@@ -121,12 +121,22 @@ def _algorithm(story: Story) -> str:
 
 
 def _robot(story: Story) -> str:
-    return " Its robot is Gymnasium's Ant as it comes." if story.robot == "unedited" else ""
+    return " Its robot is without the edits." if story.robot == "unedited" else ""
+
+
+def _reward(trajectory: Trajectory) -> str:
+    """Say what the reward follows."""
+    if list(trajectory.terms) == ["torso_height"]:
+        return (
+            "The reward follows the torso's height and saturates, so that higher jumps earn by "
+            "lasting longer."
+        )
+    return f"The reward is the sum of {', '.join(map('`{}`'.format, trajectory.terms))}."
 
 
 def _remark(story: Story) -> str:
     """Return what sets an agent apart from learners on the edited robot, in brackets."""
-    remark = looks.remark(story.algorithm, story.robot)
+    remark = looks.remark(story.is_baseline, story.robot)
     return f" ({remark})" if remark else ""
 
 

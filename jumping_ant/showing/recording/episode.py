@@ -8,7 +8,8 @@ Entities, over `sim_time` [s] and, but for the film, `control_step`:
 | /trail | the torso's path | m |
 | /contact_arrow/<limb> | force of its contacts on a limb, from their mean point | 100 N/m |
 | /height/torso | height of the torso's centre | m |
-| /reward/height | height reward of each control step, at its end | |
+| /reward/<term> | what a term adds to the reward of each control step, at its end | |
+| /reward/total | their sum, where there are several | |
 | /torque/<motor> | torque held from the control step's start | N m |
 | /contact_force/<limb> | sum of the normal forces at the contacts of a leg, or of the torso | N |
 | /contacts | number of contacts | |
@@ -53,7 +54,7 @@ def record(xml: str, trajectory: Trajectory, story: Story, mp4: bytes) -> bytes:
         scene = Scene(stream, model)
         scene.log_shapes()
         scene.log_states(found)
-        series.log_styles(stream, model)
+        series.log_styles(stream, model, list(series.reward_series(trajectory)))
         series.log_states(stream, model, found)
         series.log_control(stream, model, trajectory, len(found.rows))
         video.log(stream)

@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from jumping_ant.showing.recording import curves
-from jumping_ant.showing.recording.scene import CAMERA_PATH
+from jumping_ant.showing.recording.scene import camera_path
 from jumping_ant.showing.recording.states import TIMELINE
 
 BACKGROUND = (24, 28, 36)
@@ -37,7 +37,7 @@ def episode_layout(model: mujoco.MjModel, moment: Moment, film_end: int) -> rrb.
     """
     film = rrb.Spatial2DView(origin="film", name=f"Film of the first {film_end / 1e9:g} s")
     left = rrb.Vertical(
-        scene_view("Robot"),
+        scene_view(model, "Robot"),
         rrb.Horizontal(film, curves.view(), column_shares=[2, 5]),
         row_shares=[7, 3],
     )
@@ -54,20 +54,23 @@ def live_layout(model: mujoco.MjModel) -> rrb.Blueprint:
     plots = rrb.Vertical(*_plots(model, recent), row_shares=[4, 3, 3, 7])
     panel = rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following")
     return rrb.Blueprint(
-        rrb.Horizontal(scene_view("Robot"), plots, column_shares=[3, 2]),
+        rrb.Horizontal(scene_view(model, "Robot"), plots, column_shares=[3, 2]),
         panel,
         collapse_panels=True,
     )
 
 
-def lineup_layout(labels: Mapping[str, str], moment: Moment) -> rrb.Blueprint:
+def lineup_layout(
+    models: Mapping[str, mujoco.MjModel], labels: Mapping[str, str], moment: Moment
+) -> rrb.Blueprint:
     """Arrange agents side by side, over text and their heights.
 
     Args:
+        models: Each agent's robot.
         labels: What the views are called, by agent.
         moment: What plays again and again.
     """
-    views = [scene_view(label, f"{agent}/") for agent, label in labels.items()]
+    views = [scene_view(models[agent], label, f"{agent}/") for agent, label in labels.items()]
     scenes = rrb.Grid(*views, grid_columns=int(np.ceil(np.sqrt(len(views)))))
     about = rrb.TextDocumentView(origin="about", name="About")
     heights = rrb.TimeSeriesView(
@@ -82,7 +85,7 @@ def lineup_layout(labels: Mapping[str, str], moment: Moment) -> rrb.Blueprint:
     )
 
 
-def scene_view(name: str, root: str = "") -> rrb.Spatial3DView:
+def scene_view(model: mujoco.MjModel, name: str, root: str = "") -> rrb.Spatial3DView:
     """Return the view of a robot, with a camera that follows it (see `scene.Scene`)."""
     return rrb.Spatial3DView(
         origin=f"/{root}",
@@ -93,7 +96,7 @@ def scene_view(name: str, root: str = "") -> rrb.Spatial3DView:
         eye_controls=rrb.EyeControls3D(
             position=EYE,
             look_target=LOOK_TARGET,
-            tracking_entity=f"/{root}{CAMERA_PATH}",
+            tracking_entity=f"/{root}{camera_path(model)}",
         ),
         overrides={
             f"/{root}trail": rrb.VisibleTimeRanges(

@@ -68,7 +68,7 @@ def record(
         about.log_page(stream, about.lineup_page(stories, trajectories, opening))
 
     labels = {agent: story.label for agent, story in stories.items()}
-    opened = layout.lineup_layout(labels, layout.around(peak, end))
+    opened = layout.lineup_layout(models, labels, layout.around(peak, end))
     return write("lineup", "All agents", opened, log)
 
 
@@ -85,5 +85,5 @@ def _time_of_peak(
 
 def _colors(stories: Mapping[str, Story]) -> dict[str, Color]:
     """Return each agent's colour, that of the figures."""
-    drawn = looks.looks({agent: story.algorithm for agent, story in stories.items()})
+    drawn = looks.looks({agent: story.is_baseline for agent, story in stories.items()})
     return {agent: tuple(bytes.fromhex(look.colour[1:])) for agent, look in drawn.items()}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.showing.recording import layout, series, states
 from jumping_ant.showing.recording.scene import Scene
+from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory
 
 
@@ -21,16 +22,18 @@ class Step:
     """A control step as it is played.
 
     Attributes:
-        qpos: Positions at its start, shape (15,).
-        qvel: Velocities at its start, shape (14,).
-        torques: Torques over peak torques, shape (8,).
+        qpos: Positions at its start, shape (num_positions,).
+        qvel: Velocities at its start, shape (num_velocities,).
+        torques: Torques over peak torques, shape (num_motors,).
         reward: What it earned.
+        terms: What each term of the reward added to it.
     """
 
     qpos: NDArray[np.float64]
     qvel: NDArray[np.float64]
     torques: NDArray[np.float64]
     reward: float
+    terms: dict[str, float]
 
 
 class LiveRecording:
@@ -48,7 +51,6 @@ class LiveRecording:
         self._data = mujoco.MjData(model)
         self._num_steps = 0
         self._scene.log_shapes()
-        series.log_styles(stream, model)
 
     def show(self, step: Step) -> None:
         """Record a control step; one that breaks off is left out."""
@@ -61,6 +63,7 @@ class LiveRecording:
             series.log_states(self._stream, self._model, found)
             series.log_control(self._stream, self._model, trajectory, len(rows), first)
         if first == 0:
+            series.log_styles(self._stream, self._model, list(series.reward_series(trajectory)))
             # Not earlier: a camera can turn only to what is there.
             self._stream.flush()
             self._stream.send_blueprint(layout.live_layout(self._model))
@@ -68,7 +71,8 @@ class LiveRecording:
     def _simulate(self, step: Step) -> Trajectory:
         """Return the control step with all its simulation steps."""
         data, positions, velocities = self._data, [step.qpos], [step.qvel]
-        data.qpos[:], data.qvel[:], data.ctrl[:] = step.qpos, step.qvel, step.torques
+        data.qpos[:], data.qvel[:] = step.qpos, step.qvel
+        data.ctrl[:] = step.torques * Anatomy.of(self._model).control_limits
         for _ in range(self._frame_skip):
             mujoco.mj_step(self._model, data)
             positions.append(data.qpos.copy())
@@ -76,8 +80,9 @@ class LiveRecording:
         return Trajectory(
             qpos=np.array(positions),
             qvel=np.array(velocities),
-            ctrl=step.torques[None],
-            reward_height=np.array([step.reward]),
+            torques=step.torques[None],
+            rewards=np.array([step.reward]),
+            terms={name: np.array([value]) for name, value in step.terms.items()},
             seed=0,
             episode=0,
             episode_return=step.reward,

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.sim import robot
+from jumping_ant.sim.anatomy import Anatomy
 
 Color = tuple[int, ...]
 
@@ -61,5 +61,5 @@ def limbs_of_motors(model: mujoco.MjModel) -> NDArray[np.int64]:
 
 
 def _limb_roots(model: mujoco.MjModel) -> list[int]:
-    torso = model.body(robot.TORSO).id
+    torso = Anatomy.of(model).torso
     return [torso, *np.flatnonzero(model.body_parentid == torso).tolist()]

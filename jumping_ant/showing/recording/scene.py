@@ -19,10 +19,9 @@ from jumping_ant.showing.recording.parts import (
     limbs_of_bodies,
 )
 from jumping_ant.showing.recording.states import States, indexes
-from jumping_ant.sim import robot
+from jumping_ant.sim.anatomy import Anatomy
 
 TRAIL_COLOR: Color = (120, 200, 255)
-CAMERA_PATH = f"world/{robot.TORSO}/camera"  # of what the camera follows
 CAMERA_REACH = 1.4  # [m] from the torso's centre, what the camera is to see around it
 METRES_PER_NEWTON = 0.01  # length of the arrows of contact forces
 
@@ -59,7 +58,7 @@ class Scene:
         # A camera follows what is drawn, from as far away as it takes to see it: points of no size.
         reach = [[-CAMERA_REACH] * 3, [CAMERA_REACH] * 3]
         points = rr.Points3D(reach, radii=rr.Radius.ui_points(0.0))
-        self.stream.log(self.root + CAMERA_PATH, points, static=True)
+        self.stream.log(self.root + camera_path(self.model), points, static=True)
         trail = rr.LineStrips3D.from_fields(colors=[self.trail_color], radii=[0.012])
         self.stream.log(f"{self.root}trail", trail, static=True)
         for limb, name in enumerate(limb_names(self.model)):
@@ -88,7 +87,7 @@ class Scene:
 
     def _log_trail(self, states: States) -> None:
         """Log the way of the torso from each state to the next, at the latter's time."""
-        torso = states.positions[:, self.model.body(robot.TORSO).id]
+        torso = states.positions[:, Anatomy.of(self.model).torso]
         ways = np.stack([torso[:-1], torso[1:]], axis=1).astype(np.float32)
         columns = indexes(states.times[1:], states.steps[1:])
         self.stream.send_columns(f"{self.root}trail", columns, rr.LineStrips3D.columns(strips=ways))
@@ -97,9 +96,14 @@ class Scene:
         return self.torso_color if limb == 0 else limb_color(limb)
 
 
+def camera_path(model: mujoco.MjModel) -> str:
+    """Return the entity path of what the camera follows."""
+    return f"world/{body_names(model)[Anatomy.of(model).torso]}/camera"
+
+
 def torso_heights(model: mujoco.MjModel, states: States) -> NDArray[np.float64]:
     """Return the height of the torso's centre in each state [m], shape (num_rows,)."""
-    heights: NDArray[np.float64] = states.positions[:, model.body(robot.TORSO).id, 2]
+    heights: NDArray[np.float64] = states.positions[:, Anatomy.of(model).torso, 2]
     return heights
 
 

@@ -1,5 +1,7 @@
 """What is plotted over time: height, contacts, torques, reward, and the phases of a jump."""
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 import rerun as rr
@@ -14,6 +16,7 @@ from jumping_ant.showing.recording.parts import (
 )
 from jumping_ant.showing.recording.scene import TRAIL_COLOR, torso_heights
 from jumping_ant.showing.recording.states import States, indexes
+from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory
 
 HEIGHT_COLOR: Color = TRAIL_COLOR
@@ -22,11 +25,19 @@ CONTACTS_COLOR: Color = (140, 156, 176)
 PHASE_COLORS: dict[str, Color] = {"airborne": TRAIL_COLOR, "grounded": LEG_COLORS[1]}
 
 
-def log_styles(stream: rr.RecordingStream, model: mujoco.MjModel) -> None:
-    """Log the name and colour of every series."""
+def log_styles(stream: rr.RecordingStream, model: mujoco.MjModel, rewards: Sequence[str]) -> None:
+    """Log the name and colour of every series.
+
+    Args:
+        stream: The recording.
+        model: The robot.
+        rewards: Names of `reward_series`.
+    """
     log_style(stream, "height/torso", "torso height [m]", HEIGHT_COLOR)
     log_style(stream, "contacts", "contacts", CONTACTS_COLOR)
-    log_style(stream, "reward/height", "height reward", REWARD_COLOR)
+    for number, name in enumerate(rewards):
+        color = (REWARD_COLOR, *LEG_COLORS)[number % (1 + len(LEG_COLORS))]
+        log_style(stream, f"reward/{name}", name.replace("_", " "), color)
     for limb, name in enumerate(limb_names(model)):
         log_style(stream, f"contact_force/{name}", name.replace("_", " "), limb_color(limb))
     for motor, limb in enumerate(limbs_of_motors(model)):
@@ -88,14 +99,20 @@ def log_control(
         np.arange(first_step, first_step + begun + 1) * skip * trajectory.timestep * 1e9
     )
     times = times.astype(np.int64)
-    torques = trajectory.ctrl[:begun] * model.actuator_gear[:, 0]
+    torques = trajectory.torques[:begun] * Anatomy.of(model).peak_torques
     columns = indexes(times[:-1], steps)
     for motor in range(model.nu):
         values = rr.Scalars.columns(scalars=torques[:, motor])
         stream.send_columns(f"torque/{model.actuator(motor).name}", columns, values)
     columns = indexes(times[1 : ended + 1], steps[:ended])
-    rewards = rr.Scalars.columns(scalars=trajectory.reward_height[:ended])
-    stream.send_columns("reward/height", columns, rewards)
+    for name, earned in reward_series(trajectory).items():
+        stream.send_columns(f"reward/{name}", columns, rr.Scalars.columns(scalars=earned[:ended]))
+
+
+def reward_series(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
+    """Return the terms of the reward, and their sum where there are several, by name."""
+    total = {"total": trajectory.rewards} if len(trajectory.terms) != 1 else {}
+    return total | trajectory.terms
 
 
 def _log_phases(stream: rr.RecordingStream, states: States) -> None:

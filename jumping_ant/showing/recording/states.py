@@ -8,6 +8,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from jumping_ant.showing.recording.parts import limb_names, limbs_of_bodies
+from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory
 
 TIMELINE = "sim_time"
@@ -53,10 +54,14 @@ def derive(
         trajectory: The episode, or a part of one.
         rows: Which of its states.
         first_step: Number of the trajectory's first control step in the recording.
+
+    Raises:
+        InputError: The trajectory is of another robot.
     """
+    trajectory.check(model)
     skip, num_rows = trajectory.frame_skip, len(rows)
     num_limbs = len(limb_names(model))
-    steps = np.minimum(rows // skip, len(trajectory.ctrl) - 1)
+    steps = np.minimum(rows // skip, len(trajectory.torques) - 1)
     states = States(
         rows=rows,
         times=np.rint((rows + first_step * skip) * trajectory.timestep * 1e9).astype(np.int64),
@@ -70,9 +75,10 @@ def derive(
         contacts=np.empty(num_rows, dtype=np.int64),
     )
     data, limbs = mujoco.MjData(model), limbs_of_bodies(model)[model.geom_bodyid]
+    controls = trajectory.torques * Anatomy.of(model).control_limits
     for index, row in enumerate(rows):
         data.qpos[:], data.qvel[:] = trajectory.qpos[row], trajectory.qvel[row]
-        data.ctrl[:] = trajectory.ctrl[steps[index]]
+        data.ctrl[:] = controls[steps[index]]
         mujoco.mj_forward(model, data)
         states.positions[index] = data.xpos
         states.quaternions[index] = np.roll(data.xquat, -1, axis=1)

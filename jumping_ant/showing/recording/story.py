@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.params.models import Params
+from jumping_ant.experiment.models import Params
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.words import looks
 
@@ -27,6 +27,7 @@ class Story:
     Attributes:
         agent: The agent's name.
         algorithm: What it runs.
+        is_baseline: Whether it learns nothing.
         robot: Which robot it moves, `edited` or `unedited`.
         measures: The episode's `MEASURES` (see `jumping_ant.judging.evaluation`).
         mean_return: Of all the agent's held-out episodes.
@@ -36,6 +37,7 @@ class Story:
 
     agent: str
     algorithm: str
+    is_baseline: bool
     robot: str
     measures: Mapping[str, float]
     mean_return: float
@@ -44,7 +46,7 @@ class Story:
     @property
     def label(self) -> str:
         """Return the agent's name to print."""
-        return looks.label(self.agent, self.algorithm)
+        return looks.label(self.agent, self.algorithm, self.is_baseline)
 
 
 def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Story:
@@ -59,6 +61,7 @@ def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Stor
     Raises:
         InputError: A file is missing or malformed, or does not hold the episode.
     """
+    block = params.agent(agent)
     path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
     table = tables.read(path, ("seed", "episode", *MEASURES), stage)
     (own,) = np.nonzero(
@@ -71,8 +74,9 @@ def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Stor
         )
     return Story(
         agent=agent,
-        algorithm=params.agent(agent).algorithm,
-        robot=params.agent(agent).robot,
+        algorithm=block.algorithm,
+        is_baseline=block.is_baseline,
+        robot=block.robot,
         measures={name: float(table[name][own[0]]) for name in MEASURES},
         mean_return=float(table["return"].mean()),
         curves={seed: _read_curve(root, agent, seed) for seed in params.seeds},

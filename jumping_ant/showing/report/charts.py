@@ -42,7 +42,7 @@ TORQUE_SECONDS = 4.0  # shown of each film, around its highest moment
 
 
 @dataclass(frozen=True)
-class Film:
+class FilmedEpisode:
     """What happens in an agent's film.
 
     Attributes:
@@ -166,7 +166,7 @@ def episodes(
     return finish(figure, 420, top=70)
 
 
-def heights(results: Mapping[str, AgentResults], films: Mapping[str, Film]) -> go.Figure:
+def heights(results: Mapping[str, AgentResults], films: Mapping[str, FilmedEpisode]) -> go.Figure:
     """Draw the torso's height over the time of each agent's film.
 
     Args:
@@ -191,7 +191,7 @@ def heights(results: Mapping[str, AgentResults], films: Mapping[str, Film]) -> g
 
 def torques(
     results: Mapping[str, AgentResults],
-    films: Mapping[str, Film],
+    films: Mapping[str, FilmedEpisode],
     motors: Sequence[str],
 ) -> go.Figure:
     """Draw each motor's torque over the seconds around the highest moment, a panel an agent."""
@@ -224,7 +224,7 @@ def torques(
 
 
 def _looks(results: Mapping[str, AgentResults]) -> dict[str, Look]:
-    return looks({name: agent.algorithm for name, agent in results.items()})
+    return looks({name: agent.is_baseline for name, agent in results.items()})
 
 
 def _add_band(figure: go.Figure, x: Array, low: Array, high: Array, look: Look, group: str) -> None:
@@ -248,7 +248,7 @@ def _median_steps(agent: AgentResults, threshold: float) -> float:
     return float(np.quantile(np.where(reached, steps, np.inf), 0.5, method="lower"))
 
 
-def _around_highest(film: Film) -> NDArray[np.int64]:
+def _around_highest(film: FilmedEpisode) -> NDArray[np.int64]:
     """Return the control steps around a film's highest moment."""
     length = len(film.torques)
     width = min(length, round(TORQUE_SECONDS / film.step_seconds))

@@ -100,7 +100,7 @@ def claims(entries: Sequence[Mapping[str, Any]], num_seeds: int) -> list[dict[st
 
 def remark(agent: AgentResults) -> str:
     """Return what sets an agent apart from those that learn on the edited robot, if anything."""
-    return looks.remark(agent.algorithm, agent.block.robot)
+    return looks.remark(agent.is_baseline, agent.block.robot)
 
 
 def _row(agent: AgentResults, cells: Sequence[Cell]) -> Row:

@@ -19,12 +19,13 @@ from ruamel.yaml import YAML
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults, load, read_episodes
-from jumping_ant.params.models import Params
 from jumping_ant.showing.report import charts, contests, outcomes, pictures
-from jumping_ant.showing.report.charts import Film
+from jumping_ant.showing.report.charts import FilmedEpisode
 from jumping_ant.sim import robot, trajectory
+from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.words.looks import looks
 from jumping_ant.words.measures import MEASURES
 from jumping_ant.words.wording import estimate, number
@@ -49,7 +50,7 @@ def build(root: Path, params: Params) -> str:
     """
     results = load(root, params)
     summary = _read_json(Paths(root).comparison, "compare")
-    films = {name: _film(root, params, name) for name in results}
+    films = {name: _filmed(root, params, name) for name in results}
     context = {
         "title": _title(results),
         "agents": _agents(root, results, films),
@@ -90,7 +91,7 @@ def _charts(
     params: Params,
     results: Mapping[str, AgentResults],
     summary: Mapping[str, Any],
-    films: Mapping[str, Film],
+    films: Mapping[str, FilmedEpisode],
 ) -> dict[str, Any]:
     """Return each chart's JSON by its place in the template, which leaves out what has none."""
     curves = comparison.learning_curves(results, params.compare)
@@ -108,7 +109,7 @@ def _charts(
         figures["learning_steps"] = charts.learning(results, curves, "env_steps")
         figures["learning_seconds"] = charts.learning(results, curves, "seconds")
         figures["efficiency"] = charts.efficiency(results)
-    drawn = looks({name: agent.algorithm for name, agent in results.items()})
+    drawn = looks({name: agent.is_baseline for name, agent in results.items()})
     by_label = {agent.label: drawn[name] for name, agent in results.items()}
     for index, entry in enumerate(summary["claims"]):
         figures[f"claim_{index}"] = contests.claim(entry, by_label, params.seeds)
@@ -116,10 +117,10 @@ def _charts(
 
 
 def _agents(
-    root: Path, results: Mapping[str, AgentResults], films: Mapping[str, Film]
+    root: Path, results: Mapping[str, AgentResults], films: Mapping[str, FilmedEpisode]
 ) -> list[dict[str, Any]]:
     """Return what stands with each agent's film."""
-    drawn = looks({name: agent.algorithm for name, agent in results.items()})
+    drawn = looks({name: agent.is_baseline for name, agent in results.items()})
     shown = []
     for name, agent in results.items():
         film = films[name]
@@ -196,8 +197,8 @@ def _robot(root: Path) -> dict[str, Any]:
         "source": facts["source"],
         "versions": facts["versions"],
         "pictures": [
-            ("Gymnasium's Ant", pictures.portrait(robot.SOURCE_PATH.read_text())),
-            ("The jumping Ant", pictures.portrait(robot.read(root))),
+            ("Before its edits", pictures.portrait(robot.read(root, "unedited"))),
+            ("With its edits", pictures.portrait(robot.read(root))),
         ],
     }
 
@@ -247,17 +248,18 @@ def _params_text(params: Params) -> str:
     return text.getvalue()
 
 
-def _film(root: Path, params: Params, name: str) -> Film:
+def _filmed(root: Path, params: Params, name: str) -> FilmedEpisode:
     """Return what happens in an agent's film."""
     episode = trajectory.load(Paths(root).agent(name).trajectory)
     rows = episode.rows(seconds=params.record.seconds)
-    return Film(
+    model = robot.load(robot.read(root, params.agent(name).robot))
+    return FilmedEpisode(
         seed=episode.seed,
         episode=episode.episode,
         episode_return=episode.episode_return,
         times=np.asarray(rows * episode.timestep, dtype=np.float64),
-        heights=episode.qpos[rows, 2],
-        torques=episode.ctrl[: (len(rows) - 1) // episode.frame_skip],
+        heights=Anatomy.of(model).heights(episode.qpos[rows]),
+        torques=episode.torques[: (len(rows) - 1) // episode.frame_skip],
         step_seconds=episode.timestep * episode.frame_skip,
     )
 

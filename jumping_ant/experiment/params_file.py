@@ -1,6 +1,6 @@
 """`params.yaml`, read and checked whole, before any work.
 
-Unknown keys, wrong types and values out of range (see `jumping_ant.params.models`) are refused with
+Unknown keys, wrong types and values out of range (see `jumping_ant.params.blocks`) are refused with
 one line each that names the key, what was given and what is allowed.
 
 YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
@@ -15,9 +15,11 @@ from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.params.models import ALGORITHMS, Block, Params
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import Block
 
 # What is allowed, where pydantic's own words say it to programmers.
 ALLOWED = {
@@ -125,5 +127,6 @@ def _resolve(location: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
             keys.append(part)
             kind = get_args(kind)[-1]
         else:
-            kind = ALGORITHMS.get(str(part))
+            row = ALGORITHMS.get(str(part))
+            kind = row.settings if row else None
     return keys, kind

@@ -3,15 +3,12 @@
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import NStepReplayBuffer
 from torch import Tensor
-
-_COLUMNS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 @dataclass(frozen=True)
@@ -73,18 +70,6 @@ class BatchedReplayBuffer(NStepReplayBuffer):
             next_observations=_rows(self.next_observations, ends),
             discounts=torch.from_numpy(discounts[:, None]),
         )
-
-    def save_state(self) -> dict[str, Any]:
-        """Return the transitions in memory, and where the next one goes."""
-        size = self.buffer_size if self.full else self.pos
-        return {"position": self.pos} | {name: getattr(self, name)[:size] for name in _COLUMNS}
-
-    def load_state(self, state: dict[str, Any]) -> None:
-        """Take transitions over into an empty memory of the same size."""
-        for name in _COLUMNS:
-            getattr(self, name)[: len(state[name])] = state[name]
-        self.pos = state["position"]
-        self.full = len(state["rewards"]) == self.buffer_size
 
     def _draw_indices(self, batch_size: int) -> NDArray[np.int64]:
         """Draw transitions as SB3 does; return their places among all environments' rows."""

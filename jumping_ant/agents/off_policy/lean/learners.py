@@ -11,6 +11,7 @@ parameters and is the same for all of them.
 
 import dataclasses
 import math
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -25,9 +26,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torch.optim import Adam
 
-from jumping_ant.agents.off_policy.adam import FlatAdam, denormals_flushed, flatten
-from jumping_ant.agents.off_policy.mlp import MLP
-from jumping_ant.agents.off_policy.replay import BatchedReplayBuffer, Batches
+from jumping_ant.agents.off_policy.lean.adam import FlatAdam, denormals_flushed, flatten
+from jumping_ant.agents.off_policy.lean.mlp import MLP, Pass
+from jumping_ant.agents.off_policy.lean.replay import BatchedReplayBuffer, Batches
 
 TANH_EPSILON = 1e-6  # SB3's guard against the logarithm of zero
 LOG_SQRT_2PI = 0.5 * math.log(2 * math.pi)
@@ -45,11 +46,12 @@ class LeanDQN(DQN):
         self._target_values = flatten(list(self.q_net_target.parameters()))
         self._online = _mlp(self.q_net.q_net)
         self._target = _mlp(self.q_net_target.q_net)
-        self._acting = _mlp(self.q_net.q_net)  # the online network, for batches of another size
+        self._learning_pass, self._target_pass, self._acting_pass = Pass(), Pass(), Pass()
 
     def _excluded_save_params(self) -> list[str]:
-        own = ["_online", "_target", "_acting", "_target_values", "_adam"]
-        return [*super()._excluded_save_params(), *own]
+        passes = ["_learning_pass", "_target_pass", "_acting_pass"]
+        own = ["_online", "_target", "_target_values", "_adam"]
+        return [*super()._excluded_save_params(), *own, *passes]
 
     @property
     def vectors(self) -> dict[str, Tensor]:
@@ -70,7 +72,7 @@ class LeanDQN(DQN):
         two choose alike.
 
         Args:
-            observation: Shape (n, 27).
+            observation: Shape (n, num_observations).
             state: Unused.
             episode_start: Unused.
             deterministic: Whether to leave out the exploration.
@@ -85,7 +87,8 @@ class LeanDQN(DQN):
         if is_random.all():
             return np.array([self.action_space.sample() for _ in is_random]), state
         extractor = self.q_net.features_extractor
-        values = self._acting.forward(extractor(torch.from_numpy(observation)))
+        features = extractor(torch.from_numpy(observation))
+        values = self._online.forward(features, self._acting_pass)
         actions = values.argmax(1).numpy()
         for index in np.flatnonzero(is_random):
             actions[index] = self.action_space.sample()
@@ -103,15 +106,17 @@ class LeanDQN(DQN):
         self._update_learning_rate(self.policy.optimizer)
         batches = _draw(self, self.q_net, gradient_steps, batch_size)
         # The target network stands still between these steps: one pass serves them all.
-        next_values = self._target.forward(batches.next_observations).amax(1, keepdim=True)
+        next_values = self._target.forward(batches.next_observations, self._target_pass)
+        next_values = next_values.amax(1, keepdim=True)
         targets = batches.rewards + batches.discounts * next_values
         errors = torch.empty_like(targets)
         steps = (batches.split(batch_size), targets.split(batch_size), errors.split(batch_size))
         for batch, target, error in zip(*steps, strict=True):
-            values = self._online.forward(batch.observations)
+            values = self._online.forward(batch.observations, self._learning_pass)
             torch.sub(values.gather(1, batch.actions), target, out=error)
             slopes = error.clamp(-1, 1).div_(batch_size)  # of the Huber loss
-            self._online.backward(torch.zeros_like(values).scatter_(1, batch.actions, slopes))
+            gradient = torch.zeros_like(values).scatter_(1, batch.actions, slopes)
+            self._online.backward(gradient, self._learning_pass)
             self._adam.clip(self.max_grad_norm)
             self._adam.step()
 
@@ -137,11 +142,15 @@ class LeanSAC(SAC):
         self._gaussian = _SquashedGaussian(self.actor)
         self._critics = [_mlp(network) for network in self.critic.q_networks]
         self._targets = [_mlp(network) for network in self.critic_target.q_networks]
+        self._actor_pass, self._next_actor_pass = ActorPass(), ActorPass()
+        self._critic_passes = [Pass() for _ in self._critics]
+        self._target_passes = [Pass() for _ in self._targets]
 
     def _excluded_save_params(self) -> list[str]:
         own = ["_gaussian", "_critics", "_targets", "_target_values"]
         adams = ["_actor_adam", "_critic_adam", "_entropy_adam"]
-        return [*super()._excluded_save_params(), *own, *adams]
+        passes = ["_actor_pass", "_next_actor_pass", "_critic_passes", "_target_passes"]
+        return [*super()._excluded_save_params(), *own, *adams, *passes]
 
     @property
     def vectors(self) -> dict[str, Tensor]:
@@ -170,18 +179,20 @@ class LeanSAC(SAC):
         for step, batch in enumerate(batches):
             noise = torch.randn_like(batch.actions)
             next_noise = torch.randn_like(batch.actions)
-            next_actions, next_log_prob = self._gaussian.sample(batch.next_observations, next_noise)
-            # Sampled second, since its backward pass is still to come.
-            actions, log_prob = self._gaussian.sample(batch.observations, noise)
-            ent_coef = self._entropy_step(log_prob)
+            next_sample = self._gaussian.sample(
+                batch.next_observations, next_noise, self._next_actor_pass
+            )
+            sample = self._gaussian.sample(batch.observations, noise, self._actor_pass)
+            ent_coef = self._entropy_step(sample.log_prob)
 
-            next_inputs = torch.cat([batch.next_observations, next_actions], 1)
-            next_values = torch.minimum(*(target.forward(next_inputs) for target in self._targets))
-            soft_values = next_values - ent_coef * next_log_prob
+            next_inputs = torch.cat([batch.next_observations, next_sample.actions], 1)
+            pairs = zip(self._targets, self._target_passes, strict=True)
+            next_values = torch.minimum(*(net.forward(next_inputs, kept) for net, kept in pairs))
+            soft_values = next_values - ent_coef * next_sample.log_prob
             targets = batch.rewards + batch.discounts * soft_values
             inputs = torch.cat([batch.observations, batch.actions], 1)
             critic_loss = self._critic_step(inputs, targets)
-            actor_loss = self._actor_step(batch.observations, actions, log_prob, ent_coef)
+            actor_loss = self._actor_step(batch.observations, sample, ent_coef)
             if step % self.target_update_interval == 0:
                 self._target_values.lerp_(self._critic_adam.values, self.tau)
             logged.append((ent_coef, actor_loss, critic_loss))
@@ -205,27 +216,56 @@ class LeanSAC(SAC):
     def _critic_step(self, inputs: Tensor, targets: Tensor) -> float:
         """Step along half the mean squared errors' gradient, and return their sum."""
         loss = 0.0
-        for critic in self._critics:
-            errors = critic.forward(inputs) - targets
+        for critic, kept in zip(self._critics, self._critic_passes, strict=True):
+            errors = critic.forward(inputs, kept) - targets
             loss += 0.5 * errors.square().mean().item()
-            critic.backward(errors.div_(len(errors)))
+            critic.backward(errors.div_(len(errors)), kept)
         self._critic_adam.step()
         return loss
 
-    def _actor_step(
-        self, features: Tensor, actions: Tensor, log_prob: Tensor, ent_coef: float
-    ) -> float:
+    def _actor_step(self, features: Tensor, sample: "Sample", ent_coef: float) -> float:
         """Step along the gradient of the mean of `ent_coef * log_prob - min(Q)`, and return it."""
-        inputs = torch.cat([features, actions], 1)
-        values = torch.stack([critic.forward(inputs) for critic in self._critics])
+        inputs = torch.cat([features, sample.actions], 1)
+        critics = list(zip(self._critics, self._critic_passes, strict=True))
+        values = torch.stack([critic.forward(inputs, kept) for critic, kept in critics])
         smallest, index = values.min(0)
-        by_actions = torch.zeros_like(actions)
-        for number, critic in enumerate(self._critics):
-            by_values = (index == number) / -len(actions)
-            by_actions += critic.input_gradient(by_values, first=features.shape[1])
-        self._gaussian.backward(by_actions, ent_coef / len(actions))
+        by_actions = torch.zeros_like(sample.actions)
+        for number, (critic, kept) in enumerate(critics):
+            by_values = (index == number) / -len(features)
+            by_actions += critic.input_gradient(by_values, kept, first=features.shape[1])
+        self._gaussian.backward(sample, by_actions, ent_coef / len(features))
         self._actor_adam.step()
-        return (ent_coef * log_prob - smallest).mean().item()
+        return (ent_coef * sample.log_prob - smallest).mean().item()
+
+
+@dataclass
+class ActorPass:
+    """The passes of an actor's networks."""
+
+    latent: Pass = field(default_factory=Pass)
+    mean: Pass = field(default_factory=Pass)
+    log_std: Pass = field(default_factory=Pass)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Actions drawn from the stochastic policy, and what their backward pass needs.
+
+    Attributes:
+        actions: In (-1, 1), shape (n, actions).
+        log_prob: Their log-probabilities, shape (n, 1).
+        slope: Of tanh at each, shape (n, actions).
+        deviation: From the Gaussian's mean, shape (n, actions).
+        is_within: Whether the logarithm of the deviation was not clipped, shape (n, actions).
+        kept: The networks' passes.
+    """
+
+    actions: Tensor
+    log_prob: Tensor
+    slope: Tensor
+    deviation: Tensor
+    is_within: Tensor
+    kept: ActorPass
 
 
 class _SquashedGaussian:
@@ -240,45 +280,42 @@ class _SquashedGaussian:
         self._mean = MLP([cast(nn.Linear, actor.mu)])
         self._log_std = MLP([cast(nn.Linear, actor.log_std)])
 
-    def sample(self, features: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+    def sample(self, features: Tensor, noise: Tensor, kept: ActorPass) -> Sample:
         """Sample by reparametrisation.
 
         Args:
             features: Shape (n, features).
             noise: Standard normal, shape (n, actions).
-
-        Returns:
-            Actions in (-1, 1), shape (n, actions), and their log-probabilities, shape (n, 1).
+            kept: Takes what the backward pass needs of the networks.
         """
-        latent = self._latent.forward(features)
-        free = self._log_std.forward(latent)
+        latent = self._latent.forward(features, kept.latent)
+        free = self._log_std.forward(latent, kept.log_std)
         log_std = free.clamp(LOG_STD_MIN, LOG_STD_MAX)
-        self._is_within = free == log_std
-        self._deviation = noise * log_std.exp()
-        self._actions = torch.tanh(self._mean.forward(latent) + self._deviation)
-        self._slope = 1 - self._actions.square()  # of tanh
-        densities = (
-            noise.square().mul_(-0.5).sub_(log_std).sub_((self._slope + TANH_EPSILON).log_())
-        )
+        deviation = noise * log_std.exp()
+        actions = torch.tanh(self._mean.forward(latent, kept.mean) + deviation)
+        slope = 1 - actions.square()
+        densities = noise.square().mul_(-0.5).sub_(log_std).sub_((slope + TANH_EPSILON).log_())
         log_prob = densities.sum(1, keepdim=True) - LOG_SQRT_2PI * noise.shape[1]
-        return self._actions, log_prob
+        return Sample(actions, log_prob, slope, deviation, free == log_std, kept)
 
-    def backward(self, by_actions: Tensor, by_log_prob: float) -> None:
-        """Write the gradient of a loss by all parameters, through the last `sample`.
+    def backward(self, sample: Sample, by_actions: Tensor, by_log_prob: float) -> None:
+        """Write the gradient of a loss by all parameters.
 
         A deviation moves the action and, but for the correction of tanh, only the normaliser of the
         log-probability: the noise is given.
 
         Args:
+            sample: What the loss is of.
             by_actions: The loss's derivatives by the actions, shape (n, actions).
             by_log_prob: Its derivative by each log-probability.
         """
-        correction = 2 * self._actions * self._slope / (self._slope + TANH_EPSILON)
-        by_mean = by_actions * self._slope + by_log_prob * correction
-        by_log_std = (by_mean * self._deviation - by_log_prob) * self._is_within
-        by_latent = self._mean.backward(by_mean, to_inputs=True)
-        by_latent += self._log_std.backward(by_log_std, to_inputs=True)
-        self._latent.backward(by_latent)
+        correction = 2 * sample.actions * sample.slope / (sample.slope + TANH_EPSILON)
+        by_mean = by_actions * sample.slope + by_log_prob * correction
+        by_log_std = (by_mean * sample.deviation - by_log_prob) * sample.is_within
+        kept = sample.kept
+        by_latent = self._mean.backward(by_mean, kept.mean, to_inputs=True)
+        by_latent += self._log_std.backward(by_log_std, kept.log_std, to_inputs=True)
+        self._latent.backward(by_latent, kept.latent)
 
 
 def _replay_buffer(model: OffPolicyAlgorithm) -> BatchedReplayBuffer:

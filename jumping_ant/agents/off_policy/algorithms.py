@@ -1,0 +1,176 @@
+"""Off-policy algorithms of Stable-Baselines3: their settings, and how each is built.
+
+A learner is Stable-Baselines3's own class, or one of `jumping_ant.agents.off_policy.lean`, which
+computes the same with fewer operations. Settings that its constructor knows are handed to it under
+their names.
+"""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from jumping_ant.agents.algorithm import AgentBlock, Algorithm
+from jumping_ant.params.blocks import (
+    ActionParams,
+    CommandParams,
+    Count,
+    Fraction,
+    NonNegative,
+    Positive,
+    TorqueParams,
+)
+
+TIMED_UPDATES = 64  # gradient steps in a unit of work that is timed
+
+
+class OffPolicyParams(AgentBlock):
+    """What off-policy algorithms have in common, named as in Stable-Baselines3.
+
+    A transition is a decision: with actions held for several control steps it takes as many.
+    """
+
+    trainer: Literal["off_policy"]
+    """Package of jumping_ant/agents/ that trains the agent."""
+    actions: ActionParams
+    """What the agent chooses from."""
+    total_steps: Count
+    """[control steps] Training budget of a seed."""
+    episode_steps: Count | None
+    """[control steps] Training episodes are cut here; null never cuts them."""
+    long_episodes: Fraction
+    """[-] Share of the environments whose episodes last for `env.max_episode_steps` instead."""
+    tumbled_starts: Fraction
+    """[-] Share of the training episodes that start in the air, in any orientation."""
+    num_envs: Count
+    """[-] Simulations stepped at once."""
+    learning_rate: Positive
+    """[-] Of Adam, at the start."""
+    final_learning_rate: NonNegative
+    """[-] Of Adam, at the end; linear in between."""
+    buffer_size: Count
+    """[transitions] Replay memory."""
+    learning_starts: Annotated[int, Field(ge=0)]
+    """[transitions] Random actions before the first update."""
+    batch_size: Count
+    """[transitions] In a gradient step."""
+    tau: Fraction
+    """[-] Share of the online networks in an update of the target networks."""
+    gamma: Fraction
+    """[-] Discount of a reward one decision later."""
+    n_steps: Count
+    """[decisions] Of real reward before the bootstrap."""
+    train_freq: Count
+    """[decisions of each environment] From one round of updates to the next."""
+    gradient_steps: Count
+    """[-] Gradient steps in a round of updates."""
+    net_arch: Annotated[list[Count], Field(min_length=1)]
+    """[units] Hidden layers."""
+    velocity_scale: Positive
+    """[-] Factor on the velocities that the agent observes."""
+    log_interval: Count
+    """[transitions] From one row of the learning curve to the next."""
+
+    @property
+    def max_env_steps(self) -> int:
+        """Budget of a seed [control steps]."""
+        return self.total_steps
+
+    def for_timing(self) -> Self:
+        """Return settings whose rows of the curve are some rounds with updates, from the second."""
+        round_size = self.num_envs * self.train_freq
+        rounds = -(-TIMED_UPDATES // self.gradient_steps)
+        return self.model_copy(
+            update={
+                "learning_starts": round_size,
+                "log_interval": rounds * round_size,
+                "total_steps": 4 * rounds * round_size * self.actions.hold,
+            }
+        )
+
+    @model_validator(mode="after")
+    def _budget_holds_a_round(self) -> "OffPolicyParams":
+        round_steps = self.num_envs * self.train_freq * self.actions.hold
+        if self.total_steps < round_steps:
+            raise ValueError(
+                f"total_steps is {self.total_steps}, but one round of num_envs x train_freq x "
+                f"actions.hold takes {round_steps}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _budget_exceeds_the_random_start(self) -> "OffPolicyParams":
+        random_steps = self.learning_starts * self.actions.hold
+        if self.total_steps <= random_steps:
+            raise ValueError(
+                f"total_steps is {self.total_steps}, but learning_starts x actions.hold takes "
+                f"{random_steps}, after which it would begin to learn"
+            )
+        return self
+
+
+class DQNParams(OffPolicyParams):
+    """Deep Q-network on discrete commands (Mnih et al. 2015)."""
+
+    algorithm: Literal["dqn"]
+    """What is trained."""
+    actions: CommandParams
+    """What the agent chooses from: commands."""
+    target_update_interval: Count
+    """[transitions] From one target update to the next."""
+    exploration_fraction: Annotated[float, Field(gt=0, le=1)]
+    """[-] Share of the budget over which exploration decays."""
+    exploration_initial_eps: Fraction
+    """[-] Chance of a random command at the start."""
+    exploration_final_eps: Fraction
+    """[-] Chance of a random command after the decay."""
+    max_grad_norm: Positive
+    """[-] Gradients are clipped to this norm."""
+
+
+class SACParams(OffPolicyParams):
+    """Soft actor-critic on continuous torques (Haarnoja et al. 2018)."""
+
+    algorithm: Literal["sac"]
+    """What is trained."""
+    actions: TorqueParams
+    """What the agent chooses from: torques."""
+    ent_coef: Positive | Literal["auto"]
+    """[-] Weight of the policy's entropy, or `auto` to learn it."""
+
+
+class TD3Params(OffPolicyParams):
+    """Twin delayed deterministic policy gradients on continuous torques (Fujimoto et al. 2018)."""
+
+    algorithm: Literal["td3"]
+    """What is trained."""
+    actions: TorqueParams
+    """What the agent chooses from: torques."""
+    action_noise: NonNegative
+    """[-] Deviation of the Gaussian noise on the torques that it explores with."""
+    policy_delay: Count
+    """[gradient steps] Of the critics from one of the actor to the next."""
+    target_policy_noise: NonNegative
+    """[-] Deviation of the noise on the target policy's torques."""
+    target_noise_clip: NonNegative
+    """[-] Largest noise there."""
+
+
+_LEAN = "jumping_ant.agents.off_policy.lean.learners"
+ALGORITHMS = {
+    "dqn": Algorithm(
+        DQNParams,
+        learner=f"{_LEAN}:LeanDQN",
+        logged=("train/loss", "rollout/exploration_rate"),
+        counters=("_n_calls", "exploration_rate"),
+    ),
+    "sac": Algorithm(
+        SACParams,
+        learner=f"{_LEAN}:LeanSAC",
+        logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
+    ),
+    "td3": Algorithm(
+        TD3Params,
+        learner="stable_baselines3:TD3",
+        logged=("train/actor_loss", "train/critic_loss"),
+    ),
+}

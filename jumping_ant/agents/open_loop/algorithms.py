@@ -1,0 +1,45 @@
+"""The settings of open-loop rhythms."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from jumping_ant.agents.algorithm import AgentBlock, Algorithm
+from jumping_ant.params.blocks import Count, EnvParams
+
+
+class OpenLoopParams(AgentBlock):
+    """The sceptic's baseline: a round of commands, blind to the state."""
+
+    is_baseline = True
+
+    trainer: Literal["open_loop"]
+    """Package of jumping_ant/agents/ that trains the agent."""
+    algorithm: Literal["open_loop"]
+    """What it trains."""
+    amplitude: Annotated[float, Field(gt=0, le=1)]
+    """[-] Factor on the torques of the commands; the article's have 0.5."""
+    commands: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
+    """[-] Rows of `env.commands` that it plays by turns, counted from 0."""
+    half_periods: Annotated[list[Count], Field(min_length=1)]
+    """[control steps] Rhythms to try: how long each command is held."""
+    episodes: Count
+    """[-] Episodes that each rhythm is tried for."""
+    episode_steps: Count
+    """[control steps] Of each of them."""
+
+    def fault(self, env: EnvParams) -> str | None:
+        """Return which command is not in the task's table."""
+        last = len(env.commands) - 1
+        for number in self.commands:
+            if number > last:
+                return f"commands: given {number}, allowed: 0 to {last}, the rows of env.commands"
+        return None
+
+    @property
+    def max_env_steps(self) -> int:
+        """Budget of a seed [control steps], if no episode ends early."""
+        return len(self.half_periods) * self.episodes * self.episode_steps
+
+
+ALGORITHMS = {"open_loop": Algorithm(OpenLoopParams)}

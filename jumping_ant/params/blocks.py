@@ -1,0 +1,234 @@
+"""The blocks of `params.yaml`, but for those of its agents.
+
+Every number of the pipeline lives in that file. Models are closed to unknown keys, strict about
+types, and state the range of each number. The settings of an agent stand beside its algorithm (see
+`jumping_ant.agents.catalogue`); `jumping_ant.experiment` puts all of them together.
+"""
+
+import re
+from typing import Annotated, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    field_validator,
+)
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=1)]
+Seed = Annotated[int, Field(ge=0, lt=2**31)]
+
+
+GYMNASIUM_ROBOTS = ("ant", "hopper", "walker2d", "half_cheetah", "humanoid")
+
+
+class Block(BaseModel):
+    """A block of `params.yaml`: typed, closed to unknown keys, immutable."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        frozen=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
+    )
+
+
+def _is_a_source(source: str) -> str:
+    """Refuse what names neither a robot of Gymnasium nor a file of the project's folder."""
+    is_file = re.fullmatch(r"robots/[A-Za-z0-9_-]+\.xml", source)
+    if source not in GYMNASIUM_ROBOTS and not is_file:
+        raise ValueError(
+            f"given {source!r}, allowed: {', '.join(GYMNASIUM_ROBOTS)}, or a file robots/NAME.xml"
+        )
+    return source
+
+
+class RobotParams(Block):
+    """A robot and its edits (see `jumping_ant.sim.robot`); null leaves a value as it is."""
+
+    source: Annotated[str, AfterValidator(_is_a_source)]
+    """A robot of Gymnasium (ant, hopper, walker2d, half_cheetah, humanoid), or robots/NAME.xml."""
+    density: Positive | None
+    """[kg/m^3] Density of every part (Gymnasium's Ant: 5). Half of it is half the mass."""
+    gear: Positive | None
+    """[N m] Peak torque of every motor (Gymnasium's Ant: 150)."""
+    joint_gear: dict[str, Positive]
+    """[N m] Overrides of `gear` by kind of joint (hip, ankle) or by joint (hip_1)."""
+    torso_radius: Positive | None
+    """[m] Radius of the geom `torso_geom` (Gymnasium's Ant: 0.25)."""
+    leg_length: Positive | None
+    """[-] Factor on the length of every segment beyond the torso."""
+    damping: NonNegative | None
+    """[N m s/rad] Damping of every hinge beyond the torso (Gymnasium's Ant: 1)."""
+    friction: Positive | None
+    """[-] Sliding friction of every part and the floor (Gymnasium's Ant: 1)."""
+    torsional_friction: Positive | None
+    """[m] Torsional friction of both (Gymnasium's Ant: 0.5); condim 3 leaves it idle."""
+    rolling_friction: Positive | None
+    """[m] Rolling friction of both (Gymnasium's Ant: 0.5); condim 3 leaves it idle."""
+    edits: dict[str, dict[str, dict[str, bool | int | float | str | list[float]]]]
+    """Any other MJCF attribute: {element: {name pattern: {attribute: value}}}."""
+
+
+class TermParams(Block):
+    """A term of the reward."""
+
+    weight: float
+    """[1/step] Factor on the term; 0 switches it off."""
+
+
+class TorsoHeightParams(TermParams):
+    """The term for the torso's height: clip((height - floor) / span, 0, 1)."""
+
+    floor: float
+    """[m] Torso height that earns nothing."""
+    span: Positive
+    """[m] Height above the floor at which the term saturates."""
+
+
+class RewardParams(Block):
+    """The reward per control step: the sum of its terms (see `jumping_ant.sim.rewards`)."""
+
+    torso_height: TorsoHeightParams
+    """Height of the torso, clipped to [0, 1]."""
+    forward_velocity: TermParams
+    """[m/s] Mean velocity of the torso along x."""
+    alive: TermParams
+    """1 unless the episode ends here."""
+    control_cost: TermParams
+    """Less the sum of the squared torques over peak torques."""
+    upright: TermParams
+    """Cosine of the torso's tilt: 1 upright, -1 on its back."""
+
+
+Command = Annotated[list[Annotated[float, Field(ge=-1, le=1)]], Field(min_length=1)]
+
+
+class EnvParams(Block):
+    """The task (see `jumping_ant.sim.task`); an end whose limit is null never comes."""
+
+    frame_skip: Count
+    """[-] Simulation steps in a control step."""
+    reset_noise_scale: NonNegative
+    """[-] Noise on the start state."""
+    drop_height: Positive
+    """[m] Height of the torso in starts in any orientation; no part may reach the floor."""
+    max_episode_steps: Count
+    """[control steps] An episode is truncated here."""
+    min_torso_height: float | None
+    """[m] An episode ends below this height of the torso."""
+    max_torso_height: float | None
+    """[m] An episode ends above this height of the torso."""
+    max_tilt: Positive | None
+    """[rad] An episode ends where the torso leans farther than this."""
+    commands: Annotated[list[Command], Field(min_length=1)]
+    """[-] The table of commands: a row of torques over peak torque, in the actuators' order."""
+    reward: RewardParams
+    """The terms of the reward."""
+
+    @field_validator("commands")
+    @classmethod
+    def _rows_are_alike(cls, commands: list[list[float]]) -> list[list[float]]:
+        lengths = sorted({len(row) for row in commands})
+        if len(lengths) > 1:
+            raise ValueError(
+                f"given rows of {lengths[0]} and of {lengths[-1]} torques, allowed: one a motor"
+            )
+        return commands
+
+
+class ActionParams(Block):
+    """What an agent chooses from at each decision, and how long a choice lasts."""
+
+    kind: Literal["torques", "commands"]
+    """Any torques, or one of the commands of `env.commands`."""
+    amplitude: Annotated[float, Field(gt=0, le=1)]
+    """[-] Factor on torques over peak torque; the article's commands have 0.5."""
+    hold: Count
+    """[control steps] Each choice is held for."""
+
+
+class TorqueParams(ActionParams):
+    """The actions of agents that choose any torques."""
+
+    kind: Literal["torques"]
+    """Any torques."""
+
+
+class CommandParams(ActionParams):
+    """The actions of agents that choose among commands."""
+
+    kind: Literal["commands"]
+    """One of the commands of `env.commands`."""
+
+
+class TrainingParams(Block):
+    """Validation while training (see `jumping_ant.training.driver`)."""
+
+    evaluations: Count
+    """[-] Spread evenly over the budget."""
+    evaluation_episodes: Count
+    """[-] In each of them."""
+    evaluation_seed: Seed
+    """Of the first episode; the others count up from it."""
+    publish: Literal["best", "final"]
+    """Which policy of a seed is its result: the best one by validation, or the last one."""
+
+
+class ComputeParams(Block):
+    """How the work is spread; no result depends on it."""
+
+    workers: Annotated[int, Field(ge=0)]
+    """[processes] Seeds trained at once; 0 takes every core."""
+    checkpoint_seconds: Positive
+    """[s] From one checkpoint of a seed to the next."""
+
+
+class EvaluateParams(Block):
+    """Held-out episodes (see `jumping_ant.judging.evaluation`)."""
+
+    episodes: Count
+    """[-] Held-out episodes for each seed."""
+    seed: Seed
+    """Of the first episode; the others count up from it."""
+    min_airborne_seconds: NonNegative
+    """[s] Off the ground for this long counts as a jump."""
+
+
+class RecordParams(Block):
+    """Videos and recordings (see `rendering` and `recording` in `jumping_ant.showing`)."""
+
+    width: Annotated[int, Field(ge=64, le=3840, multiple_of=2)]
+    """[pixels] Of the video."""
+    height: Annotated[int, Field(ge=64, le=2160, multiple_of=2)]
+    """[pixels] Of the video."""
+    fps: Annotated[int, Field(ge=1, le=240)]
+    """[frames/s] A divisor of the simulation's rate, which is 100 for the Ant."""
+    seconds: Positive
+    """[s] Filmed from the start of the episode."""
+    shadow_size: Annotated[int, Field(ge=0, le=8192)]
+    """[pixels] Of the shadow map; 0 draws no shadows."""
+    camera_distance: Positive
+    """[m] From the torso."""
+    camera_azimuth: float
+    """[degrees] Of the view."""
+    camera_elevation: Annotated[float, Field(ge=-90, le=90)]
+    """[degrees] Of the view; negative looks down."""
+
+
+class CompareParams(Block):
+    """Statistics (see `jumping_ant.judging.statistics` and `jumping_ant.judging.claims`)."""
+
+    confidence: Annotated[float, Field(gt=0, lt=1)]
+    """[-] Of every interval; what it lacks to 1 is the level of all claims together."""
+    power: Annotated[float, Field(gt=0, lt=1)]
+    """[-] Chance of a decision that the number of seeds an open claim needs is computed for."""
+    bootstrap_samples: Annotated[int, Field(ge=100)]
+    """[-] Resamples behind an interval of a statistic that has no formula."""
+    seed: Seed
+    """Of resamples and of random arrangements."""

@@ -1,0 +1,63 @@
+"""What holds for every algorithm of the catalogue."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import small_agents
+
+from jumping_ant import policies
+from jumping_ant.agents.catalogue import ALGORITHMS, row
+from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
+from jumping_ant.agents.job import Job, resolve, trainer_of
+from jumping_ant.params.blocks import EnvParams
+
+AGENTS = small_agents.agents()
+LEARNERS = [name for name, algorithm in ALGORITHMS.items() if not algorithm.is_baseline]
+ENV: EnvParams = small_agents.PARAMS.env.model_copy(update={"max_episode_steps": 40})
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_settings_are_named_and_documented(name: str) -> None:
+    settings = ALGORITHMS[name].settings
+    assert settings.model_fields["algorithm"].annotation.__args__ == (name,)
+    assert all(field.description for field in settings.model_fields.values())
+    assert not row(AGENTS[name]).learner or callable(resolve(row(AGENTS[name]).learner))
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> None:
+    job = Job(robot_xml, ENV, AGENTS[name], seed=0, evaluations=2)
+    events = list(trainer_of(job.agent)(job))
+    assert isinstance(events[-1], Finished)
+    assert events[-1].env_steps <= job.agent.max_env_steps + 16  # a round may pass the mark
+    assert any(isinstance(event, Snapshot) for event in events)
+    policy = policies.load(events[-1].policy)
+    assert policy.num_motors == 8 and policy.num_observations in (27, None)
+    policy.start(range(3))
+    torques = policy.act(np.random.default_rng(0).normal(size=(3, 27)))
+    assert torques.shape == (3, 8) and (np.abs(torques) <= 1).all()
+
+
+@pytest.mark.parametrize("name", LEARNERS)
+def test_a_resumed_training_is_the_same_to_the_last_bit(name: str, robot_xml: str) -> None:
+    """From every checkpoint of a run, each in a trainer of its own."""
+    job = Job(robot_xml, ENV, AGENTS[name], seed=3, evaluations=2, is_checkpoint_due=lambda: True)
+    events = list(trainer_of(job.agent)(job))
+    places = [i for i, event in enumerate(events) if isinstance(event, Checkpoint)]
+    assert len(places) > 2
+    for place in (places[0], places[len(places) // 2], places[-1]):
+        rest = list(trainer_of(job.agent)(replace(job, checkpoint=events[place].content)))
+        # A NaN equals no other; and what is said of it, but not the checkpoints' content, counts.
+        told = [repr(event) for event in rest if not isinstance(event, Checkpoint)]
+        whole = [event for event in events[place + 1 :] if not isinstance(event, Checkpoint)]
+        assert told == [repr(event) for event in whole]
+
+
+@pytest.mark.parametrize("name", LEARNERS)
+def test_rows_tell_what_the_catalogue_says(name: str, robot_xml: str) -> None:
+    job = Job(robot_xml, ENV, AGENTS[name], seed=0)
+    rows = [event for event in trainer_of(job.agent)(job) if isinstance(event, Progress)]
+    logged = {key.partition("/")[2] for key in row(job.agent).logged}
+    assert logged <= set(rows[-1].extra)
+    assert np.isfinite([rows[-1].extra[key] for key in rows[-1].extra]).all()

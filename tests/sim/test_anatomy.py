@@ -1,0 +1,120 @@
+"""What a compiled robot is made of, against the simulator."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.sim import robot
+from jumping_ant.sim.anatomy import Anatomy
+
+# Positions, velocities, motors, observations, and whether the torso is free, as Gymnasium tells.
+ROBOTS = {
+    "ant": (15, 14, 8, 27, True),
+    "hopper": (6, 6, 3, 11, False),
+    "walker2d": (9, 9, 6, 17, False),
+    "half_cheetah": (9, 9, 6, 17, False),
+    "humanoid": (24, 23, 17, 45, True),
+    "robots/tripod.xml": (13, 12, 6, 23, True),
+}
+
+
+def load(source: str) -> mujoco.MjModel:
+    return robot.load(robot.source_path(source).read_text())
+
+
+@pytest.mark.parametrize(("source", "sizes"), ROBOTS.items(), ids=ROBOTS.keys())
+def test_sizes_are_the_robots(source: str, sizes: tuple[int, int, int, int, bool]) -> None:
+    anatomy = Anatomy.of(load(source))
+    assert sizes == (
+        anatomy.num_positions,
+        anatomy.num_velocities,
+        anatomy.num_motors,
+        anatomy.num_observations,
+        anatomy.is_free,
+    )
+
+
+@pytest.mark.parametrize("source", ROBOTS)
+def test_the_torsos_place_and_tilt_are_the_simulators(source: str) -> None:
+    model = load(source)
+    anatomy, data = Anatomy.of(model), mujoco.MjData(model)
+    assert model.body(anatomy.torso).name == "torso"
+    generator = np.random.default_rng(0)
+    for _ in range(20):
+        qpos = model.qpos0 + generator.normal(size=model.nq)
+        data.qpos[:] = qpos  # its quaternion is of any length
+        mujoco.mj_kinematics(model, data)
+        torso = data.body(anatomy.torso)
+        np.testing.assert_allclose(anatomy.places(qpos[None])[0], torso.xpos, atol=1e-12)
+        assert anatomy.heights(qpos[None])[0] == pytest.approx(torso.xpos[2])
+        assert anatomy.uprightness(qpos[None])[0] == pytest.approx(torso.xmat[8])
+    assert anatomy.uprightness(model.qpos0[None])[0] == 1.0
+
+
+@pytest.mark.parametrize("source", ROBOTS)
+def test_peak_torques_act_on_the_motors_joints(source: str) -> None:
+    model = load(source)
+    anatomy, data = Anatomy.of(model), mujoco.MjData(model)
+    data.ctrl[:] = 3 * anatomy.control_limits  # clipped there
+    mujoco.mj_forward(model, data)
+    acting = data.qfrc_actuator[model.jnt_dofadr[anatomy.motor_joints]]
+    np.testing.assert_allclose(acting, anatomy.peak_torques)
+
+
+BODY = '<body name="torso">{joints}<geom size="0.1"/>{more}</body>'
+LEG = '<body><joint name="knee"/><geom size="0.1"/></body>'
+MOTOR = '<actuator><motor joint="knee"/></actuator>'
+FREE = "<freejoint/>"
+
+
+def mjcf(bodies: str, actuators: str = MOTOR) -> str:
+    return f"<mujoco><worldbody>{bodies}</worldbody>{actuators}</mujoco>"
+
+
+ODD = {
+    "nothing that moves": ("<mujoco/>", "given 0 bodies that move against the world"),
+    "two of them": (
+        mjcf(
+            BODY.format(joints=FREE, more=LEG)
+            + BODY.format(joints=FREE, more="").replace("torso", "ball")
+        ),
+        "given 2 bodies that move against the world",
+    ),
+    "a hinged torso": (
+        mjcf(BODY.format(joints='<joint name="neck"/>', more=LEG)),
+        "given a torso on the joints neck, allowed: a free joint, or slides along x and z and a",
+    ),
+    "slides in another order": (
+        mjcf(
+            BODY.format(
+                joints='<joint type="slide" axis="0 0 1" name="z"/>'
+                '<joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>',
+                more=LEG,
+            )
+        ),
+        "on the joints z, a nameless one, a nameless one, allowed",
+    ),
+    "no motor": (mjcf(BODY.format(joints=FREE, more=LEG), ""), "given no motor"),
+    "a motor of no joint": (
+        mjcf(
+            BODY.format(joints=FREE, more=LEG + '<site name="jet"/>'),
+            '<actuator><motor name="jet" site="jet"/></actuator>',
+        ),
+        "the motor jet drives no joint",
+    ),
+    "a motor that only pushes": (
+        mjcf(
+            BODY.format(joints=FREE, more=LEG),
+            '<actuator><motor name="m" joint="knee" ctrllimited="true" ctrlrange="0 1"/>'
+            "</actuator>",
+        ),
+        r"the motor m has controls in \[0, 1\], allowed: as far below zero as above",
+    ),
+}
+
+
+@pytest.mark.parametrize(("xml", "said"), ODD.values(), ids=ODD.keys())
+def test_what_is_built_otherwise_is_refused(xml: str, said: str) -> None:
+    with pytest.raises(InputError, match=f"robot: .*{said}"):
+        Anatomy.of(robot.load(xml))
