@@ -11,7 +11,8 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.trajectory import frame_stride
-from stages import parse, run
+
+from . import parse, run
 
 
 def main() -> None:

@@ -11,7 +11,8 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.judging import comparison, results
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.showing import figures
-from stages import parse, run
+
+from . import parse, run
 
 
 def main() -> None:

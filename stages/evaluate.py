@@ -15,7 +15,8 @@ from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.judging import evaluation, variants
 from jumping_ant.policies import Policy
 from jumping_ant.sim import robot
-from stages import parse_agent, run
+
+from . import parse_agent, run
 
 
 def final_policy(paths: SeedPaths, published: Policy) -> Policy:

@@ -10,7 +10,8 @@ from jumping_ant.base.files import PROJECT_ROOT, write_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.showing.recording import lineup, story
 from jumping_ant.sim import robot, trajectory
-from stages import parse, run
+
+from . import parse, run
 
 
 def main() -> None:

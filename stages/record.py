@@ -11,7 +11,8 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.showing import rendering
 from jumping_ant.showing.recording import episode, story
 from jumping_ant.sim import robot, trajectory
-from stages import parse_agent, run
+
+from . import parse_agent, run
 
 
 def main() -> None:

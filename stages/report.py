@@ -8,7 +8,8 @@ Writes: results/report.html.
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.showing.report import page
-from stages import parse, run
+
+from . import parse, run
 
 
 def main() -> None:

@@ -9,7 +9,8 @@ from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
 from jumping_ant.training import scaling
-from stages import parse_agent, run
+
+from . import parse_agent, run
 
 
 def main() -> None:

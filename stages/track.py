@@ -9,7 +9,8 @@ mlartifacts/ in the project folder.
 import argparse
 
 from jumping_ant.tracking.mirror import track
-from stages import run
+
+from . import run
 
 
 def main() -> None:

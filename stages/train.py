@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from jumping_ant.base.files import PROJECT_ROOT
-from stages import parse_agent, run
+
+from . import parse_agent, run
 
 SECONDS_FOR_LAST_ROWS = 60
 

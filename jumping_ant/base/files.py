@@ -7,7 +7,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-PROJECT_ROOT = Path(__file__).resolve().parents[2]
+CODE_ROOT = Path(__file__).resolve().parents[2]  # the folder that the library lies in
+# The project that commands work on: the checkout, or, with the library installed from a wheel, the
+# folder that one is in.
+PROJECT_ROOT = CODE_ROOT if (CODE_ROOT / "pyproject.toml").is_file() else Path.cwd()
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -3,10 +3,10 @@
 import ast
 from pathlib import Path
 
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import CODE_ROOT
 
 
-def direct(path: Path, root: Path = PROJECT_ROOT) -> set[Path]:
+def direct(path: Path, root: Path = CODE_ROOT) -> set[Path]:
     """Return the project's files that a file imports, empty ones left out.
 
     Args:
@@ -18,7 +18,9 @@ def direct(path: Path, root: Path = PROJECT_ROOT) -> set[Path]:
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            names = [f"{node.module}.{alias.name}" for alias in node.names] + [str(node.module)]
+            above = path.relative_to(root).parts[: -node.level] if node.level else ()
+            module = ".".join([*above, *filter(None, [node.module])])
+            names = [f"{module}.{alias.name}" for alias in node.names] + [module]
         else:
             continue
         for name in names:
@@ -29,7 +31,7 @@ def direct(path: Path, root: Path = PROJECT_ROOT) -> set[Path]:
     return {file for file in found if file.is_file() and file.stat().st_size > 0}
 
 
-def closure(*paths: Path, root: Path = PROJECT_ROOT) -> set[Path]:
+def closure(*paths: Path, root: Path = CODE_ROOT) -> set[Path]:
     """Return the project's files that files import, directly or not, themselves included."""
     done: set[Path] = set()
     waiting = set(paths)

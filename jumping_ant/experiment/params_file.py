@@ -17,9 +17,14 @@ from ruamel.yaml.error import YAMLError
 
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import CODE_ROOT, PROJECT_ROOT
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import Block
+
+# The default parameters: those of a checkout, or those that a wheel brings along.
+DEFAULTS = CODE_ROOT / "params.yaml"
+if not DEFAULTS.is_file():
+    DEFAULTS = CODE_ROOT / "jumping_ant" / "defaults" / "params.yaml"
 
 # What is allowed, where pydantic's own words say it to programmers.
 ALLOWED = {

@@ -7,6 +7,7 @@ episode:
 |---|---|---|
 | length | control steps until the end | steps |
 | return | sum of the rewards | |
+| return_<term> | sum of what a term added, where the reward has several | |
 | peak_height | highest torso height | m |
 | apex | highest torso height in a jump, mean over jumps; without a jump, peak_height | m |
 | mean_height | mean torso height | m |
@@ -38,6 +39,7 @@ from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.words.measures import TERM
 
 QUANTITIES = (
     "length",
@@ -112,8 +114,8 @@ def evaluate_variants(
             else:
                 table, _ = _play(xml, model, params, {seed: policy}, num_threads)
             rows.append(seed_means(table).assign(variant=name))
-    columns = ["seed", "variant", *QUANTITIES]
-    return pd.concat(rows, ignore_index=True)[columns]
+    table = pd.concat(rows, ignore_index=True)
+    return table[["seed", "variant", *(name for name in table if name not in ("seed", "variant"))]]
 
 
 def _play(
@@ -144,7 +146,7 @@ def seed_means(table: pd.DataFrame) -> pd.DataFrame:
     Args:
         table: Episodes, as `evaluate` returns them.
     """
-    return table.groupby("seed", as_index=False)[list(QUANTITIES)].mean()
+    return table.groupby("seed", as_index=False)[_quantities(table)].mean()
 
 
 def summarize(table: pd.DataFrame) -> dict[str, float]:
@@ -153,7 +155,7 @@ def summarize(table: pd.DataFrame) -> dict[str, float]:
     Args:
         table: Episodes, as `evaluate` returns them.
     """
-    means = seed_means(table)[list(QUANTITIES)].mean().dropna()
+    means = seed_means(table)[_quantities(table)].mean().dropna()
     return {str(name): float(mean) for name, mean in means.items()}
 
 
@@ -178,6 +180,7 @@ def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str
     return {
         "length": len(episode.rewards),
         "return": float(episode.rewards.sum()),
+        **_returns_of_terms(episode),
         "peak_height": float(heights.max()),
         "apex": motion.apex(heights, jumps),
         "mean_height": float(heights.mean()),
@@ -190,6 +193,18 @@ def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str
         "drift": float(np.hypot(*(places[-1, :2] - places[0, :2]))),
         "survived": int(not episode.terminated),
     }
+
+
+def _quantities(table: pd.DataFrame) -> list[str]:
+    """Return the columns of a table of episodes that measure something."""
+    return [str(name) for name in table if name not in ("seed", "episode", "episode_seed")]
+
+
+def _returns_of_terms(episode: Episode) -> dict[str, float]:
+    """Return the sum of each term of the reward; nothing where one is all there is."""
+    if len(episode.terms) < 2:
+        return {}
+    return {f"{TERM}{name}": float(values.sum()) for name, values in episode.terms.items()}
 
 
 def joint_angles(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> NDArray[np.float64]:

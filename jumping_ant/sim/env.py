@@ -9,12 +9,11 @@ one is for people and tools. Tests hold the two bit-identical.
 Observation, action and reward are described in `jumping_ant.sim.task`.
 """
 
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import mujoco
 import numpy as np
-from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
@@ -24,6 +23,9 @@ from jumping_ant.params.blocks import EnvParams
 from jumping_ant.sim import gl, rewards, robot
 from jumping_ant.sim.task import Task, action_space
 from jumping_ant.sim.vector import RobotVectorEnv
+
+if TYPE_CHECKING:  # it imports what only those need who draw
+    from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 
 ENV_ID = "JumpingAnt-v0"
 

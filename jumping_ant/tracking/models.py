@@ -16,7 +16,7 @@ from mlflow.types import Schema, TensorSpec
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
 from jumping_ant import policies
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import CODE_ROOT
 from jumping_ant.policies import Interface
 from jumping_ant.tracking import pages
 from jumping_ant.tracking.records import SeedRecord
@@ -39,7 +39,7 @@ ABOUT = (
     "output for as many control steps as the version's tag `hold` says, then ask for the next one. "
     "`champion` is the seed whose policy did best in validation, not on the held-out episodes."
 )
-PACKAGE_DIR = PROJECT_ROOT / "jumping_ant"
+PACKAGE_DIR = CODE_ROOT / "jumping_ant"
 CODE = PACKAGE_DIR / "tracking" / "serving.py"
 # What `jumping_ant.tracking.serving` and all it imports need.
 REQUIREMENTS = ("mlflow", "numpy", "pydantic", "torch")

@@ -51,3 +51,13 @@ MEASURES = {
     "work": Measure("Work", "J", "Mechanical work of the motors.", -1),
     "drift": Measure("Drift", "m", "Distance of the torso's end from its start, on the floor.", 0),
 }
+
+TERM = "return_"  # what the columns of the reward's terms begin with
+
+
+def of_column(column: str) -> Measure | None:
+    """Return what a column of `episodes.csv` measures, None for one that counts or names."""
+    if column.startswith(TERM):
+        term = column.removeprefix(TERM).replace("_", " ")
+        return Measure(f"Return: {term}", "", f"Share of the term {term} in the return.", 0)
+    return MEASURES.get(column)

@@ -14,6 +14,7 @@ FILES = {
     "house/cellar/wine.py": "import house.garden\n",
     "house/garden.py": "",
     "house/attic.py": "import house.kitchen\n",
+    "house/cellar/stairs.py": "from . import wine\nfrom ..kitchen import cook\n",
 }
 
 
@@ -38,3 +39,9 @@ def test_the_closure_follows_them(project: Path) -> None:
     found = imports.closure(project / "stage.py", root=project)
     cellar = {"house/cellar/__init__.py", "house/cellar/wine.py"}
     assert names(found, project) == {"stage.py", "house/kitchen.py"} | cellar
+
+
+def test_relative_imports_are_found(project: Path) -> None:
+    found = imports.direct(project / "house/cellar/stairs.py", project)
+    cellar = {"house/cellar/__init__.py", "house/cellar/wine.py"}
+    assert names(found, project) == {"house/kitchen.py"} | cellar

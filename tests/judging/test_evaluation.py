@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation, motion
 from jumping_ant.judging.evaluation import QUANTITIES, measure, replay
@@ -230,6 +231,22 @@ def test_no_number_depends_on_threads(
     table, trajectory = evaluation.evaluate(robot_xml, short, policies, num_threads=2)
     pd.testing.assert_frame_equal(table, evaluated[0], check_exact=True)
     np.testing.assert_array_equal(trajectory.qpos, evaluated[1].qpos)
+
+
+def test_the_terms_of_a_reward_stand_beside_their_sum(robot_xml: str, short: Params) -> None:
+    content = short.model_dump()
+    content["env"]["reward"]["alive"]["weight"] = 2.0
+    both = params_file.check(content)
+    uniform: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
+    table, trajectory = evaluation.evaluate(robot_xml, both, uniform)
+    terms = table[["return_torso_height", "return_alive"]]
+    np.testing.assert_allclose(terms.sum(axis=1), table["return"], rtol=1e-12)
+    assert (table["return_alive"] == 2 * (table["length"] - 1 + table["survived"])).all()
+    assert list(trajectory.terms) == ["torso_height", "alive"]
+    np.testing.assert_allclose(sum(trajectory.terms.values()), trajectory.rewards)
+    assert "return_alive" in evaluation.summarize(table)
+    alone, _ = evaluation.evaluate(robot_xml, short, uniform)
+    assert not [name for name in alone if name.startswith("return_")]
 
 
 def test_seeds_count_alike_in_the_means() -> None:

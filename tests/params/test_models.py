@@ -22,6 +22,7 @@ KEYS_OF_ENV = (
     "frame_skip, reset_noise_scale, drop_height, max_episode_steps, min_torso_height, "
     "max_torso_height, max_tilt, commands, reward"
 )
+ALGORITHMS = "random, open_loop, dqn, sac, td3, pgpe, snes"
 ROBOTS = "ant, hopper, walker2d, half_cheetah, humanoid, or a file robots/NAME.xml"
 
 
@@ -162,12 +163,12 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
         (
             "agents.dqn.algorithm",
             "ppo",
-            "agents.dqn.algorithm: given 'ppo', allowed: random, open_loop, dqn, sac, td3, pgpe, snes",
+            f"agents.dqn.algorithm: given 'ppo', allowed: {ALGORITHMS}",
         ),
         (
             "agents.dqn.algorithm",
             MISSING,
-            "agents.dqn.algorithm: missing; allowed: random, open_loop, dqn, sac, td3, pgpe, snes",
+            f"agents.dqn.algorithm: missing; allowed: {ALGORITHMS}",
         ),
         (
             "agents.metronome.half_periods",

@@ -15,8 +15,8 @@ from plotly.subplots import make_subplots
 
 from jumping_ant.judging.comparison import LearningCurve
 from jumping_ant.judging.results import AgentResults, steps_to
+from jumping_ant.words import measures
 from jumping_ant.words.looks import INK, Look, looks
-from jumping_ant.words.measures import MEASURES
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,10 @@ def episodes(
         tables: Columns of each agent's `episodes.csv`, (num_episodes,) each.
     """
     figure = go.Figure()
-    shown = [name for name in MEASURES if all(name in table for table in tables.values())]
+    first, *others = tables.values()
+    columns = [name for name in first if all(name in table for table in others)]
+    measured = {name: measures.of_column(name) for name in columns}
+    shown = {name: measure for name, measure in measured.items() if measure}
     for measure in shown:
         for name, look in _looks(results).items():
             table = tables[name]
@@ -146,23 +149,23 @@ def episodes(
                 ],
                 hovertemplate="%{text}: %{y:,.4~g}<extra></extra>",
                 hoveron="points",
-                visible=measure == shown[0],
+                visible=measure == "return",
                 showlegend=False,
             )
     buttons = [
         {
-            "label": MEASURES[measure].label,
+            "label": shown[measure].label,
             "method": "update",
             "args": [
                 {"visible": [other == measure for other in shown for _ in results]},
-                {"yaxis.title.text": MEASURES[measure].axis},
+                {"yaxis.title.text": shown[measure].axis},
             ],
         }
         for measure in shown
     ]
     menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.2, "yanchor": "top"}
     figure.update_layout(updatemenus=[menu])
-    figure.update_yaxes(title=MEASURES[shown[0]].axis, rangemode="tozero")
+    figure.update_yaxes(title=shown["return"].axis, rangemode="tozero")
     return finish(figure, 420, top=70)
 
 

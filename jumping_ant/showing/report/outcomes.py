@@ -7,7 +7,7 @@ from typing import Any
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults
 from jumping_ant.words import looks
-from jumping_ant.words.measures import MEASURES
+from jumping_ant.words.measures import MEASURES, TERM
 from jumping_ant.words.wording import estimate, interval, number, p_value
 
 BEHAVIOUR = ("apex", "flight", "fluidity", "jumps")
@@ -75,6 +75,23 @@ def behaviour(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -
             yield Cell(number(summary[name][cost]))
 
     return [_row(agent, list(cells(name))) for name, agent in results.items()]
+
+
+def terms(
+    results: Mapping[str, AgentResults], summary: Mapping[str, Any]
+) -> tuple[list[str], list[Row]]:
+    """Return the terms of the reward, and what each adds to an agent's return.
+
+    There are none where the reward has one alone; arguments as in `returns`.
+    """
+    first = next(iter(results.values())).quantities
+    names = [name for name in first if name.startswith(TERM)]
+
+    def cells(name: str) -> list[Cell]:
+        return [_estimate(summary[name][term], summary[name]["seeds"]) for term in names]
+
+    labels = [name.removeprefix(TERM).replace("_", " ") for name in names]
+    return labels, [_row(agent, cells(name)) for name, agent in results.items()]
 
 
 def claims(entries: Sequence[Mapping[str, Any]], num_seeds: int) -> list[dict[str, str]]:

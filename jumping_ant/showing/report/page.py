@@ -50,6 +50,7 @@ def build(root: Path, params: Params) -> str:
     """
     results = load(root, params)
     summary = _read_json(Paths(root).comparison, "compare")
+    reward_terms, of_terms = outcomes.terms(results, summary["agents"])
     films = {name: _filmed(root, params, name) for name in results}
     context = {
         "title": _title(results),
@@ -58,6 +59,8 @@ def build(root: Path, params: Params) -> str:
         "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
         "behaviour": outcomes.behaviour(results, summary["agents"]),
         "behaviour_measures": [MEASURES[name] for name in outcomes.BEHAVIOUR],
+        "reward_terms": reward_terms,
+        "of_terms": of_terms,
         "equal_steps": _budget(summary["equal_steps"]),
         "equal_seconds": _budget(summary["equal_seconds"]),
         "all_measures": MEASURES,

@@ -1,0 +1,90 @@
+"""A wheel of a clone, installed into an empty environment: what it holds, and that it works."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.policies import LinearPolicy
+from scripts.checkout import copy_project
+
+ACT = """
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+
+import jumping_ant.sim.env
+from jumping_ant import policies
+from jumping_ant.experiment import params_file
+
+envs = gym.make_vec("JumpingAnt-v0", num_envs=3)
+observations, _ = envs.reset(seed=0)
+policy = policies.load_file(Path("policy.zip"))
+policy.start(range(3))
+for _ in range(20):
+    observations, rewards, *_ = envs.step(policy.act(observations))
+env = gym.make("JumpingAnt-v0")
+env.reset(seed=0)
+env.step(env.action_space.sample())
+assert params_file.load(params_file.DEFAULTS).agents["sac"].algorithm == "sac"
+report = files("jumping_ant") / "showing" / "report"
+assert all((report / name).is_file() for name in ("template.html", "style.css", "script.js"))
+assert "site-packages" in jumping_ant.__file__
+assert not {"torch", "mlflow", "dvc", "ray", "pandas"} & set(sys.modules)
+print("rewards", rewards)
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The Python of an environment that holds the wheel and what it cannot do without."""
+    folder = tmp_path_factory.mktemp("wheel")
+    copy_project(folder / "clone")
+    build = ["wheel", "-q", "--no-deps", "--no-build-isolation", "-w", folder, folder / "clone"]
+    subprocess.run([sys.executable, "-m", "pip", *build], check=True)
+    (wheel,) = folder.glob("*.whl")
+    subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
+    python = folder / "venv" / "bin" / "python"
+    lock = PROJECT_ROOT / "requirements.lock"
+    subprocess.run([python, "-m", "pip", "install", "-q", "-c", lock, wheel], check=True)
+    return python
+
+
+def test_the_environment_steps_and_a_policy_acts(installed: Path, tmp_path: Path) -> None:
+    ones = np.ones(27, np.float32)
+    weight = np.full((8, 27), 0.1, np.float32)
+    arrays = (weight, weight[:, 0], 0 * ones, ones, weight, weight[:, 0])
+    (tmp_path / "policy.zip").write_bytes(LinearPolicy(*arrays, ActionSet()).to_bytes())
+    done = subprocess.run(
+        [installed, "-c", ACT], cwd=tmp_path, text=True, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("rewards [")
+
+
+def test_the_stages_are_inside(installed: Path, tmp_path: Path) -> None:
+    """And work on the folder that one is in."""
+    (tmp_path / "params.yaml").write_text((PROJECT_ROOT / "params.yaml").read_text())
+    build = [installed, "-m", "jumping_ant.stages.build"]
+    subprocess.run(build, cwd=tmp_path, check=True)
+    assert (tmp_path / "assets" / "edited.xml").is_file()
+    listing = [installed, "-m", "pip", "show", "-f", "jumping-ant"]
+    files = subprocess.run(listing, text=True, capture_output=True, check=True).stdout
+    tops = {line.split("/")[0].strip() for line in files.splitlines() if line.startswith("  ")}
+    assert {name for name in tops if not name.endswith(".dist-info")} == {"jumping_ant"}
+
+
+def test_every_package_is_named() -> None:
+    told = tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    library = PROJECT_ROOT / "jumping_ant"
+    packages = [path.parent.relative_to(PROJECT_ROOT) for path in library.rglob("__init__.py")]
+    mapped = {"jumping_ant.stages", "jumping_ant.defaults"}
+    assert set(told["packages"]) == {".".join(path.parts) for path in packages} | mapped
