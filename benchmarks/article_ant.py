@@ -39,5 +39,6 @@ class ArticleAnt(AntEnv):
         """Hold the torques for a control step, and reward the height."""
         observation, _, terminated, truncated, info = super().step(action)
         term = self._task.reward.torso_height
+        assert term is not None
         reward = term.weight * np.clip((self.data.qpos[2] - term.floor) / term.span, 0.0, 1.0)
         return observation, np.float64(reward), terminated, truncated, info

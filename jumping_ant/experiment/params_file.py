@@ -81,7 +81,7 @@ def _explain(error: ErrorDetails) -> tuple[str, str]:
     parts, kind = _resolve(error["loc"])
     key = ".".join(map(str, parts)) or "the file"
     if error["type"] == "extra_forbidden":
-        names = list(_resolve(error["loc"][:-1])[1].model_fields)
+        names = list(_bare(_resolve(error["loc"][:-1])[1]).model_fields)
         close = difflib.get_close_matches(str(parts[-1]), names, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ""
         return f"{key}: unknown key{hint}; allowed: ", ", ".join(names)
@@ -99,6 +99,14 @@ def _explain(error: ErrorDetails) -> tuple[str, str]:
     if type(None) in get_args(kind):
         allowed += " or null"
     return f"{key}: given {_show(error['input'])}, allowed: ", allowed
+
+
+def _bare(kind: Any) -> Any:
+    """Return a type without what is said of it, and without the null that may stand for it."""
+    members = [member for member in get_args(kind) if member is not type(None)]
+    if type(None) in get_args(kind) and len(members) == 1:
+        return _bare(members[0])
+    return get_args(kind)[0] if get_origin(kind) is Annotated else kind
 
 
 def _show(given: Any) -> str:
@@ -122,8 +130,7 @@ def _resolve(location: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
     keys: list[int | str] = []
     kind: Any = Params
     for part in location:
-        if get_origin(kind) is Annotated:
-            kind = get_args(kind)[0]
+        kind = _bare(kind)
         if isinstance(kind, type) and issubclass(kind, Block):
             keys.append(part)
             field = kind.model_fields.get(str(part))

@@ -9,7 +9,6 @@ from jumping_ant.params.blocks import (
     EnvParams,
     RewardParams,
     RobotParams,
-    TermParams,
     TorsoHeightParams,
 )
 
@@ -42,13 +41,7 @@ ENV = EnvParams(
         [1.0] * 4 + [-1.0] * 4,
         [-1.0] * 4 + [1.0] * 4,
     ],
-    reward=RewardParams(
-        torso_height=TorsoHeightParams(weight=10.0, floor=0.6, span=1.0),
-        forward_velocity=TermParams(weight=0.0),
-        alive=TermParams(weight=0.0),
-        control_cost=TermParams(weight=0.0),
-        upright=TermParams(weight=0.0),
-    ),
+    reward=RewardParams(torso_height=TorsoHeightParams(weight=10.0, floor=0.6, span=1.0)),
 )
 
 # What it printed. DQN and SAC were tested once each, for 1,000 control steps of the trained model,

@@ -92,17 +92,20 @@ class TorsoHeightParams(TermParams):
 
 
 class RewardParams(Block):
-    """The reward per control step: the sum of its terms (see `jumping_ant.sim.rewards`)."""
+    """The reward per control step: the sum of its terms (see `jumping_ant.sim.rewards`).
 
-    torso_height: TorsoHeightParams
+    A term that is left out, or has the weight 0, does not count.
+    """
+
+    torso_height: TorsoHeightParams | None = None
     """Height of the torso, clipped to [0, 1]."""
-    forward_velocity: TermParams
+    forward_velocity: TermParams | None = None
     """[m/s] Mean velocity of the torso along x."""
-    alive: TermParams
+    alive: TermParams | None = None
     """1 unless the episode ends here."""
-    control_cost: TermParams
+    control_cost: TermParams | None = None
     """Less the sum of the squared torques over peak torques."""
-    upright: TermParams
+    upright: TermParams | None = None
     """Cosine of the torso's tilt: 1 upright, -1 on its back."""
 
 

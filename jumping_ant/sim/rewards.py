@@ -74,7 +74,8 @@ TERMS: dict[str, Callable[[ControlStep, Any], Array]] = {
 
 def active(params: RewardParams) -> list[str]:
     """Return the names of the terms that count, in the order of their sum."""
-    return [name for name in TERMS if getattr(params, name).weight]
+    settings = {name: getattr(params, name) for name in TERMS}
+    return [name for name, own in settings.items() if own is not None and own.weight]
 
 
 def terms(step: ControlStep, params: RewardParams) -> dict[str, Array]:
