@@ -18,7 +18,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article check style test test-parts test-whole bench soak ui view watch schema deps lock clean
+.PHONY: help install repro article check style test test-parts test-whole bench soak ui view watch schema deps map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -96,6 +96,9 @@ watch: install ## watch a trained policy play, in a window or a browser (AGENT=s
 
 deps: install ## renew the code dependencies of each stage in dvc.yaml
 	python -m scripts.deps
+
+map: install ## renew docs/map.md, what every module is
+	python -m scripts.house_map
 
 schema: install ## renew params.schema.json, which editors complete params.yaml from
 	python -m jumping_ant.experiment.schema

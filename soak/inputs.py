@@ -98,7 +98,7 @@ class Inputs:
         motors = [number for number, line in enumerate(lines) if 'joint="ankle_4"' in line]
         path.write_text("".join(line for n, line in enumerate(lines) if n not in joints + motors))
         self._expect("record", "pgpe", named="trajector", given="an episode of another robot")
-        self._expect("evaluate", "pgpe", named="robot XML", given="another robot")
+        self._expect("evaluate", "pgpe", named="env.commands", given="another robot")
         path.write_text(before)
 
     def _try_file(self, name: str, *command: str, named: str) -> None:
@@ -146,9 +146,10 @@ def params_faults(settings: Params) -> Iterator[Fault]:
             _block(changed, place)[place[-1]] = bad
             yield Fault(key, changed)
         if place[0] != "agents" or len(place) > 2:  # an agent may go, and a new one may come
-            missing = copy.deepcopy(content)
-            del _block(missing, place)[place[-1]]
-            yield Fault(key, missing)
+            if "default" not in _own_schema(schema, content, place):
+                missing = copy.deepcopy(content)
+                del _block(missing, place)[place[-1]]
+                yield Fault(key, missing)
             unknown = copy.deepcopy(content)
             _block(unknown, place)[f"{place[-1]}x"] = value
             yield Fault(f"{key}x", unknown)
@@ -169,13 +170,19 @@ def _block(content: Content, place: Place) -> Content:
 
 def _bad_values(value: Any, schema: Content) -> list[Any]:
     """Return what must not stand in the place of a value."""
+    members = schema.get("anyOf", [schema])
+    bad = _bad_values_of_a_kind(value, members[0])
+    return [one for one in bad if one is not None or {"type": "null"} not in members]
+
+
+def _bad_values_of_a_kind(value: Any, schema: Content) -> list[Any]:
+    """Return the same, null included; the schema says of null what may stand there instead."""
+    kind = schema.get("type")
     if isinstance(value, bool):
         return [None, "yes", 2, [], {}]
-    if isinstance(value, int):
-        members = schema.get("anyOf", [schema])
-        bad = [*NOT_NUMBERS, 1.5, *_out_of_range(members[0])]
-        return [one for one in bad if one is not None or {"type": "null"} not in members]
-    if isinstance(value, float):
+    if isinstance(value, int) or (value is None and kind == "integer"):
+        return [*NOT_NUMBERS, 1.5, *_out_of_range(schema)]
+    if isinstance(value, float) or (value is None and kind == "number"):
         return [*NOT_NUMBERS, *_out_of_range(schema)]
     if isinstance(value, str):
         return NOT_NAMES[:-2] + NOT_NAMES[-1:]
@@ -202,7 +209,7 @@ def _own_schema(schema: Content, content: Content, place: Place) -> Content:
     """Return the part of the schema that speaks of a place, {} where none does alone."""
     part = schema
     for key in place:
-        part = _resolved(schema, part)
+        part = _resolved(schema, next(iter(part.get("anyOf", [part]))))
         if "discriminator" in part:
             algorithm = content["agents"][place[1]]["algorithm"]
             part = _resolved(schema, {"$ref": part["discriminator"]["mapping"][algorithm]})

@@ -20,7 +20,7 @@ BUDGETS = {"random": 0, "open_loop": 400, "dqn": 1000, "sac": 200, "pgpe": 8000}
 def make_params(agents: Mapping[str, str], seeds: Sequence[int]) -> Params:
     """Return params with what `compare` reads of them: agents (name to algorithm) and seeds."""
     blocks = {
-        name: ALGORITHMS[algorithm].model_construct(algorithm=algorithm, robot="edited")
+        name: ALGORITHMS[algorithm].settings.model_construct(algorithm=algorithm, robot="edited")
         for name, algorithm in agents.items()
     }
     training = TrainingParams.model_construct(evaluation_episodes=2)

@@ -28,6 +28,7 @@ from scripts import publish
 from scripts.checkout import Checkout, renew_project
 
 ROBOT = {
+    "source": "ant",
     "density": 3,
     "gear": 300,
     "joint_gear": {},
@@ -37,15 +38,24 @@ ROBOT = {
     "friction": 0.6,
     "torsional_friction": 0.3,
     "rolling_friction": 0.3,
+    "edits": {},
 }
 ENV = {
     "frame_skip": 5,
     "reset_noise_scale": 0.1,
+    "drop_height": 1.3,  # idle, as no start is tumbled
     "max_episode_steps": 1000,
     "min_torso_height": 0.2,
-    "reward.floor": 0.6,
-    "reward.span": 1.0,
-    "reward.scale": 10.0,
+    "max_torso_height": None,
+    "max_tilt": None,
+    "commands": [[0] * 8, [1] * 8, [-1] * 8, [1] * 4 + [-1] * 4, [-1] * 4 + [1] * 4],
+    "reward.torso_height.weight": 10.0,
+    "reward.torso_height.floor": 0.6,
+    "reward.torso_height.span": 1.0,
+    "reward.forward_velocity": None,
+    "reward.alive": None,
+    "reward.control_cost": None,
+    "reward.upright": None,
 }
 DQN_SETTINGS = {
     "robot": "edited",
@@ -130,7 +140,7 @@ def flat(block: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return a block's values by dotted key."""
     values: dict[str, Any] = {}
     for key, value in block.items():
-        nested = isinstance(value, dict) and key != "joint_gear"
+        nested = isinstance(value, dict) and key not in ("joint_gear", "edits")
         values |= flat(value, f"{prefix}{key}.") if nested else {prefix + key: value}
     return values
 

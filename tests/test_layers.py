@@ -7,6 +7,7 @@ import pytest
 
 from jumping_ant.base import imports
 from jumping_ant.base.files import PROJECT_ROOT as ROOT
+from scripts import house_map
 
 LIBRARY = ROOT / "jumping_ant"
 ORDER = (
@@ -23,6 +24,12 @@ def place(path: Path) -> str:
 
 def test_everything_has_its_place() -> None:
     assert {place(path) for path in MODULES} == set(ORDER)
+    assert [name.removesuffix(".py") for name in house_map.PLACES] == ORDER
+
+
+def test_the_map_of_the_house_is_current() -> None:
+    before = house_map.PATH.read_text()
+    assert house_map.text(before) == before, "run `make map`"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(LIBRARY)))

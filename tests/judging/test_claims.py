@@ -34,7 +34,7 @@ def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block)
     }
     if algorithm == "pgpe":
         block = {"population_size": 20, "decrease_rewards_by": 1.0} | block
-    settings = ALGORITHMS[algorithm].model_construct(algorithm=algorithm, **block)
+    settings = ALGORITHMS[algorithm].settings.model_construct(algorithm=algorithm, **block)
     quantities = dict.fromkeys(("flight", "apex", "fluidity"), np.linspace(1.0, 1.2, len(returns)))
     quantities |= {"return": np.array(returns, dtype=float)}
     return AgentResults(name, settings, quantities, curves, episode_returns=LOW)

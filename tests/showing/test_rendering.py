@@ -145,8 +145,11 @@ def test_scene_leaves_the_robot_as_it_is(robot_xml: str) -> None:
 def test_foreign_models_are_refused() -> None:
     with pytest.raises(InputError, match="not valid MJCF"):
         rendering.scene("hop", 0)
-    with pytest.raises(InputError, match="torso"):
+    with pytest.raises(InputError, match="given no floor, allowed: a plane in the world"):
         rendering.scene("<mujoco/>", 0)
+    floor = '<mujoco><worldbody><geom type="plane" size="1 1 1"/></worldbody></mujoco>'
+    with pytest.raises(InputError, match="robot: given 0 bodies that move"):
+        rendering.scene(floor, 0)
 
 
 def test_a_film_plays_and_is_the_same_however_it_is_drawn(

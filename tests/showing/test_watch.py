@@ -117,7 +117,7 @@ def test_what_is_streamed_is_the_simulation(
             qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()
             torques = np.full(8, 0.5 - 0.1 * number)
             reward = env.step(torques.astype(np.float32))[1]
-            recording.show(Step(qpos, qvel, torques, reward))
+            recording.show(Step(qpos, qvel, torques, reward, {"torso_height": reward}))
             played.append((qpos[2], reward))
     chunks = Content(path).moving["/height/torso"]
     rows = [chunk.to_record_batch() for chunk in chunks]

@@ -57,7 +57,7 @@ def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
     params = dict(content(project, "params", "sac-seed-1"))
     settings = params_file.load(project / "params.yaml")
     assert params["learning_rate"] == str(settings.agent("sac").learning_rate)
-    assert params["env.reward.span"] == str(settings.env.reward.span)
+    assert params["env.reward.torso_height.span"] == str(settings.env.reward.torso_height.span)
     assert params["robot"] == "edited" and params["robot.mass"] == "0.44"
     tags = dict(content(project, "tags", "sac-seed-1"))
     policy_path = project / "models" / "sac" / "seed-1" / "policy.zip"
@@ -306,7 +306,7 @@ def test_the_unedited_robot_has_no_edits(untracked_project: Path) -> None:
     plain = params.model_copy(update={"agents": {"sac": block}})
     own = records.run_params(untracked_project, plain, "sac")
     robot = {name: value for name, value in own.items() if name.startswith("robot")}
-    assert robot == {"robot": "unedited", "robot.mass": "0.88"}
+    assert robot == {"robot": "unedited", "robot.source": "ant", "robot.mass": "0.88"}
 
 
 def test_what_is_not_finite_is_not_logged(untracked_project: Path) -> None:

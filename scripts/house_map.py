@@ -1,0 +1,47 @@
+"""Write the map of the house, docs/map.md, from what every module says of itself.
+
+Usage: python -m scripts.house_map (`make map`)
+"""
+
+import ast
+from pathlib import Path
+
+from jumping_ant.base.files import PROJECT_ROOT, write_text
+
+PATH = PROJECT_ROOT / "docs" / "map.md"
+LIBRARY = PROJECT_ROOT / "jumping_ant"
+BEGIN, END = "<!-- modules -->\n", "<!-- end of modules -->\n"
+# In the order that data flows in.
+PLACES = (
+    ["base", "words", "params", "actions.py", "policies.py", "sim", "agents", "experiment"]
+    + ["training", "judging", "showing", "tracking"]
+)  # fmt: skip
+
+
+def text(before: str) -> str:
+    """Return the content of docs/map.md with the modules that there are now."""
+    top, _, rest = before.partition(BEGIN)
+    _, _, bottom = rest.partition(END)
+    return top + BEGIN + "".join(_section(LIBRARY / place) for place in PLACES) + END + bottom
+
+
+def _section(place: Path) -> str:
+    """Return the table of a folder, with those inside it, or the line of a module."""
+    if place.is_file():
+        return f"\n### `{place.name}`\n\n{_first_line(place)}\n"
+    rows = [
+        f"| `{path.relative_to(place)}` | {_first_line(path)} |\n"
+        for path in sorted(place.rglob("*.py"), key=lambda path: (len(path.parts), path))
+        if path.stat().st_size
+    ]
+    return f"\n### `{place.name}/`\n\n| module | what it is |\n|---|---|\n{''.join(rows)}"
+
+
+def _first_line(path: Path) -> str:
+    """Return the first sentence of a module's docstring."""
+    docstring = ast.get_docstring(ast.parse(path.read_text())) or ""
+    return docstring.partition("\n\n")[0].replace("\n", " ").replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    write_text(PATH, text(PATH.read_text()))
