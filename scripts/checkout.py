@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ruamel.yaml import YAML
 
+from jumping_ant.base import telemetry
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment.models import Params
 
@@ -61,7 +62,7 @@ class Checkout:
 def with_tools() -> dict[str, str]:
     """Return this process's variables, changed so that commands find this Python's tools first."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    return os.environ | {"PATH": path, "DVC_NO_ANALYTICS": "true"}
+    return os.environ | telemetry.SWITCHES | {"PATH": path}
 
 
 @contextmanager

@@ -1,18 +1,15 @@
 """The stages of `dvc.yaml`, one thin script each; a stage never imports a stage."""
 
 import argparse
-import os
 import sys
 from collections.abc import Callable
 
-# Nothing phones home; whoever wants to be counted sets these.
-os.environ.setdefault("DVC_NO_ANALYTICS", "true")
-os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+from jumping_ant.base import telemetry
+from jumping_ant.base.errors import reported
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.models import Params
 
-from jumping_ant.base.errors import reported  # noqa: E402
-from jumping_ant.experiment import params_file  # noqa: E402  (telemetry is off before any import)
-from jumping_ant.experiment.models import Params  # noqa: E402
+telemetry.switch_off()  # before a stage imports what would report
 
 
 def parse(description: str) -> Params:

@@ -7,6 +7,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from jumping_ant.base.errors import InputError
+
 CODE_ROOT = Path(__file__).resolve().parents[2]  # the folder that the library lies in
 # The project that commands work on: the checkout, or, with the library installed from a wheel, the
 # folder that one is in.
@@ -65,3 +67,30 @@ def digest(path: Path) -> str:
     """Return the SHA-256 of a file's content in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_bytes(path: Path, stage: str) -> bytes:
+    """Read a file that a stage has written.
+
+    Raises:
+        InputError: It cannot be read; the message says what to run.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; run `dvc repro {stage}`") from error
+
+
+def read_json(path: Path, stage: str) -> dict[str, Any]:
+    """Read a JSON object that a stage has written.
+
+    Raises:
+        InputError: It cannot be read, or is none; the message says what to run.
+    """
+    try:
+        content = json.loads(read_bytes(path, stage))
+        if not isinstance(content, dict):
+            raise ValueError(f"given a {type(content).__name__}, allowed: an object")
+    except ValueError as error:
+        raise InputError(f"{path}: not JSON: {error}; run `dvc repro --force {stage}`") from error
+    return content

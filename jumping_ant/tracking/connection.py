@@ -10,18 +10,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import mlflow
-import requests
-from mlflow import MlflowClient
-from mlflow.exceptions import MlflowException
-from sqlalchemy.exc import SQLAlchemyError
+from jumping_ant.base import telemetry
 
-from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.tracking import pages
+telemetry.switch_off()  # before MLflow is imported
 
-# MLflow neither phones home nor chats; whoever wants it to sets these.
-os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+import mlflow  # noqa: E402
+import requests  # noqa: E402
+from mlflow import MlflowClient  # noqa: E402
+from mlflow.exceptions import MlflowException  # noqa: E402
+from sqlalchemy.exc import SQLAlchemyError  # noqa: E402
+
+from jumping_ant.base.errors import InputError  # noqa: E402
+from jumping_ant.base.files import PROJECT_ROOT  # noqa: E402
+from jumping_ant.tracking import pages  # noqa: E402
+
+# MLflow does not chat either; whoever wants it to sets these.
 os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
 os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
 if "MLFLOW_LOGGING_LEVEL" not in os.environ:

@@ -1,10 +1,8 @@
 """The project's files as tracking reads them, also while they are being written."""
 
 import csv
-import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -59,19 +57,6 @@ def read_rows(path: Path, *needed: str, **words: str) -> list[dict[str, float]]:
     if any(name not in row for row in rows for name in needed):
         raise InputError(f"{path}: a row lacks one of {', '.join(needed)}; train again")
     return rows
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON object.
-
-    Raises:
-        InputError: It is none.
-    """
-    try:
-        content: dict[str, Any] = json.loads(path.read_text())
-    except ValueError as error:
-        raise InputError(f"{path}: not JSON: {error}; `dvc repro` writes it anew") from error
-    return content
 
 
 def filmed_seed(root: Path, agent: str) -> int | None:

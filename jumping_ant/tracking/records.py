@@ -14,11 +14,11 @@ from typing import Any
 
 from jumping_ant import policies
 from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.base.files import digest
+from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.tracking import descriptions
-from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_json, read_rows
+from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_rows
 from jumping_ant.words.looks import looks, remark
 
 TRAIN_SECONDS = "train_seconds"
@@ -196,7 +196,7 @@ class ComparisonRecord:
     def results(self) -> dict[str, Any]:
         """`results/comparison.json`, empty if it is not there."""
         path = Paths(self.root).comparison
-        return read_json(path) if path.exists() else {}
+        return read_json(path, "compare") if path.exists() else {}
 
     @cached_property
     def summary(self) -> dict[Point, float]:
@@ -276,7 +276,7 @@ def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
     block = params.agent(agent)
     is_edited = block.robot == "edited"
     physique_path = Paths(root).physique
-    physiques = read_json(physique_path) if physique_path.exists() else {}
+    physiques = read_json(physique_path, "build") if physique_path.exists() else {}
     physique = physiques.get("after" if is_edited else "before", {})
     numbers = {name: value for name, value in physique.items() if isinstance(value, float)}
     # MLflow's names take no pattern: edits are one value.

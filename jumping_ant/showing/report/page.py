@@ -17,7 +17,7 @@ import numpy as np
 from plotly.offline import get_plotlyjs
 from ruamel.yaml import YAML
 
-from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison
@@ -49,7 +49,7 @@ def build(root: Path, params: Params) -> str:
         InputError: A file is missing or damaged, or nothing draws on this machine.
     """
     results = load(root, params)
-    summary = _read_json(Paths(root).comparison, "compare")
+    summary = read_json(Paths(root).comparison, "compare")
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
     films = {name: _filmed(root, params, name) for name in results}
     context = {
@@ -181,7 +181,7 @@ def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> st
 
 def _robot(root: Path) -> dict[str, Any]:
     """Return the robot before and after its edits: figures and pictures."""
-    facts = _read_json(Paths(root).physique, "build")
+    facts = read_json(Paths(root).physique, "build")
     before, after = facts["before"], facts["after"]
 
     def torque(physique: Mapping[str, Any]) -> str:
@@ -214,7 +214,7 @@ def _policies(
     for name, agent in results.items():
         for seed, value in zip(params.seeds, agent.quantities["return"], strict=True):
             path = Paths(root).agent(name).seed(seed).policy
-            sha256 = hashlib.sha256(_read_bytes(path, f"train@{name}")).hexdigest()
+            sha256 = hashlib.sha256(read_bytes(path, f"train@{name}")).hexdigest()
             query = quote(f"tags.{POLICY_DIGEST} = '{sha256}'")
             rows.append(
                 {
@@ -237,7 +237,7 @@ def _machines(
     for name in results:
         for seed in params.seeds:
             path = Paths(root).agent(name).seed(seed).machine
-            machine = _read_json(path, f"train@{name}")
+            machine = read_json(path, f"train@{name}")
             flat = {key: str(value) for key, value in machine.items() if key != "versions"}
             flat |= machine["versions"]
             found[json.dumps(flat)] = flat
@@ -265,18 +265,3 @@ def _filmed(root: Path, params: Params, name: str) -> FilmedEpisode:
         torques=episode.torques[: (len(rows) - 1) // episode.frame_skip],
         step_seconds=episode.timestep * episode.frame_skip,
     )
-
-
-def _read_bytes(path: Path, stage: str) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; run `dvc repro {stage}`") from error
-
-
-def _read_json(path: Path, stage: str) -> dict[str, Any]:
-    try:
-        content: dict[str, Any] = json.loads(_read_bytes(path, stage))
-    except ValueError as error:
-        raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
-    return content
