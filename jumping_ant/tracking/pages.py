@@ -13,7 +13,7 @@ VIEW = "comparison"
 VIEW_TAG = f"mlflow.sharedViewState.{VIEW}"
 VIEW_NAME = "Agents and seeds"
 NOTE = "mlflow.note.content"
-ABOUT = "Agents that teach MuJoCo's Ant to jump: one run per agent and seed."
+ABOUT = "Agents that teach a robot of MuJoCo to jump: one run per agent and seed."
 KIND_TAGS = {"mlflow.experimentKind": "custom_model_development"}  # which pages MLflow offers
 
 # Columns of the table, in their order, with their widths [pixels].

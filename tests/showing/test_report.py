@@ -18,6 +18,7 @@ from small_project import make_params, write_project
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison
 from jumping_ant.judging.claims import verdicts
@@ -233,7 +234,14 @@ def test_equal_results_make_equal_pages(html: str, project: Path, settings: Para
 
 
 def test_the_title_names_those_that_learn(html: str) -> None:
-    assert "<title>Jumping Ant: DQN, SAC and PGPE compared</title>" in html
+    assert "<title>Ant: DQN, SAC and PGPE compared</title>" in html
+
+
+def test_the_heading_asks_for_the_robot_and_its_aim(html: str) -> None:
+    assert "<h1>Who teaches the Ant to jump?</h1>" in html
+    run, hopper = presets.load("run"), presets.load("hopper")
+    assert (page._robot_name(run), page._aim(run)) == ("Ant", "run")
+    assert (page._robot_name(hopper), page._aim(hopper)) == ("Hopper", "jump")
 
 
 @pytest.mark.parametrize(("name", "outcome"), [("random", "330"), ("sac", "3,000")])
@@ -248,7 +256,7 @@ def test_a_lone_agent_of_one_seed_has_a_page(
     summary = comparison.summarize(results, alone.compare) | {"claims": []}
     write_json(tmp_path / "results" / "comparison.json", summary)
     text = page.build(tmp_path, alone)
-    assert f"<title>Jumping Ant: {results[name].label}</title>" in text
+    assert f"<title>Ant: {results[name].label}</title>" in text
     assert f"{results[name].label} returns {outcome}.</p>" in text
     assert "1 training seed," in text and "in brackets" not in text
     assert ("learning_steps" in charts(text)) == (name == "sac")

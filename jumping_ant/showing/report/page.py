@@ -26,6 +26,7 @@ from jumping_ant.showing.report import charts, contests, outcomes, pictures
 from jumping_ant.showing.report.charts import FilmedEpisode
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.rewards import active
 from jumping_ant.words.looks import looks
 from jumping_ant.words.measures import MEASURES
 from jumping_ant.words.wording import estimate, number
@@ -53,7 +54,8 @@ def build(root: Path, params: Params) -> str:
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
     films = {name: _filmed(root, params, name) for name in results}
     context = {
-        "title": _title(results),
+        "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
+        "title": _title(params, results),
         "agents": _agents(root, results, films),
         "lead": _lead(results, summary),
         "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
@@ -150,11 +152,22 @@ def _learners(results: Mapping[str, AgentResults]) -> list[str]:
     return [name for name, agent in results.items() if not agent.is_baseline]
 
 
-def _title(results: Mapping[str, AgentResults]) -> str:
+def _robot_name(params: Params) -> str:
+    """Return what the robot is called: Ant, Half cheetah, or the name of its file."""
+    return Path(params.robot.source).stem.replace("_", " ").capitalize()
+
+
+def _aim(params: Params) -> str:
+    """Return what the reward asks for most, in a word."""
+    words = {"torso_height": "jump", "forward_velocity": "run"}
+    return next((words[name] for name in active(params.env.reward) if name in words), "move")
+
+
+def _title(params: Params, results: Mapping[str, AgentResults]) -> str:
     """Return the page's title, which names those that learn, or else all."""
     *others, last = [results[name].label for name in _learners(results) or results]
     names = f"{', '.join(others)} and {last} compared" if others else last
-    return f"Jumping Ant: {names}"
+    return f"{_robot_name(params)}: {names}"
 
 
 def _budget(value: float | None) -> str:
