@@ -235,7 +235,7 @@ def test_no_number_depends_on_threads(
 
 def test_the_terms_of_a_reward_stand_beside_their_sum(robot_xml: str, short: Params) -> None:
     content = short.model_dump()
-    content["env"]["reward"]["alive"]["weight"] = 2.0
+    content["env"]["reward"]["alive"] = {"weight": 2.0}
     both = params_file.check(content)
     uniform: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
     table, trajectory = evaluation.evaluate(robot_xml, both, uniform)
