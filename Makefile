@@ -8,7 +8,7 @@ MINUTES ?= 30
 AGENT ?= *
 MLFLOW_TRACKING_URI ?= sqlite:///$(CURDIR)/mlflow.db
 
-# No tool reports home.
+# Disable the telemetry of all tools.
 export DVC_NO_ANALYTICS := true
 export ITERATIVE_DO_NOT_TRACK := true
 export MLFLOW_DISABLE_TELEMETRY := true
@@ -41,7 +41,7 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg ## install what is mi
 .venv/.peers: benchmarks/requirements.lock .venv/.packages
 	@scripts/environment.sh peers
 
-repro: install ## rerun what a change to params.yaml or to the code touches
+repro: install ## rerun what a change to params.yaml or to the code affects
 	dvc repro
 
 article: install ## reproduce what the article printed, into results/article.json (2.5 hours on 2 cores)
@@ -59,10 +59,10 @@ test: install .venv/.browser style ## check style, types and behaviour
 	@$(MAKE) --no-print-directory --jobs=2 test-parts test-whole
 
 QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/judging tests/test_layers.py \
-	tests/test_pipeline.py tests/test_policies.py tests/test_publish.py
+	tests/policies tests/test_pipeline.py tests/test_publish.py
 
-# Half of the time each, side by side, as the second waits for processes much of it: the parts, and
-# the pipeline as a whole with its pages in a browser.
+# Two halves of equal duration, run in parallel, as the second one often waits for processes: the
+# parts, and the pipeline as a whole with its pages in a browser.
 WHOLE_TESTS = tests/test_smoke.py tests/showing/test_report.py tests/tracking/test_pages.py
 
 test-parts:
@@ -71,10 +71,10 @@ test-parts:
 test-whole:
 	CI=1 pytest -q $(WHOLE_TESTS)
 
-bench: install .venv/.peers ## measure the project beside its peers, into benchmarks/ (ten minutes)
+bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (ten minutes)
 	python -m benchmarks
 
-soak: install ## kill, starve and mislead the pipeline for a while, into results/soak.json (MINUTES=30)
+soak: install ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
 	python -m soak --minutes $(MINUTES)
 
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
@@ -86,8 +86,7 @@ ifeq ($(filter http%,$(MLFLOW_TRACKING_URI)),)
 		--artifacts-destination "$(CURDIR)/mlartifacts"
 endif
 
-# Rerun keeps quiet where CI is set; its own switch against reporting home changes the settings of
-# the user.
+# Rerun sends no telemetry if CI is set; its own switch for that changes the user's settings.
 view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
 
@@ -97,10 +96,10 @@ watch: install ## watch a trained policy play, in a window or a browser (AGENT=s
 deps: install ## renew the code dependencies of each stage in dvc.yaml
 	python -m scripts.deps
 
-map: install ## renew docs/map.md, what every module is
+map: install ## renew docs/map.md, the list of all modules
 	python -m scripts.house_map
 
-schema: install ## renew params.schema.json, which editors complete params.yaml from
+schema: install ## renew params.schema.json, from which editors complete params.yaml
 	python -m jumping_ant.experiment.schema
 
 lock: ## renew requirements.lock and benchmarks/requirements.lock from pyproject.toml

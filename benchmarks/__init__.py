@@ -1,3 +1,3 @@
-"""The project side by side with what one would otherwise run: `make bench`."""
+"""The project compared with what one would otherwise run: `make bench`."""
 
-import stages  # noqa: F401  (nothing phones home: before any import)
+import stages  # noqa: F401  (disables telemetry, before any import)

@@ -13,7 +13,7 @@ import psutil  # type: ignore[import-untyped]
 from benchmarks import report
 from benchmarks.measure import Row
 
-# Modules are imported when their turn comes: some take seconds.
+# Modules are imported when needed: some take seconds.
 ROWS = {
     "vector_env_vs_mj_step": "simulation",
     "vector_env_vs_async_gymnasium": "simulation",
@@ -25,15 +25,19 @@ ROWS = {
     "render_vs_record_video": "rendering",
     "checkpoint_overhead": "checkpoint",
 }
-PIPELINE_ROWS = ("tracking_overhead", "peak_memory", "noop_repro")  # from the same runs of it
+PIPELINE_ROWS = (
+    "tracking_overhead",
+    "peak_memory",
+    "noop_repro",
+)  # measured in shared runs of it
 ROW_NAMES = (*ROWS, *PIPELINE_ROWS)
 TABLES = {"profiles": "profiles", "scale": "costs"}  # beside the rows: module and function
 NAMES = (*ROW_NAMES, *TABLES)
-MOST_BUSY = 20.0  # [%] of all cores, before a row, for its figures to be trusted
+MOST_BUSY = 20.0  # [%] largest load of all cores before a row that gives reliable figures
 
 
 def main() -> None:
-    """Measure, and write after every row."""
+    """Measure, and write the results after every row."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     names = parser.parse_args().names or ROW_NAMES
@@ -60,7 +64,7 @@ def main() -> None:
 
 
 def measure(names: Collection[str]) -> Iterator[Row]:
-    """Measure the rows named, in their own order."""
+    """Measure the named rows, in a fixed order."""
     for name, module in ROWS.items():
         if name in names:
             warn_if_busy(name)
@@ -72,7 +76,7 @@ def measure(names: Collection[str]) -> Iterator[Row]:
 
 
 def warn_if_busy(rows: str) -> None:
-    """Say so where something else has the cores: it hits peers with many threads the hardest."""
+    """Warn if something else uses the cores: it slows peers with many threads the most."""
     busy = psutil.cpu_percent(interval=1.0)
     if busy > MOST_BUSY:
         print(

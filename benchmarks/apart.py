@@ -1,7 +1,7 @@
-"""Contenders in processes of their own, so that none has the other's threads, memory or imports.
+"""Contenders in separate processes, so that they share no threads, memory or imports.
 
-A contender is a function that sets its work up and returns what measures it: a function that does
-the work once and returns a figure. Both must be picklable by name, as `functools.partial` is.
+A contender is a function that sets up its work and returns a function that does the work once and
+returns a figure. Contenders must be picklable by name, as `functools.partial` is.
 """
 
 import multiprocessing
@@ -20,13 +20,13 @@ def apart(*contenders: Callable[[], Callable[[], Figure]]) -> Iterator[Callable[
     """Set contenders up, each in a fresh process, where they wait for their turns.
 
     Args:
-        contenders: Those that measure at the same time.
+        contenders: The contenders, which measure at the same time.
 
     Yields:
-        A function that gives them a turn, all at once, and returns a figure of each.
+        A function that runs all of them once, at the same time, and returns a figure of each.
 
     Raises:
-        EOFError: A contender failed; its traceback stands on the error stream.
+        EOFError: A contender failed; its traceback is on standard error.
     """
     spawn = multiprocessing.get_context("spawn")
     connections = []
@@ -44,7 +44,7 @@ def apart(*contenders: Callable[[], Callable[[], Figure]]) -> Iterator[Callable[
         yield lambda: _turn(connections)
     finally:
         for connection in connections:
-            with suppress(BrokenPipeError):  # of one that failed
+            with suppress(BrokenPipeError):  # the contender has failed
                 connection.send(False)
         for process in processes:
             process.join()

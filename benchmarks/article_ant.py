@@ -1,4 +1,4 @@
-"""The environment as the article's script makes it, on Gymnasium's own Ant."""
+"""The environment as the article's script creates it, on Gymnasium's own Ant."""
 
 import tempfile
 from typing import Any
@@ -16,12 +16,12 @@ class ArticleAnt(AntEnv):
     Observation, action, reward and termination are the project's, as is the physics.
 
     Args:
-        options: Further arguments of `AntEnv`, as `render_mode`.
+        options: Further arguments of `AntEnv`, such as `render_mode`.
     """
 
     def __init__(self, **options: Any) -> None:
         self._task = task()
-        with tempfile.NamedTemporaryFile("w", suffix=".xml") as file:  # it wants a path
+        with tempfile.NamedTemporaryFile("w", suffix=".xml") as file:  # it needs a path
             file.write(robot_xml())
             file.flush()
             super().__init__(

@@ -1,4 +1,4 @@
-"""What checkpoints cost: the time of one beside the time from one to the next."""
+"""The cost of checkpoints: the time of one relative to the interval between them."""
 
 import statistics
 import tempfile
@@ -18,15 +18,15 @@ from jumping_ant.experiment import params_file
 from jumping_ant.training import compute
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 
-AGENT = "dqn"  # has the most to remember
+AGENT = "dqn"  # has the largest state
 REPEATS = 5
 
 
 def checkpoint_overhead() -> Row:
     """Compare training with checkpoints and without, at the end of the agent's budget.
 
-    Training waits while its state is gathered and handed over; that the driver then writes the file
-    is counted in full too, although other cores may do it meanwhile.
+    Training waits while its state is gathered and handed over. The time in which the driver then
+    writes the file is counted in full too, although other cores may do it meanwhile.
     """
     settings = params_file.load()
     agent = settings.agents[AGENT]

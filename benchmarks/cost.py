@@ -10,7 +10,7 @@ from benchmarks.measure import rate
 from benchmarks.settings import CORES, robot_xml, task
 from jumping_ant.sim.vector import RobotVectorEnv
 
-MIN_ENV_STEPS = 6000  # behind a figure; work is repeated until there are as many
+MIN_ENV_STEPS = 6000  # for a figure; work is repeated until there are as many
 EPISODE_STEPS = 5  # control steps from the start, whatever the number of environments
 
 
@@ -21,7 +21,7 @@ class Cost:
     Attributes:
         work: What is done.
         size: How many environments, or policies in a population.
-        microseconds_one_thread: Of a control step of one robot, on one thread.
+        microseconds_one_thread: Time of a control step of one robot, on one thread.
         microseconds_all_threads: The same on every core.
         mebibytes: Resident memory of the whole process, after work on every core.
     """
@@ -39,7 +39,7 @@ def cost(work: str, size: int, env_steps_per_second: Callable[[int], float]) -> 
     Args:
         work: What is done.
         size: How many environments or policies.
-        env_steps_per_second: Does the work on so many threads and returns its rate.
+        env_steps_per_second: Does the work on a number of threads and returns its rate.
     """
     all_threads = 1e6 / env_steps_per_second(CORES)
     mebibytes = psutil.Process().memory_info().rss / 2**20
@@ -47,7 +47,7 @@ def cost(work: str, size: int, env_steps_per_second: Callable[[int], float]) -> 
 
 
 def environments(size: int) -> Callable[[], Cost]:
-    """Set up the cost of so many environments stepped together."""
+    """Set up measuring the cost of `size` environments stepped together."""
     return partial(cost, "environments", size, partial(_env_steps_per_second, size))
 
 

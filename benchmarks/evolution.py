@@ -1,4 +1,4 @@
-"""PGPE beside EvoTorch's own problem for Gymnasium environments, in as many actors as cores."""
+"""PGPE compared with EvoTorch's problem for Gymnasium environments, one actor per core."""
 
 import logging
 from collections.abc import Callable
@@ -18,12 +18,12 @@ from benchmarks.settings import CORES, article_agent, robot_xml, task
 from jumping_ant.agents.evolution import trainer
 from jumping_ant.agents.job import Job
 
-GENERATIONS = 2  # of a repeat
-EPISODE_STEPS = 10  # [control steps] of a policy, where it is the population that grows
+GENERATIONS = 2  # per repeat
+EPISODE_STEPS = 10  # [control steps] per policy, when the population grows
 
 
 def pgpe_vs_gymne() -> Row:
-    """Compare generations a second, all cores each."""
+    """Compare generations per second, each on all cores."""
     return compare_apart("pgpe_vs_gymne", "generations/s", partial(project, CORES), gymne)
 
 
@@ -31,7 +31,7 @@ def project(num_threads: int) -> Callable[[], float]:
     """Start the project's training with the article's settings.
 
     Args:
-        num_threads: That step the simulations; torch has one, as in the pipeline.
+        num_threads: Threads that step the simulations; torch has one, as in the pipeline.
     """
     torch.set_num_threads(1)
     agent = article_agent("pgpe")
@@ -62,12 +62,12 @@ def gymne() -> Callable[[], float]:
         optimizer="clipup",
         optimizer_config={"max_speed": agent.max_speed, "momentum": agent.momentum},
     )
-    searcher.run(1)  # the actors start
+    searcher.run(1)  # starts the actors
     return lambda: rate(partial(searcher.run, GENERATIONS), GENERATIONS)
 
 
 def population(size: int) -> Callable[[], Cost]:
-    """Set up the cost of a population of so many policies, all of training included."""
+    """Set up measuring the cost of a population of `size` policies, all of training included."""
     return partial(cost, "PGPE", size, partial(_env_steps_per_second, size))
 
 

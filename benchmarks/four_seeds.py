@@ -1,7 +1,7 @@
-"""The article's whole comparison: four seeds here beside its script's one.
+"""The article's whole comparison: four seeds here, one seed in its script.
 
-Neither is run to its end. The seconds are projected from rates: each learner's budget over the rate
-at which it goes through it.
+Neither is run to its end. The seconds are projected from rates: each learner's budget divided by
+the rate at which it consumes it.
 """
 
 import math
@@ -24,8 +24,9 @@ Contender = Callable[[], Callable[[], float]]
 def article_four_seeds_vs_script() -> Row:
     """Compare the seconds of training.
 
-    Here a seed has a core, and as many run at a time as there are cores, which are measured busy.
-    The script has all cores for its one seed, and trains one agent after the other.
+    Here each seed has one core, and as many seeds run at a time as there are cores, all of which
+    are busy while measured. The script has all cores for its one seed, and trains one agent after
+    the other.
     """
     workers = min(CORES, SEEDS)
     rounds = math.ceil(SEEDS / workers)

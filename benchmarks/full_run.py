@@ -1,4 +1,4 @@
-"""Record what a run of the pipeline takes: the time of each stage, and memory.
+"""Record the cost of a pipeline run: the time of each stage, and the memory.
 
 Usage:  python -m benchmarks.full_run [COMMAND...]   (by default: dvc repro --force)
 Writes: benchmarks/full_run.json
@@ -15,7 +15,7 @@ from scripts.checkout import with_tools
 
 PATH = Path(__file__).parent / "full_run.json"
 COMMAND = ["dvc", "repro", "--force"]
-STAGE_LINE = re.compile(r"Running stage '(.+)':")  # of DVC, as a stage begins
+STAGE_LINE = re.compile(r"Running stage '(.+)':")  # printed by DVC when a stage begins
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
 """One row of the benchmark: the project and a peer on the same work, in turn.
 
 Machines are noisy and differ, so what counts is the ratio of two figures taken right after each
-other; the median over several such pairs is reported, and how far the pairs lie apart.
+other. The median over several such pairs is reported, with their spread.
 """
 
 import statistics
@@ -15,12 +15,12 @@ class Row:
     """A comparison.
 
     Attributes:
-        name: Of the row.
+        name: Name of the row.
         ours: The project's figure, median over the repeats.
-        peer: The peer's, median over the repeats.
-        unit: Of both figures.
-        ratio: Ours over the peer's, median over the repeats.
-        spread: Largest less smallest ratio, over the median one.
+        peer: The peer's figure, median over the repeats.
+        unit: Unit of both figures.
+        ratio: Our figure over the peer's, median over the repeats.
+        spread: Largest minus smallest ratio, over the median ratio.
     """
 
     name: str
@@ -37,8 +37,8 @@ def compare(
     """Measure both in turn, several times.
 
     Args:
-        name: Of the row.
-        unit: Of both figures.
+        name: Name of the row.
+        unit: Unit of both figures.
         ours: Does the work the project's way and returns its figure.
         peer: Does the same work the peer's way and returns its figure.
         repeats: Pairs of measurements.
@@ -57,7 +57,7 @@ def compare(
 
 
 def rate(work: Callable[[], object], amount: float) -> float:
-    """Return how much of an amount of work is done in a second.
+    """Return the amount of work done per second.
 
     Args:
         work: Does all of it.

@@ -1,8 +1,8 @@
-"""The article's script for one seed, as far as its memory goes.
+"""The memory use of the article's script for one seed.
 
 Usage: python -m benchmarks.notebook
 
-One notebook trains DQN, then SAC, then PGPE on every core, and keeps what it has trained. In place
+One notebook trains DQN, then SAC, then PGPE on every core, and keeps what it has trained. Instead
 of an hour of training, the pages of the replay buffers that it would fill are written at once.
 """
 
@@ -19,12 +19,12 @@ from benchmarks.settings import article_agent, task
 from jumping_ant.actions import ActionSet
 from jumping_ant.sim.env import Decisions
 
-STEPS = 300  # of real training, for networks and optimisers to take their place
-SECONDS_TO_STAY = 3.0  # at the highest moment, for it to be seen
+STEPS = 300  # of real training, so that networks and optimisers are allocated
+SECONDS_TO_STAY = 3.0  # at the peak, so that it is sampled
 
 
 def main() -> None:
-    """Train the three learners, and hold them."""
+    """Train the three learners, and keep them in memory."""
     env = ArticleAnt()
     actions = ActionSet.of(article_agent("dqn").actions, task().commands)
     models: dict[str, OffPolicyAlgorithm] = {
@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def fill(buffer: ReplayBuffer, num_transitions: int) -> None:
-    """Write the pages that so many transitions take."""
+    """Write the memory pages that a number of transitions take."""
     for column in (
         buffer.observations,
         buffer.next_observations,

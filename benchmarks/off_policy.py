@@ -1,4 +1,4 @@
-"""DQN and SAC beside Stable-Baselines3, called as the article calls it."""
+"""DQN and SAC compared with Stable-Baselines3, called as in the article."""
 
 from collections.abc import Callable
 from functools import partial
@@ -17,12 +17,12 @@ from jumping_ant.agents.off_policy import trainer
 from jumping_ant.sim.env import Decisions
 
 REPEATS = 5
-STEPS = {"dqn": 1200, "sac": 120}  # control steps of a repeat
-# Repeats that are not counted. Learning starts in the first; then it gets slower until the means
-# in Adam of neurons fallen silent have become denormal numbers, and stays so.
+STEPS = {"dqn": 1200, "sac": 120}  # control steps per repeat
+# Repeats that are not counted. Learning starts in the first; then it gets slower until Adam's means
+# for dead neurons have become denormal numbers, and stays that slow.
 WARM_UP = {"dqn": 1, "sac": 12}
-# The article explores during a fifth of its budget. The rest, in which a step costs a forward pass
-# more and every fourth one a gradient step, is measured: both begin within the first steps.
+# The article explores during a fifth of its budget. The rest is measured, in which each step costs
+# an extra forward pass and every fourth one a gradient step: both begin within the first steps.
 PAST_EXPLORATION: dict[str, Any] = {"exploration_fraction": 1e-6, "learning_starts": 100}
 
 
@@ -60,7 +60,7 @@ def stable_baselines3(algorithm: str, num_threads: int | None = None) -> Callabl
 
     Args:
         algorithm: `dqn` or `sac`.
-        num_threads: Of torch; by default its own choice, every core.
+        num_threads: Threads of torch; by default its own choice, every core.
     """
     if num_threads is not None:
         torch.set_num_threads(num_threads)

@@ -1,4 +1,4 @@
-"""The pipeline in a throw-away copy of the project: its memory, and what bookkeeping costs."""
+"""The pipeline in a throw-away copy of the project: its memory, and the cost of bookkeeping."""
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -13,11 +13,11 @@ from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from scripts.checkout import Checkout, checkout, with_tools
 
-# Memory does not grow with these: a run is shortened to so much of the training and evaluation.
+# Memory does not grow with these, so a run is shortened to these shares of the budgets.
 MEMORY_SHARES = {"total_steps": 0.05, "generations": 0.02}
 MEMORY_EPISODES = 2
 MEMORY_FILM_SECONDS = 2.0
-# Apart from replay memory, which a short run leaves empty: 2 observations of 27 float64, up to 8
+# Except for replay memory, which a short run leaves empty: 2 observations of 27 float64, up to 8
 # torques, reward, and two flags.
 TRANSITION_BYTES = 500
 
@@ -48,7 +48,7 @@ def rows() -> Iterator[Row]:
 
 
 def peak_memory(project: Checkout) -> Row:
-    """Measure a run of everything beside the article's script; the ratio is ours itself."""
+    """Compare a run of everything with the article's script; the ratio is our figure itself."""
     settings = params_file.load()
     brief = shortened(settings, MEMORY_SHARES)
     updates = {
@@ -74,7 +74,7 @@ def noop_repro(project: Checkout) -> Row:
 
 
 def tracking_overhead(project: Checkout) -> Row:
-    """Compare the `train` stage of an agent with itself, its live tracking left out."""
+    """Compare the `train` stage of an agent with the same stage without live tracking."""
     settings = params_file.load()
     compute = settings.compute.model_copy(update={"workers": len(TRACKED_SEEDS)})
     updates = {"seeds": TRACKED_SEEDS, "compute": compute}
@@ -89,11 +89,11 @@ def tracking_overhead(project: Checkout) -> Row:
 
 
 def shortened(settings: Params, shares: Mapping[str, float]) -> Params:
-    """Return parameters with a part of the training.
+    """Return parameters with smaller training budgets.
 
     Args:
         settings: The parameters.
-        shares: What remains of a budget, by its name in an agent's block.
+        shares: Remaining share of a budget, by its name in an agent's block.
     """
     agents = {}
     for name, agent in settings.agents.items():

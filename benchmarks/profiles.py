@@ -1,6 +1,6 @@
-"""Where the time goes, beside what no change of ours can take away.
+"""Where the time goes, compared with the floor that no change of ours can lower.
 
-The floor is `mj_step` for as many control steps, and the matrix products of the networks.
+The floor is `mj_step` for the same control steps, and the matrix products of the networks.
 """
 
 import time
@@ -19,7 +19,7 @@ from benchmarks.apart import apart
 from benchmarks.settings import article_agent, robot_xml, task
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.off_policy.lean.learners import LeanDQN, LeanSAC
-from jumping_ant.policies import LinearPolicy
+from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import rollout
 
 PRODUCTS = ("aten::mm", "aten::addmm")  # as PyTorch names them
@@ -34,10 +34,10 @@ class Profile:
     Attributes:
         work: What is done, with the article's settings.
         total: All of it.
-        physics: In MuJoCo's batch.
-        mj_step: Of MuJoCo alone, with random torques.
-        learning: In gradient steps.
-        products: In the matrix products of the gradient steps.
+        physics: Time in MuJoCo's batch.
+        mj_step: Time of MuJoCo alone, with random torques.
+        learning: Time in gradient steps.
+        products: Time in the matrix products of the gradient steps.
     """
 
     work: str
@@ -59,26 +59,26 @@ def profiles() -> Iterator[Profile]:
 
 
 def dqn(mj_step: float) -> Callable[[], Profile]:
-    """Set DQN's training up."""
+    """Set up DQN's training."""
     go_on = off_policy.project("dqn")
     return partial(_profile, "DQN", mj_step, go_on, off_policy.STEPS["dqn"], LeanDQN)
 
 
 def sac(mj_step: float) -> Callable[[], Profile]:
-    """Set SAC's training up."""
+    """Set up SAC's training."""
     go_on = off_policy.project("sac")
     return partial(_profile, "SAC", mj_step, go_on, off_policy.STEPS["sac"], LeanSAC)
 
 
 def pgpe(mj_step: float) -> Callable[[], Profile]:
-    """Set PGPE's training up."""
+    """Set up PGPE's training."""
     agent = article_agent("pgpe")
     steps = evolution.GENERATIONS * agent.population_size * agent.episode_steps
     return partial(_profile, "PGPE", mj_step, evolution.project(1), steps)
 
 
 def evaluation(mj_step: float) -> Callable[[], Profile]:
-    """Set episodes of a linear policy up, side by side as the `evaluate` stage runs them."""
+    """Set up parallel episodes of a linear policy, as the `evaluate` stage runs them."""
     weight = np.random.default_rng(0).normal(0, 0.2, (8, 27)).astype(np.float32)
     zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
     policy = LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], ActionSet())
@@ -99,8 +99,8 @@ def _profile(
     Args:
         work: See `Profile`.
         mj_step: See `Profile`.
-        go_on: What is called.
-        steps: The control steps it does.
+        go_on: The function to call.
+        steps: Control steps per call.
         learner: The class whose `train` takes the gradient steps, if any.
     """
     with ExitStack() as stack:
@@ -124,7 +124,7 @@ def _profile(
 
 @contextmanager
 def _timed(owner: type, name: str) -> Iterator[list[float]]:
-    """Time all calls of a method, and yield the list that their seconds come to stand in."""
+    """Time all calls of a method, and yield the list that collects their seconds."""
     method = getattr(owner, name)
     seconds: list[float] = []
 

@@ -1,4 +1,4 @@
-"""Films beside Gymnasium's recording wrapper, of an episode with the same random torques."""
+"""Films compared with Gymnasium's recording wrapper, for the same random torques."""
 
 import tempfile
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from benchmarks.settings import robot_xml, task
 from jumping_ant.actions import ActionSet
 from jumping_ant.experiment import params_file
 from jumping_ant.judging import evaluation
-from jumping_ant.policies import UniformPolicy
+from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.showing import rendering
 from jumping_ant.sim import gl, robot, rollout
 from jumping_ant.sim.rollout import Episode
@@ -22,16 +22,16 @@ from jumping_ant.sim.trajectory import frame_stride
 SEED = 0
 SIZE = 480  # [pixels] width and height
 FILM_STEPS = 160  # [control steps] filmed by the project
-VIDEO_STEPS = 20  # [control steps] by the wrapper, which takes long over a frame
+VIDEO_STEPS = 20  # [control steps] filmed by the wrapper, which takes long for a frame
 
 
 def render_vs_record_video() -> Row:
-    """Compare frames a second, encoding included, with shadows."""
+    """Compare frames per second, encoding included, with shadows."""
     return compare_apart("render_vs_record_video", "frames/s", film, record_video)
 
 
 def film() -> Callable[[], float]:
-    """Set the project's film up: that of the `record` stage."""
+    """Set up the project's film, that of the `record` stage."""
     record = params_file.load().record.model_copy(update={"width": SIZE, "height": SIZE})
     model = robot.load(robot_xml())
     trajectory = evaluation.replay(model, task().frame_skip, random_episode(FILM_STEPS), SEED, 0)
@@ -41,8 +41,8 @@ def film() -> Callable[[], float]:
 
 
 def record_video() -> Callable[[], float]:
-    """Set the wrapper up, with its defaults: a frame of each control step."""
-    gl.select_backend()  # Gymnasium by itself takes one that needs a screen
+    """Set up the wrapper, with its defaults: a frame of each control step."""
+    gl.select_backend()  # Gymnasium's default one needs a screen
     torques = random_episode(VIDEO_STEPS).torques
 
     def record() -> None:

@@ -32,7 +32,7 @@ Results = dict[str, Any]
 
 
 def load() -> Results:
-    """Return what was measured on this machine with these versions, if anything was."""
+    """Return the results measured on this machine with these versions, if any."""
     fresh: Results = {"rows": [], "profiles": [], "scale": [], "machine": machine()}
     if not RESULTS_PATH.exists():
         return fresh
@@ -41,7 +41,7 @@ def load() -> Results:
 
 
 def save(results: Results) -> None:
-    """Write the results, and the README's tables anew."""
+    """Write the results, and update the README's tables."""
     write_json(RESULTS_PATH, results)
     write_text(README_PATH, fill(README_PATH.read_text(), results))
 
@@ -56,30 +56,30 @@ def machine() -> dict[str, Any]:
 
 
 def with_row(results: Results, row: Row, names: Iterable[str]) -> Results:
-    """Return results with a row put in, or in the place of an older one.
+    """Return results with a row added, or replacing an older one.
 
     Args:
         results: All results.
         row: What was measured.
-        names: Of all rows, in their order.
+        names: Names of all rows, in their order.
     """
     rows = {old["name"]: old for old in results["rows"]} | {row.name: _rounded(asdict(row))}
     return results | {"rows": [rows[name] for name in names if name in rows]}
 
 
 def with_table(results: Results, name: str, entries: Iterable[Any]) -> Results:
-    """Return results with a table beside the rows put in, or in the place of an older one.
+    """Return results with a further table added, or replacing an older one.
 
     Args:
         results: All results.
-        name: Of the table.
-        entries: Its lines, which are dataclasses.
+        name: Name of the table.
+        entries: Its rows, which are dataclasses.
     """
     return results | {name: [_rounded(asdict(entry)) for entry in entries]}
 
 
 def fill(text: str, results: Results) -> str:
-    """Return a page with its tables made from results, each between two markers."""
+    """Return a page with its tables filled from results, each between two markers."""
     tables = {"rows": _rows, "profiles": _profiles, "scale": _scale}
     for name, make in tables.items():
         before, start, rest = text.partition(f"<!-- {name} -->\n")
@@ -148,7 +148,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def shown(value: float) -> str:
-    """Show a figure with three digits, or all of those before its point."""
+    """Format a figure with three digits, or with all digits before the decimal point."""
     return f"{value:,.0f}" if value >= 100 or value == 0 else f"{value:.3g}"
 
 

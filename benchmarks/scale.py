@@ -1,4 +1,4 @@
-"""How cost grows with the work: a flat cost of a step is what to look for."""
+"""How cost grows with the work; ideally the cost of a step stays flat."""
 
 from collections.abc import Iterator
 from functools import partial

@@ -1,4 +1,4 @@
-"""What the rows work on: the project's robot and task, and its agents as the article sets them."""
+"""What the rows work on: the project's robot and task, and agents with the article's settings."""
 
 from typing import Any
 

@@ -1,7 +1,7 @@
-"""The batched environment beside raw MuJoCo and beside other ways to run many environments.
+"""The batched environment compared with raw MuJoCo and other ways to run many environments.
 
-Every repeat starts from the same states and plays the same random torques: what a step costs
-depends on what the robot touches.
+Every repeat starts from the same states and plays the same random torques: the cost of a
+step depends on what the robot touches.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ ENV_STEPS = 64 * 120  # control steps of all environments together in a repeat
 
 
 def vector_env_vs_mj_step() -> Row:
-    """Compare with `mj_step` alone, on all cores: what MuJoCo itself takes."""
+    """Compare with `mj_step` alone, on all cores: the cost of MuJoCo itself."""
     ours = partial(batched, robot_xml(), 64, CORES, AutoresetMode.DISABLED)
     shares = np.array_split(np.arange(64), CORES)
     peers = [partial(raw, robot_xml(), 64, share) for share in shares]
@@ -41,7 +41,7 @@ def vector_env_vs_mj_step() -> Row:
 
 
 def vector_env_vs_async_gymnasium() -> Row:
-    """Compare with Gymnasium's environment in a process each."""
+    """Compare with Gymnasium's environments, each in a process."""
     return compare_apart(
         "vector_env_vs_async_gymnasium",
         "env-steps/s",
@@ -52,7 +52,7 @@ def vector_env_vs_async_gymnasium() -> Row:
 
 
 def vector_env_vs_envpool() -> Row:
-    """Compare with EnvPool's Ant, the stock one, on two threads."""
+    """Compare with EnvPool's stock Ant, on two threads."""
     stock = robot.source_path("ant").read_text()
     return compare_apart(
         "vector_env_vs_envpool",
@@ -66,19 +66,19 @@ def vector_env_vs_envpool() -> Row:
 def batched(
     xml: str, num_envs: int, num_threads: int, autoreset: AutoresetMode
 ) -> Callable[[], float]:
-    """Set the project's batched environment up."""
+    """Set up the project's batched environment."""
     envs = RobotVectorEnv(xml, task(), num_envs, num_threads, autoreset)
     return partial(steps_per_second, partial(envs.reset, seed=SEED), envs.step, num_envs)
 
 
 def asynchronous(num_envs: int) -> Callable[[], float]:
-    """Set Gymnasium's environments up, each in a process, to restart as the batched ones do."""
+    """Set up Gymnasium's environments, each in a process, to restart as the batched ones do."""
     envs = AsyncVectorEnv([ArticleAnt] * num_envs, autoreset_mode=AutoresetMode.SAME_STEP)
     return partial(steps_per_second, partial(envs.reset, seed=SEED), envs.step, num_envs)
 
 
 def pooled(num_envs: int, num_threads: int) -> Callable[[], float]:
-    """Set EnvPool up, as fast as it goes: nothing computed beyond the 27 observations."""
+    """Set up EnvPool at its fastest: it computes only the 27 observations."""
     envs = envpool.make(
         "Ant-v5",
         env_type="gymnasium",
@@ -94,15 +94,15 @@ def pooled(num_envs: int, num_threads: int) -> Callable[[], float]:
 
 
 def raw(xml: str, num_envs: int, share: NDArray[np.int64]) -> Callable[[], float]:
-    """Set up what one process does of the same simulations without any environment.
+    """Set up one process's share of the same simulations, without any environment.
 
     Args:
         xml: The robot.
         num_envs: Number of simulations of all processes.
-        share: Which of them are this process's.
+        share: Numbers of those in this process.
 
     Returns:
-        What runs them, one after the other, and returns the seconds it took.
+        A function that runs them, one after the other, and returns the seconds it took.
     """
     model = robot.load(xml)
     data = mujoco.MjData(model)
@@ -127,7 +127,7 @@ def raw(xml: str, num_envs: int, share: NDArray[np.int64]) -> Callable[[], float
 def steps_per_second(
     reset: Callable[[], object], step: Callable[[NDArray[np.float64]], object], num_envs: int
 ) -> float:
-    """Return the rate of the control steps of all environments, the reset not counted."""
+    """Return the rate of the control steps of all environments, without the reset."""
     reset()
     torques = random_torques(num_envs)
 

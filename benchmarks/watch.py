@@ -1,4 +1,4 @@
-"""A command watched while it runs: its time, what it says when, and the memory of all it starts."""
+"""Watch a running command: its time, its timed output, and the memory of all its processes."""
 
 import shlex
 import subprocess
@@ -13,18 +13,18 @@ from pathlib import Path
 import psutil  # type: ignore[import-untyped]
 
 SECONDS_BETWEEN_SAMPLES = 1.0  # a sample costs some 10 ms
-MARK = "JUMPING_ANT_WATCHED"  # a variable that every process below the command inherits
+MARK = "JUMPING_ANT_WATCHED"  # a variable that every descendant of the command inherits
 
 
 @dataclass
 class Usage:
-    """What a command took.
+    """Time, output and memory of a command.
 
     Attributes:
         seconds: Wall-clock time [s].
         lines: What it printed, each with its time [s since the start].
-        peak_memory: Resident memory of all its processes together at the highest moment [GiB].
-        peak_seconds: When that was [s since the start].
+        peak_memory: Resident memory of all its processes together at the peak [GiB].
+        peak_seconds: Time of the peak [s since the start].
     """
 
     seconds: float = 0.0
@@ -43,12 +43,12 @@ def watch(
 
     Args:
         command: What to run.
-        folder: Where.
-        environment: Its variables.
+        folder: Where to run it.
+        environment: Its environment variables.
         is_shown: Whether its output is shown as well.
 
     Raises:
-        RuntimeError: It failed.
+        RuntimeError: The command failed.
     """
     usage = Usage()
     mark = uuid.uuid4().hex
@@ -88,10 +88,10 @@ def _sample(mark: str, usage: Usage, started: float, has_ended: threading.Event)
 
 
 class _Family:
-    """All processes below a command.
+    """All descendants of a command.
 
-    Daemons outlive their parents, and some processes overwrite their variables with a title: one
-    belongs here if its parent does or if it bears the mark, and from then on.
+    Daemons outlive their parents, and some processes overwrite their variables with a title, so a
+    process belongs here as soon as its parent does or it carries the mark, and from then on.
     """
 
     def __init__(self, mark: str) -> None:
@@ -99,7 +99,7 @@ class _Family:
         self._verdicts: dict[psutil.Process, bool] = {}
 
     def members(self) -> list[psutil.Process]:
-        """Return those that run."""
+        """Return those that are running."""
         verdicts: dict[psutil.Process, bool] = {}
         own_ids = {process.pid for process, is_own in self._verdicts.items() if is_own}
         for process in psutil.process_iter():  # parents come before their children
@@ -119,7 +119,7 @@ class _Family:
 
 
 def _resident_bytes(process: psutil.Process) -> int:
-    """Return the memory of a process; a page that several share counts in parts."""
+    """Return the memory of a process; a page shared by several counts proportionally."""
     with suppress(psutil.Error):
         memory = process.memory_full_info()
         return int(getattr(memory, "pss", memory.rss))

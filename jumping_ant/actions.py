@@ -1,4 +1,4 @@
-"""What agents choose from: torques, or commands of a table, held for some control steps."""
+"""Action sets: torques, or commands of a table, held for some control steps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from jumping_ant.params.blocks import ActionParams
 
 @dataclass(frozen=True)
 class ActionSet:
-    """What an agent chooses from at each decision, and how long a choice lasts.
+    """What an agent chooses from at each decision, and how long each choice is held.
 
     Attributes:
         table: Torques over peak torques of each command, shape (num_commands, num_motors);
-            None where any torques may be chosen.
-        amplitude: Factor on chosen torques, where there is no table.
+            None if any torques may be chosen.
+        amplitude: Factor on chosen torques, if there is no table.
         hold: Control steps that a choice is held for.
     """
 
@@ -42,7 +42,7 @@ class ActionSet:
         """Return the torques over peak torques of each choice.
 
         Args:
-            choices: Numbers of commands, shape (n,), or torques in [-1, 1], shape (n, num_motors).
+            choices: Indices of commands, shape (n,), or torques in [-1, 1], shape (n, num_motors).
 
         Returns:
             Torques in [-amplitude, amplitude], shape (n, num_motors).

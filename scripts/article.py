@@ -1,11 +1,11 @@
-"""Train as the article does, over several seeds, and see whether its printed values come out.
+"""Train as the article does, over several seeds, and check whether its printed values recur.
 
 Usage: python -m scripts.article [--measure] [--folder FOLDER]
 
 Runs the whole pipeline with `presets/article` in a copy of the project, `.article/`, which takes
-hours: a run that was stopped resumes from its checkpoints, and the project's own results stay as
-they are. Then tests the trained agents as the article did, which takes a minute, and writes
-results/article.json and results/article/*.png.
+hours. A stopped run resumes from its checkpoints, and the project's own results do not change. Then
+tests the trained agents as the article did, which takes a minute, and writes results/article.json
+and results/article/*.png.
 """
 
 import argparse
@@ -49,26 +49,26 @@ def main() -> None:
 
 
 def run(folder: Path, params: Params) -> None:
-    """Run the pipeline in a copy of the project, from where it stands.
+    """Run the pipeline in a copy of the project, resuming an earlier run.
 
     Args:
-        folder: Of the copy.
+        folder: Folder of the copy.
         params: Its parameters.
 
     Raises:
-        StoppedError: A signal asked for an end.
-        WorkerError: The pipeline failed; its own message stands above.
+        StoppedError: A signal requested a stop.
+        WorkerError: The pipeline failed; its own message is printed above.
     """
     renew_project(folder)
     copy = Checkout(folder)
     copy.write_params(params)
-    with _interrupts_noted() as interrupts:  # DVC hears them, too, and saves a last checkpoint
+    with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
         status = subprocess.run(["dvc", "repro"], cwd=folder, env=copy.environment).returncode
     if interrupts:
         raise StoppedError("`make article` resumes from the last checkpoints")
     if status:
         raise WorkerError(
-            f"`dvc repro` in {folder} ended with status {status}; what it said stands above, and "
+            f"`dvc repro` in {folder} ended with status {status}; see its output above; "
             "`make article` resumes from there"
         )
 
@@ -88,7 +88,7 @@ def measure(folder: Path) -> dict[str, Any]:
     """Measure the trained agents of a project, and write the results into this one.
 
     Args:
-        folder: Of the project that trained them.
+        folder: Folder of the project that trained them.
 
     Returns:
         The content of `results/article.json`.
@@ -112,7 +112,7 @@ def measure(folder: Path) -> dict[str, Any]:
 
 
 def _settings(params: Params) -> list[Any]:
-    """Return all parameters that the trained agents depend on, but the seeds."""
+    """Return all parameters that the trained agents depend on, except the seeds."""
     return [params.robot, params.env, *(params.agent(name) for name in reproduction.AGENTS)]
 
 

@@ -1,4 +1,4 @@
-"""A copy of the project, in which its commands run apart from it; benchmarks throw theirs away."""
+"""A copy of the project, in which its commands run in isolation; benchmarks delete theirs."""
 
 import os
 import shlex
@@ -18,28 +18,28 @@ from jumping_ant.base import telemetry
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment.models import Params
 
-RESULTS = ("assets", "dvc.lock", "media", "models", "results")  # what runs leave
+RESULTS = ("assets", "dvc.lock", "media", "models", "results")  # outputs of runs
 
 
 @dataclass(frozen=True)
 class Checkout:
-    """A copy of the project as git would show it to someone else, nothing trained.
+    """A copy of the project as someone else would check it out, with nothing trained.
 
     Attributes:
-        folder: Where it is.
+        folder: Its folder.
     """
 
     folder: Path
 
     @property
     def environment(self) -> dict[str, str]:
-        """The variables of its commands; its MLflow is its own."""
+        """The environment variables of its commands; it has an MLflow store of its own."""
         variables = with_tools()
         variables.pop("MLFLOW_TRACKING_URI", None)
         return variables
 
     def write_params(self, params: Params) -> None:
-        """Make other parameters its `params.yaml`."""
+        """Write other parameters to its `params.yaml`."""
         with (self.folder / "params.yaml").open("w") as file:
             YAML().dump(params.model_dump(), file)
 
@@ -47,7 +47,7 @@ class Checkout:
         """Run a command in it and return its wall-clock time [s].
 
         Raises:
-            RuntimeError: It failed.
+            RuntimeError: The command failed.
         """
         started = time.perf_counter()
         done = subprocess.run(
@@ -60,14 +60,14 @@ class Checkout:
 
 
 def with_tools() -> dict[str, str]:
-    """Return this process's variables, changed so that commands find this Python's tools first."""
+    """Return this process's environment variables, with this Python's tools first in the path."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     return os.environ | telemetry.SWITCHES | {"PATH": path}
 
 
 @contextmanager
 def checkout() -> Iterator[Checkout]:
-    """Copy the project, and delete the copy in the end."""
+    """Copy the project, and delete the copy at the end."""
     with tempfile.TemporaryDirectory() as parent:
         folder = Path(parent) / "project"
         copy_project(folder)
@@ -75,20 +75,20 @@ def checkout() -> Iterator[Checkout]:
 
 
 def copy_project(folder: Path) -> None:
-    """Make a repository of what git tracks or would track."""
+    """Create a repository of the files that git tracks or would track."""
     _copy(_names(), folder)
     subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
 
 
 def renew_project(folder: Path) -> None:
-    """Make a repository of the project's code, or renew the code of one made before.
+    """Create a repository of the project's code, or update the code of an existing one.
 
-    What its runs left stays: DVC reruns the stages that the new code touches, and trainings
-    resume from their checkpoints where these fit.
+    The outputs of its runs are kept: DVC reruns the stages that the new code affects, and
+    trainings resume from their checkpoints if these are compatible.
     """
     names = [name for name in _names() if name.split("/")[0] not in RESULTS]
     for top in {name.split("/")[0] for name in names if "/" in name and not name.startswith(".")}:
-        shutil.rmtree(folder / top, ignore_errors=True)  # with what is there no longer
+        shutil.rmtree(folder / top, ignore_errors=True)  # with files that no longer exist
     _copy(names, folder)
     subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
 

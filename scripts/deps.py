@@ -23,10 +23,10 @@ LOCK = "requirements.lock"
 
 
 def text(before: str) -> str:
-    """Return the content of dvc.yaml with the dependencies that the code has now."""
+    """Return the content of dvc.yaml with the code's current dependencies."""
     yaml = YAML()
     yaml.indent(mapping=2, sequence=4, offset=2)
-    yaml.width = 4096  # folds no line
+    yaml.width = 4096  # does not fold lines
     content = yaml.load(before)
     for name, stage in content["stages"].items():
         deps = stage.get("do", stage)["deps"]
@@ -38,7 +38,7 @@ def text(before: str) -> str:
 
 
 def code(stage: str) -> list[str]:
-    """Return what a stage depends on of the project's code: paths from its root, stages first."""
+    """Return the project code that a stage depends on: paths from its root, stages first."""
     script = PROJECT_ROOT / "stages" / f"{stage}.py"
     if stage == "train":
         return _with_any_trainer(script)
@@ -49,7 +49,7 @@ def code(stage: str) -> list[str]:
 def _with_any_trainer(script: Path) -> list[str]:
     """Return the same for training, which imports the trainer that an agent's block names.
 
-    Of the trainers' packages the own one counts, of all else what any trainer imports.
+    Of the trainers' packages only the agent's own counts, of other code what any trainer imports.
     """
     trainers = list((PROJECT_ROOT / "jumping_ant" / "agents").glob("*/trainer.py"))
     packages = {trainer.parent for trainer in trainers}
@@ -63,7 +63,7 @@ def _names(paths: Iterable[Path]) -> list[str]:
 
 
 def _folder(file: Path) -> Path:
-    """Return the folder of the library that a file is in; of the others, the file itself."""
+    """Return the library's folder that a file is in, or the file itself if it is in none."""
     parts = file.relative_to(PROJECT_ROOT).parts
     return PROJECT_ROOT.joinpath(*parts[:2])
 

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Make the environment that the project runs in. `make` calls this where something is missing.
+# Set up the environment that the project runs in. `make` calls this if something is missing.
 #
 #   scripts/environment.sh packages   install the Python packages of requirements.lock into .venv
-#   scripts/environment.sh rendering  install a library to draw with, where none is found
-#   scripts/environment.sh browser    install a browser for the tests of pages, where none is found
-#   scripts/environment.sh peers      install those of benchmarks/requirements.lock as well
+#   scripts/environment.sh rendering  install a rendering library, if none is found
+#   scripts/environment.sh browser    install a browser for the page tests, if none is found
+#   scripts/environment.sh peers      install the packages of benchmarks/requirements.lock as well
 #   scripts/environment.sh lock       renew both locks from pyproject.toml
 #
 # Environment variables:
 #   PYTHON        interpreter of version 3.11 or newer (default: the first found)
-#   TORCH_INDEX   package index that torch comes from (empty: the usual one)
+#   TORCH_INDEX   package index that torch comes from (empty: the default one)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -20,12 +20,12 @@ stop() {
     exit 1
 }
 
-# Run a command as root, where that takes no password.
+# Run a command as root, if that needs no password.
 as_root() {
     if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo -n "$@"; fi
 }
 
-# Install Debian or Ubuntu packages; false where that is not permitted or does not work.
+# Install Debian or Ubuntu packages; fail if that is not permitted or does not work.
 apt_install() {
     command -v apt-get >/dev/null && as_root true 2>/dev/null || return 1
     echo "install: apt-get install $*"
@@ -42,15 +42,15 @@ find_python() {
             return
         fi
     done
-    stop "Python 3.11 or newer is needed, and ${PYTHON:-python3} is not." \
+    stop "Python 3.11 or newer is needed, and ${PYTHON:-python3} is older or missing." \
         "Install one, or name it: make install PYTHON=/path/to/python3.11"
 }
 
-# Make a virtual environment in a folder, in place of what is there.
+# Create a virtual environment in a folder, replacing what is there.
 make_venv() {
     local python package
     python=$(find_python)
-    # Debian and Ubuntu keep this part of Python's own library in a package of its own.
+    # Debian and Ubuntu ship this part of Python's standard library in a separate package.
     if ! "$python" -c 'import ensurepip' 2>/dev/null; then
         package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
         apt_install "$package" ||
@@ -59,12 +59,12 @@ make_venv() {
     "$python" -m venv --clear "$1"
 }
 
-# Install torch as one requirement says, from its own index alone: the usual index has the build
-# with CUDA, of several gigabytes.
-install_torch() {
-    local python=$1 requirement=$2
-    shift 2
-    "$python" -m pip install "$@" "$requirement" \
+# Install or download torch for one requirement, only from its own index: the default index has the
+# build with CUDA, of several gigabytes.
+get_torch() {
+    local python=$1 action=$2 requirement=$3
+    shift 3
+    "$python" -m pip "$action" --no-deps "$@" "$requirement" \
         ${TORCH_INDEX:+--index-url "$TORCH_INDEX" --retries 2 --timeout 30} ||
         stop "no torch from ${TORCH_INDEX:-the usual package index}. Try again, or take the usual" \
             "index's build, on Linux with CUDA: make install TORCH_INDEX="
@@ -74,11 +74,11 @@ install_packages() {
     local python=.venv/bin/python
     "$python" -m pip --version >/dev/null 2>&1 || make_venv .venv
     echo "install: the packages of requirements.lock, into .venv"
-    # The lock is complete: nothing is resolved here, so that nothing can bring CUDA along.
-    grep -v '^torch==' requirements.lock | "$python" -m pip install --no-deps -r /dev/stdin
-    install_torch "$python" "$(grep '^torch==' requirements.lock)"
-    # Last the project, and whatever this platform needs beyond the one the lock was made on.
-    "$python" -m pip install --quiet --no-build-isolation -c requirements.lock -e '.[dev]'
+    # The lock is complete: nothing is resolved here, so nothing can pull in CUDA.
+    grep -v '^torch==' requirements.lock |
+        "$python" -m pip install --no-deps --require-hashes -r /dev/stdin
+    get_torch "$python" install "$(grep '^torch==' requirements.lock)"
+    "$python" -m pip install --quiet --no-build-isolation --no-deps -e .
     touch .venv/.packages
 }
 
@@ -90,7 +90,7 @@ install_rendering() {
     if can_render || { apt_install "${GL_PACKAGES[@]}" && can_render; }; then
         touch .venv/.rendering
     else
-        echo "install: nothing here draws without a screen, so no videos (all else works);" \
+        echo "install: nothing here renders without a screen, so no videos (all else works);" \
             "on Debian and Ubuntu run: sudo apt-get install ${GL_PACKAGES[*]}" >&2
     fi
 }
@@ -99,44 +99,48 @@ install_browser() {
     if command -v chromium >/dev/null || apt_install chromium; then
         touch .venv/.browser
     else
-        echo "install: no chromium, so the tests of pages will fail;" \
+        echo "install: no chromium, so the page tests will fail;" \
             "on Debian run: sudo apt-get install chromium" >&2
     fi
 }
 
 install_peers() {
     echo "install: the packages of benchmarks/requirements.lock, into .venv"
-    # Without their wishes for other versions of what the project has: those stay as locked.
-    .venv/bin/python -m pip install --no-deps -r benchmarks/requirements.lock
+    # Ignore their requirements for packages that the project has: those stay as locked.
+    .venv/bin/python -m pip install --no-deps --require-hashes -r benchmarks/requirements.lock
     touch .venv/.peers
 }
 
-# Print what a Python has, without the suffix of torch's build (+cpu), which the usual index does
-# not know.
-freeze() {
-    "$1" -m pip freeze --all --exclude pip --exclude-editable | sed 's/+.*//'
+# Print what an extra needs, with hashes, for every platform and Python that the project allows.
+resolve() {
+    local folder=$1 extra=$2
+    shift 2
+    "$folder/bin/uv" pip compile pyproject.toml --quiet --universal --python-version 3.11 \
+        --upgrade --generate-hashes --fork-strategy fewest --no-annotate --no-header --extra "$extra" \
+        --find-links "$folder/wheels" -c "$folder/torch.txt" --no-emit-package torch "$@"
 }
 
 renew_locks() {
-    local folder python
+    local folder version locked
     folder=$(mktemp -d)
     trap 'rm -rf "'"$folder"'"' EXIT
-    python=$folder/bin/python
     make_venv "$folder"
-    # Torch first, which keeps the others from bringing the usual index's build.
-    install_torch "$python" "$(grep -oE '"torch[^"]*"' pyproject.toml | tr -d '"')" -qq
-    "$python" -m pip freeze | grep '^torch==' >"$folder/torch.txt"
-    "$python" -m pip install -qq --upgrade --upgrade-strategy eager -c "$folder/torch.txt" \
-        -e '.[dev]'
+    "$folder/bin/python" -m pip install -qq uv
+    # Resolve against a build without CUDA, so that none of CUDA's packages is pulled in.
+    get_torch "$folder/bin/python" download "$(grep -oE '"torch[^"]*"' pyproject.toml | tr -d '"')" \
+        -qq --dest "$folder/wheels" --python-version 3.11 --only-binary :all:
+    version=$(basename "$folder"/wheels/torch-*.whl | cut -d- -f2)
+    echo "torch==$version" >"$folder/torch.txt"
     {
         echo "# Every package at its exact version. Made by \`make lock\` from pyproject.toml."
-        freeze "$python"
+        resolve "$folder" dev
+        echo "# Without hashes: each of its indexes has builds of its own."
+        echo "torch==${version%+*}"
     } >"$folder/requirements.lock"
-    "$python" -m pip install -qq -c "$folder/torch.txt" -e '.[bench]'
-    sed -n 's/^\([^#=]*\)==.*/^\1==/p' "$folder/requirements.lock" >"$folder/locked.txt"
+    mapfile -t locked < <(sed -n 's/^\([^#=]*\)==.*/--no-emit-package=\1/p' "$folder/requirements.lock")
     {
         echo "# What \`make bench\` needs beyond requirements.lock. Made by \`make lock\`."
-        freeze "$python" | grep -vif "$folder/locked.txt"
+        resolve "$folder" bench "${locked[@]}"
     } >"$folder/peers.lock"
     if grep -hE '^(nvidia|cuda|triton)' "$folder/requirements.lock" "$folder/peers.lock"; then
         stop "these come with CUDA; renew the lock with a TORCH_INDEX without it"

@@ -1,4 +1,4 @@
-"""Write the map of the house, docs/map.md, from what every module says of itself.
+"""Write the map of the modules, docs/map.md, from the first line of each docstring.
 
 Usage: python -m scripts.house_map (`make map`)
 """
@@ -11,22 +11,22 @@ from jumping_ant.base.files import PROJECT_ROOT, write_text
 PATH = PROJECT_ROOT / "docs" / "map.md"
 LIBRARY = PROJECT_ROOT / "jumping_ant"
 BEGIN, END = "<!-- modules -->\n", "<!-- end of modules -->\n"
-# In the order that data flows in.
+# In the order of the data flow.
 PLACES = (
-    ["base", "words", "params", "actions.py", "policies.py", "sim", "agents", "experiment"]
+    ["base", "words", "params", "actions.py", "policies", "sim", "agents", "experiment"]
     + ["training", "judging", "showing", "tracking"]
 )  # fmt: skip
 
 
 def text(before: str) -> str:
-    """Return the content of docs/map.md with the modules that there are now."""
+    """Return the content of docs/map.md with the current modules."""
     top, _, rest = before.partition(BEGIN)
     _, _, bottom = rest.partition(END)
     return top + BEGIN + "".join(_section(LIBRARY / place) for place in PLACES) + END + bottom
 
 
 def _section(place: Path) -> str:
-    """Return the table of a folder, with those inside it, or the line of a module."""
+    """Return the table of a folder and its subfolders, or the line of a module."""
     if place.is_file():
         return f"\n### `{place.name}`\n\n{_first_line(place)}\n"
     rows = [

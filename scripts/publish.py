@@ -1,11 +1,11 @@
-"""Put the results that are in the working tree into the documents.
+"""Write the results of the working tree into the documents.
 
 Usage: python scripts/publish.py PRESET
 
 Writes the section of that preset in docs/results.md. With the preset `default` it writes the
 pictures of the README as well: docs/images/, and README.md's table of claims. With `article` it
-takes what `make article` left in .article/ and results/article.json, and writes the table of
-printed values in docs/article.md.
+reads the output of `make article` in .article/ and results/article.json, and also writes the table
+of printed values in docs/article.md.
 """
 
 import argparse
@@ -33,8 +33,8 @@ FOLDERS = {
     "article": PROJECT_ROOT / ".article",
 }
 FIGURES = ("learning_curves", "final_return")
-SIDE = 300  # [pixels] of an agent in the animation
-SECONDS = 6.0  # of the films that the animation shows
+SIDE = 300  # [pixels] side of an agent's film in the animation
+SECONDS = 6.0  # length of the animation
 FPS = 20
 START = 7.0  # [s] in the films
 FONT = ImageFont.load_default(20)
@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def replace_section(path: Path, name: str, content: str) -> None:
-    """Write what stands between a document's marks `<!-- name -->` and `<!-- end of name -->`.
+    """Replace the text between a document's marks `<!-- name -->` and `<!-- end of name -->`.
 
     Raises:
         InputError: The document lacks a mark.
@@ -93,7 +93,7 @@ def printed_table(printed: dict[str, Any]) -> str:
     """Return the article's printed values beside ours, as Markdown.
 
     Args:
-        printed: What stands under that key in `results/article.json`.
+        printed: The value of that key in `results/article.json`.
     """
     values = {
         "DQN's test, total of 1,000 steps": printed["dqn"],
@@ -138,7 +138,7 @@ def animation() -> bytes:
 
 def clip(path: Path, label: str) -> list[Image.Image]:
     """Return the pictures of a film that the animation shows, small and labelled."""
-    reader: Any = imageio.get_reader(path, format="FFMPEG")  # of FFMPEG's type, unlike declared
+    reader: Any = imageio.get_reader(path, format="FFMPEG")  # FFMPEG's type, not the declared one
     with reader:
         fps = reader.get_meta_data()["fps"]
         numbers = [round((START + i / FPS) * fps) for i in range(round(SECONDS * FPS))]

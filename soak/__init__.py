@@ -1,3 +1,3 @@
-"""The project under ill treatment, for as long as one likes; the tests keep a short version."""
+"""Fault injection into the project, for any duration; the tests run a short version."""
 
-import stages  # noqa: F401  (nothing phones home: before any import)
+import stages  # noqa: F401  (disables telemetry, before any import)

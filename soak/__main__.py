@@ -1,9 +1,9 @@
-"""Ill-treat the project for some minutes, and write what it survived to results/soak.json.
+"""Inject faults into the project for some minutes, and write the counts to results/soak.json.
 
 Usage: python -m soak [PART...] [--minutes MINUTES] [--seed SEED]
 
-Without parts all are gone through, and the file is made anew; with parts their figures are added
-to those that stand there.
+Without parts all of them run, and the file is recreated; with parts their figures are added to the
+existing ones.
 """
 
 import argparse
@@ -27,14 +27,14 @@ from soak.kills import Killer
 
 PATH = PROJECT_ROOT / "results" / "soak.json"
 PARTS = ("kills", "faults", "bad_inputs", "payloads")
-INPUTS_SHARE = 0.2  # of the time, for bad input, if there is more to do
+INPUTS_SHARE = 0.2  # share of the time for bad input, if other parts run, too
 LEAST_INPUTS = 300
 
 Figures = dict[str, Any]
 
 
 def main() -> None:
-    """Parse the command line, go through the parts, and exit with 1 if anything went wrong."""
+    """Parse the command line, run the parts, and exit with 1 if anything went wrong."""
     parser = argparse.ArgumentParser(prog="python -m soak", description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--minutes", type=float, default=30.0)
@@ -69,7 +69,7 @@ def main() -> None:
 
 
 def added(stored: Figures, new: Figures) -> Figures:
-    """Return the sums of figures, dictionaries in dictionaries."""
+    """Return the sums of figures in nested dictionaries."""
     return stored | {
         name: added(stored.get(name, {}), value)
         if isinstance(value, dict)
@@ -89,7 +89,7 @@ def plant(folder: Path, troubles: list[str]) -> Figures:
 def mislead(
     project: Checkout, generator: random.Random, deadline: float, troubles: list[str]
 ) -> Figures:
-    """Give bad input until a time, and enough of it; add what was not answered clearly."""
+    """Give bad input until a deadline, and a least number; add unclear answers to the troubles."""
     project.seconds("dvc", "repro", f"evaluate@{AGENT}")
     inputs = Inputs(project, generator)
     inputs.try_another_robot()
@@ -110,7 +110,7 @@ def hurt(
     parts: tuple[str, ...] | list[str],
     troubles: list[str],
 ) -> Figures:
-    """Kill trainings and cause faults in turn until a time, each kind at least once."""
+    """Kill trainings and cause faults in turn until a deadline, each kind at least once."""
     kinds: list[dict[str, Any]] = []
     figures: Figures = {}
     if "kills" in parts:

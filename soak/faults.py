@@ -1,6 +1,6 @@
-"""Faults of everything that training leans on, each put right or survived.
+"""Faults in everything that training depends on, each repaired or survived.
 
-A fault is survived if what it must not touch is as it would be without it: mostly the bytes of the
+A fault is survived if what it must not affect is the same as without it: mostly the bytes of the
 models that are trained meanwhile or afterwards.
 """
 
@@ -30,7 +30,7 @@ from soak import project as projects
 AGENT = "pgpe"  # trains the fastest
 TRAIN = (sys.executable, "-m", "stages.train", AGENT)
 TRACK = (sys.executable, "-m", "stages.track")
-FILE_LIMIT = 20_000  # [bytes] between a learning curve and a checkpoint
+FILE_LIMIT = 20_000  # [bytes] between the sizes of a learning curve and a checkpoint
 SECONDS_TO_WAIT = 120.0
 
 
@@ -46,11 +46,11 @@ class Faults:
     """Causes faults in a project.
 
     Args:
-        project: A throw-away copy, prepared.
-        generator: Decides when and where.
+        project: A throw-away copy that has been prepared.
+        generator: Decides when and where faults occur.
 
     Attributes:
-        counts: Of each fault.
+        counts: Counts of each fault, by name.
     """
 
     def __init__(self, project: Checkout, generator: random.Random) -> None:
@@ -83,7 +83,7 @@ class Faults:
         }
 
     def _damaged_checkpoint(self, damage: Callable[[bytes], bytes]) -> bool:
-        """Damage the newest checkpoint of a training that was killed; the one before must serve."""
+        """Damage the newest checkpoint of a killed training; it must resume from the one before."""
         process = self._start_training()
         projects.await_checkpoint(self._project, AGENT, process, after=1)
         projects.kill(projects.family(process))
@@ -102,7 +102,7 @@ class Faults:
         return content[:place] + bytes([content[place] ^ 0x10]) + content[place + 1 :]
 
     def _disk_full(self) -> bool:
-        """Let no file grow beyond a limit, which ends a write half way as a full disk does."""
+        """Limit the size of files, so that a write fails halfway as on a full disk."""
         self._set_workers(1)
         limit = (FILE_LIMIT, resource.RLIM_INFINITY)
         full = self._run(*TRAIN, before=partial(resource.setrlimit, resource.RLIMIT_FSIZE, limit))
@@ -124,12 +124,12 @@ class Faults:
         return process.wait() == 0 and self._digest() == self._expected
 
     def _mlflow_down(self) -> bool:
-        """Have nobody listen where MLflow should be."""
+        """Give MLflow an address where nothing listens."""
         done = self._run(*TRAIN, MLFLOW_TRACKING_URI=f"http://127.0.0.1:{_free_port()}")
         return done.returncode == 0 and self._digest() == self._expected
 
     def _mlflow_slow(self) -> bool:
-        """Have somebody listen there who never answers."""
+        """Give MLflow the address of a server that never answers."""
         with socket.create_server(("127.0.0.1", 0)) as server:
             uri = f"http://127.0.0.1:{server.getsockname()[1]}"
             done = self._run(*TRAIN, MLFLOW_TRACKING_URI=uri)
@@ -145,7 +145,7 @@ class Faults:
         return done.returncode == 0 and self._points() == before != {}
 
     def _mlflow_half_written(self) -> bool:
-        """Kill `track` somewhere; the next must complete what it began."""
+        """Kill `track` at a random time; the next call must complete its work."""
         self._run(*TRAIN)
         (self._project.folder / "mlflow.db").unlink(missing_ok=True)
         process = projects.start(self._project, *TRACK, log=self._log)
@@ -159,7 +159,7 @@ class Faults:
         return first.returncode == second.returncode == 0 and has_all and is_stable
 
     def _run_left_running(self) -> bool:
-        """Kill a training and who follows it; `track` must close the runs they left."""
+        """Kill a training and its follower; `track` must close the runs they left."""
         process = self._start_training()
         deadline = time.monotonic() + SECONDS_TO_WAIT
         while "RUNNING" not in self._statuses() and time.monotonic() < deadline:
@@ -199,7 +199,7 @@ class Faults:
         return not any(codes) and all(count >= min(rows) for count in points) and bool(points)
 
     def _diverging_simulation(self) -> bool:
-        """Throw one robot of a batch out of all numbers; the others must not notice."""
+        """Make one robot of a batch diverge; the others must not be affected."""
         xml = robot.read(self._project.folder)
         task = projects.settings().env
         rng = np.random.default_rng(self._generator.randrange(2**31))
@@ -236,7 +236,7 @@ class Faults:
         before: Callable[[], None] | None = None,
         **variables: str,
     ) -> subprocess.CompletedProcess[str]:
-        """Run a command to its end; both its streams come back as one, and go to the log."""
+        """Run a command to its end; return both its streams as one, and append them to the log."""
         project = project or self._project
         done = subprocess.run(
             command,
@@ -257,7 +257,7 @@ class Faults:
         self._project.write_params(settings.model_copy(update={"compute": compute}))
 
     def _forget(self) -> None:
-        """Have the next training start anew."""
+        """Delete the checkpoints, so that the next training starts from scratch."""
         shutil.rmtree(self._project.folder / ".checkpoints", ignore_errors=True)
 
     def _model_folder(self, seed: int) -> Path:
@@ -272,10 +272,10 @@ class Faults:
         return whole.hexdigest()
 
     def _points(self, database: Path | None = None) -> dict[str, int]:
-        """Return how many points of curves MLflow has for the run of each policy.
+        """Return how many curve points MLflow has for the run of each policy.
 
-        Those of trainings that were killed have the same names and fewer points; what a machine
-        was busy with is told by nobody again; and seconds that were measured anew are one point.
+        Runs of killed trainings are excluded: they have the same names and fewer points. So is the
+        machine's load, which cannot be restored. Seconds that were measured again count once.
         """
         return dict(
             self._query(

@@ -1,6 +1,6 @@
-"""Bad input of every kind, given to the stages as a person would give it.
+"""Bad input of every kind, given to the stages as a user would give it.
 
-Each must end in lines that name the place, exit status 2, and never a traceback.
+Each must end in lines that name the place and exit status 2, never in a traceback.
 """
 
 import copy
@@ -42,7 +42,7 @@ class Fault:
     """A params file with one fault.
 
     Attributes:
-        key: Where, with dots.
+        key: The faulty key, with dots.
         content: All parameters.
     """
 
@@ -54,8 +54,8 @@ class Inputs:
     """Gives bad input to a project's stages.
 
     Args:
-        project: A throw-away copy, prepared, with everything trained and evaluated.
-        generator: Decides what is bad.
+        project: A prepared throw-away copy, with everything trained and evaluated.
+        generator: Decides which faults occur.
     """
 
     def __init__(self, project: Checkout, generator: random.Random) -> None:
@@ -82,7 +82,7 @@ class Inputs:
         return True
 
     def try_files(self) -> None:
-        """Give each stage a damaged file of those it reads."""
+        """Give each stage a damaged version of a file that it reads."""
         self._try_file("assets/edited.xml", "train", "dqn", named="robot XML")
         self._try_file("models/pgpe/seed-0/policy.zip", "evaluate", "pgpe", named="policy")
         self._try_file(
@@ -90,7 +90,7 @@ class Inputs:
         )
 
     def try_another_robot(self) -> None:
-        """Give the recording an episode of a robot with a joint less."""
+        """Give the stages an episode of a robot with another number of joints."""
         path = self._project.folder / "assets" / "edited.xml"
         before = path.read_text()
         lines = before.splitlines(keepends=True)
@@ -136,7 +136,7 @@ class Inputs:
 
 
 def params_faults(settings: Params) -> Iterator[Fault]:
-    """Yield parameters with one fault each: at every key every kind that can stand there."""
+    """Yield parameters with one fault each: at every key every kind that can occur there."""
     content = settings.model_dump()
     schema = Params.model_json_schema()
     for place, value in _places(content):
@@ -145,7 +145,7 @@ def params_faults(settings: Params) -> Iterator[Fault]:
             changed = copy.deepcopy(content)
             _block(changed, place)[place[-1]] = bad
             yield Fault(key, changed)
-        if place[0] != "agents" or len(place) > 2:  # an agent may go, and a new one may come
+        if place[0] != "agents" or len(place) > 2:  # agents may be removed and added
             if "default" not in _own_schema(schema, content, place):
                 missing = copy.deepcopy(content)
                 del _block(missing, place)[place[-1]]
@@ -156,7 +156,7 @@ def params_faults(settings: Params) -> Iterator[Fault]:
 
 
 def _places(content: Content, inside: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Yield where something stands, and what."""
+    """Yield the place of each value, and the value."""
     for key, value in content.items():
         yield (*inside, key), value
         if isinstance(value, dict):
@@ -169,14 +169,14 @@ def _block(content: Content, place: Place) -> Content:
 
 
 def _bad_values(value: Any, schema: Content) -> list[Any]:
-    """Return what must not stand in the place of a value."""
+    """Return values that are invalid in the place of a value."""
     members = schema.get("anyOf", [schema])
     bad = _bad_values_of_a_kind(value, members[0])
     return [one for one in bad if one is not None or {"type": "null"} not in members]
 
 
 def _bad_values_of_a_kind(value: Any, schema: Content) -> list[Any]:
-    """Return the same, null included; the schema says of null what may stand there instead."""
+    """Return the same, null included; for null the schema says which values are valid."""
     kind = schema.get("type")
     if isinstance(value, bool):
         return [None, "yes", 2, [], {}]
@@ -190,7 +190,7 @@ def _bad_values_of_a_kind(value: Any, schema: Content) -> list[Any]:
 
 
 def _out_of_range(schema: Content) -> list[float]:
-    """Return numbers next to a schema's bounds, on their wrong side."""
+    """Return numbers outside of a schema's bounds."""
     wrong = []
     if "minimum" in schema:
         wrong += [schema["minimum"] - 1, -(10**12)]
@@ -206,7 +206,7 @@ def _out_of_range(schema: Content) -> list[float]:
 
 
 def _own_schema(schema: Content, content: Content, place: Place) -> Content:
-    """Return the part of the schema that speaks of a place, {} where none does alone."""
+    """Return the part of the schema that describes a place, {} if no single part does."""
     part = schema
     for key in place:
         part = _resolved(schema, next(iter(part.get("anyOf", [part]))))

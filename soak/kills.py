@@ -1,6 +1,6 @@
-"""Trainings killed at any moment, and run again until they are through.
+"""Trainings killed at any moment, and run again until they finish.
 
-Each must end with the bytes of one that was left alone.
+Each must end with the same bytes as an uninterrupted one.
 """
 
 import random
@@ -20,7 +20,7 @@ REPRO = ("dvc", "repro", "--single-item", "--no-run-cache")
 
 @dataclass
 class Count:
-    """Kills of an agent's trainings, and those that changed no byte of what came out."""
+    """Kills of an agent's trainings, and those that changed no byte of the results."""
 
     killed: int = 0
     identical: int = 0
@@ -30,9 +30,9 @@ class Killer:
     """Kills the trainings of one agent.
 
     Args:
-        project: Where.
+        project: The project to train in.
         agent: The agent's name.
-        generator: Decides when, how often and whom.
+        generator: Decides when, how often and which processes to kill.
     """
 
     def __init__(self, project: Checkout, agent: str, generator: random.Random) -> None:
@@ -51,10 +51,10 @@ class Killer:
         self._expected = projects.recorded_digest(project, agent)
 
     def once(self) -> None:
-        """Train once, killed some times on the way.
+        """Train once, with several kills on the way.
 
         Raises:
-            RuntimeError: It does not come to its end although nobody kills it any more.
+            RuntimeError: The training fails although it is no longer killed.
         """
         kills = 0
         wanted = self._generator.randint(1, MAX_KILLS_IN_A_ROW)
@@ -64,7 +64,7 @@ class Killer:
             options = []
             try:
                 process.wait(self._moment(process))
-                break  # it was faster than the kill
+                break  # it finished before the kill
             except subprocess.TimeoutExpired:
                 projects.kill(self._victims(process))
                 process.wait()
@@ -79,7 +79,7 @@ class Killer:
             self.count.identical += kills
 
     def _moment(self, process: subprocess.Popen[bytes]) -> float:
-        """Return the seconds from now to the kill: mostly after a checkpoint, else any time."""
+        """Return the seconds until the kill: mostly after a checkpoint, otherwise at any time."""
         if self._generator.random() > AFTER_A_CHECKPOINT:
             return self._generator.uniform(0, self._seconds)
         before = projects.checkpoints(self._project, self._agent)
@@ -92,7 +92,7 @@ class Killer:
         return projects.start(self._project, *command, log=self.log)
 
     def _victims(self, process: subprocess.Popen[bytes]) -> list[psutil.Process]:
-        """Return whom to kill: everybody, or the training alone, whose end DVC then sees."""
+        """Return which processes to kill: all, or only the training, whose end DVC then sees."""
         everybody = projects.family(process)
         if self._generator.random() < 0.5:
             return everybody

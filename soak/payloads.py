@@ -12,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from jumping_ant import policies
 from jumping_ant.actions import ActionSet
 from jumping_ant.base import archive
-from jumping_ant.policies import HEADER, Interface, UniformPolicy, network_entries
+from jumping_ant.policies import policy_file
+from jumping_ant.policies.blind import UniformPolicy
+from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.policy import HEADER, Interface, header_entries
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking.serving import ServedPolicy
 from jumping_ant.training.checkpoints import Checkpoints, Saved
@@ -30,7 +32,7 @@ class Count:
 
 
 class Payload:
-    """What runs when it is unpickled: it makes a file."""
+    """An object that creates a file when it is unpickled."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -43,10 +45,10 @@ def plant_everywhere(folder: Path) -> Count:
     """Plant a payload in each kind of file, have the project read it, and count.
 
     Args:
-        folder: An empty one, to work in.
+        folder: An empty folder to work in.
 
     Raises:
-        RuntimeError: The payload does not work, so that the count would mean nothing.
+        RuntimeError: The payload does not work, so the count would mean nothing.
     """
     mark = folder / "executed"
     pickle.loads(pickle.dumps(Payload(mark)))
@@ -65,7 +67,7 @@ def plant_everywhere(folder: Path) -> Count:
 def _readings(folder: Path, payload: Payload) -> Iterator[Callable[[], object]]:
     """Yield functions that read a file with a payload in it."""
     for content in _policy_files(payload):
-        yield partial(policies.load, content)
+        yield partial(policy_file.parse, content)
         yield partial(_serve, folder, content)
     for saved in _checkpoint_files(payload):
         yield partial(_load_checkpoint, folder, saved)
@@ -77,7 +79,7 @@ def _policy_files(payload: Payload) -> Iterator[bytes]:
     saved = io.BytesIO()
     torch.save(payload, saved)
     pickled = pickle.dumps(payload)
-    network = network_entries("sac", Interface(ActionSet(), 27, 8))
+    network = header_entries("sac", Interface(ActionSet(), 27, 8))
     linear = archive.unpack(_linear())
     yield pickled
     yield saved.getvalue()
@@ -93,7 +95,7 @@ def _policy_files(payload: Payload) -> Iterator[bytes]:
 
 
 def _checkpoint_files(payload: Payload) -> Iterator[bytes]:
-    """Yield checkpoints whose digest is right: they were planted by someone who can count."""
+    """Yield checkpoints whose digest is right, as an attacker can compute it."""
     saved = Saved(1, 0.0, [], None, "", None, b"", b"")
     pickled = pickle.dumps(payload)
     yield pickled
@@ -120,9 +122,7 @@ def _object_array(payload: Payload) -> bytes:
 def _linear() -> bytes:
     weight, numbers = np.zeros((8, 27), np.float32), np.zeros(27, np.float32)
     bias = numbers[:8]
-    return policies.LinearPolicy(
-        weight, bias, numbers, numbers + 1, weight, bias, ActionSet()
-    ).to_bytes()
+    return LinearPolicy(weight, bias, numbers, numbers + 1, weight, bias, ActionSet()).to_bytes()
 
 
 def _serve(folder: Path, content: bytes) -> None:

@@ -60,7 +60,7 @@ def start(project: Checkout, *command: str, log: Path, **variables: str) -> subp
 
 
 def family(process: subprocess.Popen[bytes]) -> list[psutil.Process]:
-    """Return a process and all below it."""
+    """Return a process and all its descendants."""
     try:
         top = psutil.Process(process.pid)
         return [top, *top.children(recursive=True)]
@@ -77,7 +77,7 @@ def command_line(process: psutil.Process) -> str:
 
 
 def kill(processes: list[psutil.Process]) -> None:
-    """Kill processes with SIGKILL, which none of them can notice, and wait until they are gone."""
+    """Kill processes with SIGKILL, which they cannot catch, and wait until they are gone."""
     for process in processes:
         try:
             os.kill(process.pid, signal.SIGKILL)
@@ -95,7 +95,7 @@ def checkpoints(project: Checkout, agent: str) -> list[Path]:
 def await_checkpoint(
     project: Checkout, agent: str, process: subprocess.Popen[bytes], after: int = 0
 ) -> Path | None:
-    """Wait for a checkpoint with a number above one; None if the process ends before."""
+    """Wait for a checkpoint with a number above `after`; None if the process ends before."""
     while process.poll() is None:
         for path in checkpoints(project, agent):
             if int(path.suffixes[-2][1:]) > after:
@@ -105,7 +105,7 @@ def await_checkpoint(
 
 
 def recorded_digest(project: Checkout, agent: str) -> str:
-    """Return DVC's digest of an agent's models, as `dvc.lock` has it."""
+    """Return DVC's digest of an agent's models, from `dvc.lock`."""
     lock = YAML(typ="safe").load((project.folder / "dvc.lock").read_text())
     outs = lock["stages"][f"train@{agent}"]["outs"]
     return next(out["md5"] for out in outs if out["path"] == f"models/{agent}")

@@ -1,4 +1,4 @@
-"""The stages of `dvc.yaml`, one thin script each; a stage never imports a stage."""
+"""The stages of `dvc.yaml`, one thin script each; a stage never imports another stage."""
 
 import argparse
 import sys
@@ -9,14 +9,14 @@ from jumping_ant.base.errors import reported
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 
-telemetry.switch_off()  # before a stage imports what would report
+telemetry.switch_off()  # before a stage imports tools with telemetry
 
 
 def parse(description: str) -> Params:
     """Return all parameters, for a stage that takes no argument.
 
     Args:
-        description: What the stage does, for `--help`; the first line counts.
+        description: What the stage does, for `--help`; only the first line is used.
 
     Raises:
         InputError: `params.yaml` has a mistake.
@@ -29,7 +29,7 @@ def parse_agent(description: str) -> tuple[str, Params]:
     """Return the agent that the command line names, and all parameters.
 
     Args:
-        description: What the stage does, for `--help`; the first line counts.
+        description: What the stage does, for `--help`; only the first line is used.
 
     Raises:
         InputError: There is no such agent, or `params.yaml` has a mistake.
@@ -45,13 +45,12 @@ def parse_agent(description: str) -> tuple[str, Params]:
 def run(main: Callable[[], None]) -> None:
     """Run a stage's `main`.
 
-    A mistake in its input ends in one clear line and exit status 2, a file that cannot be written,
-    as on a full disk, or workers that die in one and status 1, and a request to stop in one and
-    status 130.
+    Failures print one line. The exit status is 2 for a mistake in the input, 1 for a file that
+    cannot be written, as on a full disk, or for workers that die, and 130 for a request to stop.
     """
     try:
         with reported():
             main()
     except OSError as error:
-        print(f"error: {error}; what was there before is as it was", file=sys.stderr)
+        print(f"error: {error}; existing files are unchanged", file=sys.stderr)
         sys.exit(1)

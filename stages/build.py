@@ -1,7 +1,7 @@
 """Edit the robot.
 
 Usage: python -m stages.build
-Reads: params `robot`, `env`, `record.fps`; the source, of the installed Gymnasium or in robots/.
+Reads: params `robot`, `env`, `record.fps`; the source, from the installed Gymnasium or robots/.
 Writes: assets/edited.xml, assets/unedited.xml, assets/robot.json (masses and torques before and
     after).
 """
@@ -20,7 +20,7 @@ def main() -> None:
     settings = parse(__doc__)
     xml = robot.build(settings.robot)
     model = robot.load(xml)
-    Task(model, settings.env)  # what does not fit the robot is refused here, before any training
+    Task(model, settings.env)  # rejects a task that does not fit the robot, before any training
     frame_stride(float(model.opt.timestep), settings.record.fps)
     write_text(Paths().assets / robot.FILES["edited"], xml)
     write_text(Paths().assets / robot.FILES["unedited"], robot.unedited(settings.robot))

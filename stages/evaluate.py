@@ -8,20 +8,20 @@ Writes: results/agents/AGENT/ (episodes.csv, metrics.json, trajectory.npz, seeds
 
 import filecmp
 
-from jumping_ant import policies
 from jumping_ant.base import machine
 from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
 from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.judging import evaluation, variants
-from jumping_ant.policies import Policy
+from jumping_ant.policies import policy_file
+from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
 
 from . import parse_agent, run
 
 
 def final_policy(paths: SeedPaths, published: Policy) -> Policy:
-    """Return a seed's last policy, the published one itself where it is the same."""
-    final = policies.load_file(paths.final_policy)
+    """Return a seed's final policy, or the published object itself if the two are equal."""
+    final = policy_file.load(paths.final_policy)
     is_same = filecmp.cmp(paths.final_policy, paths.policy, shallow=False)
     return published if is_same else final
 
@@ -31,7 +31,7 @@ def main() -> None:
     agent, settings = parse_agent(__doc__)
     paths = Paths().agent(agent)
     xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
-    trained = {seed: policies.load_file(paths.seed(seed).policy) for seed in settings.seeds}
+    trained = {seed: policy_file.load(paths.seed(seed).policy) for seed in settings.seeds}
     num_threads = machine.num_cores()
     episodes, median = evaluation.evaluate(xml, settings, trained, num_threads)
     others = {

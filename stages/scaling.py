@@ -1,4 +1,4 @@
-"""Time how an agent's training speeds up with threads.
+"""Measure how an agent's training speeds up with threads.
 
 Usage: python -m stages.scaling AGENT
 Reads: params `seeds`, `env`, `agents.AGENT`; the robot in assets/.

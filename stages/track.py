@@ -1,4 +1,4 @@
-"""Bring MLflow up to date with the files; whatever it shows already is left alone.
+"""Bring MLflow up to date with the files; entries that it already has are left unchanged.
 
 Usage: python -m stages.track [--pages-at ADDRESS]
 Reads: params.yaml; assets/robot.json, models/, media/, results/.
@@ -16,7 +16,7 @@ from . import run
 def main() -> None:
     """Run the stage."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pages-at", metavar="ADDRESS", help="tell where MLflow's pages show it")
+    parser.add_argument("--pages-at", metavar="ADDRESS", help="MLflow's address, to print a link")
     track(pages_at=parser.parse_args().pages_at)
 
 

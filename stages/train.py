@@ -20,10 +20,10 @@ SECONDS_FOR_LAST_ROWS = 60
 
 @contextmanager
 def live_tracking(agent: str) -> Iterator[None]:
-    """Mirror the growing curves to MLflow from a process of its own.
+    """Mirror the growing curves to MLflow from a separate process.
 
-    It follows files, so whatever becomes of MLflow or of that process, training neither waits for
-    it nor depends on its code; `track` completes what it leaves open.
+    The process follows files, so whatever happens to it or to MLflow, training neither waits for
+    it nor depends on its code; `track` completes what it leaves unfinished.
     """
     follower = subprocess.Popen(
         [sys.executable, "-m", "jumping_ant.tracking", "follow", agent],
@@ -34,7 +34,7 @@ def live_tracking(agent: str) -> Iterator[None]:
         yield
     finally:
         try:
-            follower.communicate(timeout=SECONDS_FOR_LAST_ROWS)  # closes its input: we are done
+            follower.communicate(timeout=SECONDS_FOR_LAST_ROWS)  # closes its input to end it
         except subprocess.TimeoutExpired:
             follower.terminate()
 

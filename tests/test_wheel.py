@@ -1,5 +1,6 @@
 """A wheel of a clone, installed into an empty environment: what it holds, and that it works."""
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -10,7 +11,7 @@ import pytest
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.policies import LinearPolicy
+from jumping_ant.policies.linear import LinearPolicy
 from scripts.checkout import copy_project
 
 ACT = """
@@ -22,12 +23,12 @@ import gymnasium as gym
 import numpy as np
 
 import jumping_ant.sim.env
-from jumping_ant import policies
+from jumping_ant.policies import policy_file
 from jumping_ant.experiment import params_file
 
 envs = gym.make_vec("JumpingAnt-v0", num_envs=3)
 observations, _ = envs.reset(seed=0)
-policy = policies.load_file(Path("policy.zip"))
+policy = policy_file.load(Path("policy.zip"))
 policy.start(range(3))
 for _ in range(20):
     observations, rewards, *_ = envs.step(policy.act(observations))
@@ -53,8 +54,11 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (wheel,) = folder.glob("*.whl")
     subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
     python = folder / "venv" / "bin" / "python"
-    lock = PROJECT_ROOT / "requirements.lock"
-    subprocess.run([python, "-m", "pip", "install", "-q", "-c", lock, wheel], check=True)
+    # Without the hashes: a wheel of our own has none in the lock.
+    lock = (PROJECT_ROOT / "requirements.lock").read_text()
+    (folder / "versions.txt").write_text("\n".join(re.findall(r"^[\w.-]+==\S+", lock, re.M)))
+    constraints = ["-c", folder / "versions.txt"]
+    subprocess.run([python, "-m", "pip", "install", "-q", *constraints, wheel], check=True)
     return python
 
 

@@ -1,4 +1,4 @@
-"""What an algorithm is: a row of the catalogue, and the settings that all of them share."""
+"""An algorithm's row of the catalogue, and the settings that all agents share."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
@@ -7,31 +7,31 @@ from jumping_ant.params.blocks import Block, EnvParams
 
 
 class AgentBlock(Block):
-    """What the blocks of all agents have in common; an algorithm's own settings come on top."""
+    """Settings shared by the blocks of all agents; each algorithm adds its own."""
 
-    is_baseline: ClassVar[bool] = False  # whether it learns nothing
+    is_baseline: ClassVar[bool] = False  # whether the agent learns nothing
 
     trainer: str
     """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: str
-    """What it trains there."""
+    """Algorithm that the trainer runs."""
     robot: Literal["edited", "unedited"]
-    """Which robot it moves: the one of `robot`, or its source as it comes."""
+    """Robot that the agent controls: the one of `robot`, or its unedited source."""
 
     @property
     def max_env_steps(self) -> int:
-        """Budget of a seed [control steps]; 0 where nothing is trained."""
+        """Budget of a seed [control steps]; 0 if nothing is trained."""
         raise NotImplementedError
 
     def fault(self, env: EnvParams) -> str | None:
-        """Return what of the block does not fit the task, if anything: key, given and allowed."""
+        """Return what does not fit the task (key, given, allowed), or None if the block fits."""
         return None
 
     def for_timing(self) -> Self | None:
-        """Return settings under which each row of the learning curve is one unit of work.
+        """Return settings with which each row of the learning curve is one unit of work.
 
-        A unit is what more threads share out: a generation, or some rounds of experience and
-        updates. None where there is nothing to time.
+        A unit is the work that threads share: a generation, or some rounds of rollouts and
+        updates. Returns None if there is nothing to time.
         """
         return None
 
@@ -42,10 +42,10 @@ class Algorithm:
 
     Attributes:
         settings: The model of its block in `params.yaml`.
-        learner: What its trainer builds, as `module:name`, which is imported when it trains; empty
-            where the trainer needs no choice.
-        logged: What the learning curve keeps of what the learner logs, by the learner's own names.
-        counters: Numbers that the learner keeps beside those that all of its family do.
+        learner: `module:name` of what the trainer builds, imported when training starts; empty if
+            the trainer needs none.
+        logged: Logged values that the learning curve keeps, by the learner's own names.
+        counters: Counters of the learner in addition to those that its whole family keeps.
     """
 
     settings: type[AgentBlock]
@@ -55,5 +55,5 @@ class Algorithm:
 
     @property
     def is_baseline(self) -> bool:
-        """Whether it learns nothing."""
+        """Whether the algorithm learns nothing."""
         return self.settings.is_baseline

@@ -1,4 +1,4 @@
-"""What a trainer tells the world while it runs.
+"""Events that a trainer yields while it runs.
 
 A trainer is a generator of these events. It opens no file, talks to no server and reads no clock,
 so the same trainer runs inline in a test, in a local worker or on another machine.
@@ -15,10 +15,10 @@ class Progress:
         env_steps: Control steps simulated so far, over all environments.
         updates: Updates of the learner so far (gradient steps, or generations).
         episodes: Training episodes finished so far.
-        return_mean: Mean return of the training episodes that ended since the row before, NaN
-            where none did.
-        return_std: Their standard deviation (of the population), NaN where none ended.
-        extra: What the algorithm has beside these: losses, exploration rate and so on.
+        return_mean: Mean return of the training episodes that ended since the previous row, NaN
+            if none did.
+        return_std: Their standard deviation (of the population), NaN if none ended.
+        extra: Values specific to the algorithm: losses, exploration rate and so on.
     """
 
     env_steps: int
@@ -31,11 +31,11 @@ class Progress:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The policy as it stands, for periodic evaluation.
+    """The current policy, for periodic evaluation.
 
     Attributes:
         env_steps: Control steps simulated so far.
-        policy: A policy file's content (see `jumping_ant.policies`).
+        policy: Content of a policy file (see `jumping_ant.policies`).
     """
 
     env_steps: int
@@ -47,8 +47,8 @@ class Finished:
     """The last event: training is complete.
 
     Attributes:
-        env_steps: Control steps simulated in all.
-        policy: The trained policy file's content.
+        env_steps: Control steps simulated in total.
+        policy: Content of the trained policy's file.
     """
 
     env_steps: int
@@ -57,11 +57,11 @@ class Finished:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """All that training resumes from, as if it had never stopped.
+    """The complete state of training, which resumes from it as if it had never stopped.
 
     Attributes:
         env_steps: Control steps simulated so far.
-        content: What the trainer of this agent takes to resume.
+        content: State that the trainer of this agent resumes from.
     """
 
     env_steps: int

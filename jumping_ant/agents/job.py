@@ -1,4 +1,4 @@
-"""What a trainer is: a job goes in, events come out."""
+"""The interface of trainers: a job goes in, events come out."""
 
 import importlib
 from collections.abc import Callable, Iterator
@@ -20,11 +20,11 @@ class Job(Generic[Settings]):
         xml: The robot as MJCF text.
         env: The task.
         agent: The agent's block.
-        seed: Determines the run.
+        seed: Seed that determines the run.
         evaluations: Number of snapshots, spread evenly over the budget.
         num_threads: Threads that step the simulations; results do not depend on it.
-        checkpoint: Where to resume from, as an earlier run yielded it; None begins.
-        is_checkpoint_due: Asked after every round of work.
+        checkpoint: Checkpoint of an earlier run to resume from; None starts a new run.
+        is_checkpoint_due: Whether to yield a checkpoint; called after every round of work.
     """
 
     xml: str
@@ -38,24 +38,24 @@ class Job(Generic[Settings]):
 
 
 class Trainer(Protocol):
-    """What the package of every family has as `train` in its `trainer` module."""
+    """The function `train` in the `trainer` module of each family's package."""
 
     def __call__(self, job: Job[Any]) -> Iterator[Event]:
-        """Train, and tell what happens.
+        """Train, and yield events.
 
         Yields:
-            Progress, a snapshot for each evaluation, checkpoints when they are due, and at last
+            Progress, a snapshot for each evaluation, checkpoints when they are due, and finally
             Finished.
         """
 
 
 def trainer_of(agent: AgentBlock) -> Trainer:
-    """Return what trains an agent; its libraries are imported now."""
+    """Return the trainer of an agent, which imports its libraries."""
     trainer: Trainer = resolve(f"jumping_ant.agents.{agent.trainer}.trainer:train")
     return trainer
 
 
 def resolve(place: str) -> Any:
-    """Import what a place names, `module:name`."""
+    """Import and return the object at `module:name`."""
     module, _, name = place.partition(":")
     return getattr(importlib.import_module(module), name)

@@ -1,4 +1,4 @@
-"""Zip archives of numbers: equal contents are equal bytes, and reading one runs no code."""
+"""Zip archives of numbers: equal contents give equal bytes, and reading one runs no code."""
 
 import io
 import json
@@ -17,7 +17,7 @@ _ARRAY_SUFFIX = ".npy"
 
 
 def pack(entries: Mapping[str, bytes]) -> bytes:
-    """Return a zip archive that is the same bytes for the same entries."""
+    """Return a zip archive whose bytes are the same for the same entries."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, content in entries.items():
@@ -29,7 +29,7 @@ def unpack(content: bytes) -> dict[str, bytes]:
     """Return the entries of a zip archive.
 
     Raises:
-        zipfile.BadZipFile: It is not one, or an entry is damaged.
+        zipfile.BadZipFile: The content is not a zip archive, or an entry is damaged.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
@@ -39,7 +39,7 @@ def from_array(array: Array) -> bytes:
     """Return an array as the content of an `.npy` file.
 
     Raises:
-        ValueError: It holds objects, which only pickle could write.
+        ValueError: The array holds objects, which only pickle could write.
     """
     buffer = io.BytesIO()
     np.save(buffer, array, allow_pickle=False)
@@ -50,14 +50,14 @@ def to_array(content: bytes) -> Array:
     """Return the array that an `.npy` file holds.
 
     Raises:
-        ValueError: It holds objects, which only pickle could read, or is damaged.
+        ValueError: The file holds objects, which only pickle could read, or is damaged.
     """
     array: Array = np.load(io.BytesIO(content), allow_pickle=False)
     return array
 
 
 def pack_state(state: Mapping[str, Any]) -> bytes:
-    """Return an archive of nested dictionaries of arrays and of what JSON can express."""
+    """Return an archive of nested dictionaries that hold arrays and JSON values."""
     arrays: dict[str, bytes] = {}
 
     def without_arrays(node: Any, path: str) -> Any:
@@ -73,7 +73,7 @@ def pack_state(state: Mapping[str, Any]) -> bytes:
 
 
 def unpack_state(content: bytes) -> dict[str, Any]:
-    """Return what `pack_state` packed."""
+    """Return the state that `pack_state` packed."""
     entries = unpack(content)
     state: dict[str, Any] = json.loads(entries.pop(_VALUES))
     for path, array in entries.items():

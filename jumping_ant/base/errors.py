@@ -1,4 +1,4 @@
-"""The exceptions that end a command in one clear line."""
+"""Exceptions that end a command with a one-line message."""
 
 import sys
 from collections.abc import Iterator
@@ -13,16 +13,16 @@ class InputError(ValueError):
 
 
 class WorkerError(Exception):
-    """A process that the work needs dies again and again, or does not start; the message says so.
+    """A required worker process keeps dying or does not start; the message says so.
 
     Commands print the message without a traceback and exit with status 1.
     """
 
 
 class StoppedError(Exception):
-    """Someone asked for an end: the message says what is kept and how to resume.
+    """A stop was requested: the message says what is kept and how to resume.
 
-    Commands print the message without a traceback and exit with status 130, as shells have it.
+    Commands print the message without a traceback and exit with status 130, as in shells.
     """
 
 

@@ -1,4 +1,4 @@
-"""Files that are either whole or absent, and digests of their content."""
+"""Atomic writes, reads of stage outputs, and digests of files."""
 
 import hashlib
 import json
@@ -9,17 +9,17 @@ from typing import Any
 
 from jumping_ant.base.errors import InputError
 
-CODE_ROOT = Path(__file__).resolve().parents[2]  # the folder that the library lies in
-# The project that commands work on: the checkout, or, with the library installed from a wheel, the
-# folder that one is in.
+CODE_ROOT = Path(__file__).resolve().parents[2]  # the folder that contains the library
+# The project that commands work on: the checkout or, if the library is installed from a wheel, the
+# current folder.
 PROJECT_ROOT = CODE_ROOT if (CODE_ROOT / "pyproject.toml").is_file() else Path.cwd()
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file atomically: a reader sees the old content or the new, never a part.
+    """Write a file atomically: a reader sees the old content or the new, never a mix.
 
     Args:
-        path: Where the file goes; missing parent folders are made.
+        path: Path of the file; missing parent folders are created.
         content: The whole content.
 
     Raises:
@@ -41,7 +41,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the disk know the names in a folder, so that a file outlives a power cut."""
+    """Flush a folder's entries to disk, so that a new file survives a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -73,7 +73,7 @@ def read_bytes(path: Path, stage: str) -> bytes:
     """Read a file that a stage has written.
 
     Raises:
-        InputError: It cannot be read; the message says what to run.
+        InputError: The file cannot be read; the message says what to run.
     """
     try:
         return path.read_bytes()
@@ -85,7 +85,7 @@ def read_json(path: Path, stage: str) -> dict[str, Any]:
     """Read a JSON object that a stage has written.
 
     Raises:
-        InputError: It cannot be read, or is none; the message says what to run.
+        InputError: The file cannot be read or is not a JSON object; the message says what to run.
     """
     try:
         content = json.loads(read_bytes(path, stage))

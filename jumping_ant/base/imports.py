@@ -1,4 +1,4 @@
-"""Which of the project's files a file runs: what its results depend on beside their parameters."""
+"""The project files that a file imports: what its results depend on besides parameters."""
 
 import ast
 from pathlib import Path
@@ -7,11 +7,11 @@ from jumping_ant.base.files import CODE_ROOT
 
 
 def direct(path: Path, root: Path = CODE_ROOT) -> set[Path]:
-    """Return the project's files that a file imports, empty ones left out.
+    """Return the project's files that a file imports, except empty ones.
 
     Args:
         path: A Python file.
-        root: The folder that the project's packages lie in.
+        root: The folder that contains the project's packages.
     """
     found = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -25,14 +25,14 @@ def direct(path: Path, root: Path = CODE_ROOT) -> set[Path]:
             continue
         for name in names:
             parts = name.split(".")
-            for length in range(1, len(parts) + 1):  # the packages above it run as well
+            for length in range(1, len(parts) + 1):  # importing it runs its parent packages too
                 place = root.joinpath(*parts[:length])
                 found |= {place.with_suffix(".py"), place / "__init__.py"}
     return {file for file in found if file.is_file() and file.stat().st_size > 0}
 
 
 def closure(*paths: Path, root: Path = CODE_ROOT) -> set[Path]:
-    """Return the project's files that files import, directly or not, themselves included."""
+    """Return the given files and all project files that they import, directly or indirectly."""
     done: set[Path] = set()
     waiting = set(paths)
     while waiting:

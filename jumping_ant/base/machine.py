@@ -1,8 +1,8 @@
-"""The machine: its cores, and what the bytes of results depend on.
+"""The machine: its cores, and the properties that the bytes of results depend on.
 
-On one machine equal parameters give equal bytes. On another the last digits may differ: products of
-matrices are summed in another order by another processor, another BLAS, or another number of BLAS
-threads, and learning amplifies what differs. MuJoCo, NumPy and torch in other versions differ more.
+On one machine equal parameters give equal bytes. On another the last digits may differ: a different
+processor, BLAS, or number of BLAS threads sums matrix products in a different order, and learning
+amplifies the differences. Other versions of MuJoCo, NumPy and torch differ more.
 """
 
 import importlib.metadata
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 PACKAGES = ("evotorch", "gymnasium", "mujoco", "numpy", "stable-baselines3", "torch")
-BLAS_THREADS = 1  # of every worker; simulations may have more, on which nothing depends
+BLAS_THREADS = 1  # per worker; simulations may use more, which does not affect results
 
 
 def describe() -> dict[str, Any]:
@@ -28,14 +28,14 @@ def describe() -> dict[str, Any]:
 
 
 def num_cores() -> int:
-    """Return how many cores this process may use; a container or a scheduler may allow it few."""
+    """Return how many cores this process may use; a container or scheduler may limit them."""
     if hasattr(os, "sched_getaffinity"):  # not on macOS
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def processor() -> str:
-    """Return the processor's name, which Python knows on some systems and Linux tells in a file."""
+    """Return the processor's name, from `/proc/cpuinfo` if it has one, else from Python."""
     with suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         names = [line.partition(": ")[2] for line in lines if line.startswith("model name")]

@@ -1,4 +1,4 @@
-"""Where the files of a project lie."""
+"""Paths of a project's files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,10 +8,10 @@ from jumping_ant.base.files import PROJECT_ROOT
 
 @dataclass(frozen=True)
 class SeedPaths:
-    """What the training of one seed of an agent leaves.
+    """The files that training one seed of an agent writes.
 
     Attributes:
-        folder: Where it lies.
+        folder: The folder that contains them.
     """
 
     folder: Path
@@ -33,13 +33,13 @@ class SeedPaths:
 
     @property
     def machine(self) -> Path:
-        """Where it was trained."""
+        """The machine that it was trained on."""
         return self.folder / "machine.json"
 
 
 @dataclass(frozen=True)
 class AgentPaths:
-    """What there is of an agent.
+    """The files of an agent.
 
     Attributes:
         root: The project's folder.
@@ -80,7 +80,7 @@ class AgentPaths:
 
     @property
     def variants(self) -> Path:
-        """The same of other versions of the policies."""
+        """Means of each seed for other versions of its policy."""
         return self._results / "variants.csv"
 
     @property
@@ -95,12 +95,12 @@ class AgentPaths:
 
     @property
     def film(self) -> Path:
-        """That episode as video."""
+        """The median episode as a video."""
         return self.root / "media" / f"{self.name}.mp4"
 
     @property
     def recording(self) -> Path:
-        """That episode as Rerun recording."""
+        """The median episode as a Rerun recording."""
         return self.root / "media" / f"{self.name}.rrd"
 
     @property
@@ -110,10 +110,10 @@ class AgentPaths:
 
 @dataclass(frozen=True)
 class Paths:
-    """What there is of a project.
+    """The files of a project.
 
     Attributes:
-        root: Its folder.
+        root: The project's folder.
     """
 
     root: Path = PROJECT_ROOT
@@ -149,12 +149,12 @@ class Paths:
 
     @property
     def figures(self) -> Path:
-        """The folder of the same as pictures."""
+        """The folder of the comparison's figures."""
         return self.root / "results" / "figures"
 
     @property
     def plots(self) -> Path:
-        """The folder of the same as tables for `dvc plots`."""
+        """The folder of the comparison's tables for `dvc plots`."""
         return self.root / "results" / "plots"
 
     @property

@@ -1,4 +1,4 @@
-"""Where every stream of random numbers comes from: a seed, a purpose and an index.
+"""Seeds of all streams of random numbers, derived from a seed, a purpose and an index.
 
 NumPy's `SeedSequence` turns the three into a seed of 128 bits, so that no two runs, purposes or
 environments share a stream. (With `seed + i`, environment 1 of seed 0 would be environment 0 of
@@ -10,7 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 Purpose = Literal["starts", "learner", "replay", "actions", "search", "samples", "test"]
-_PURPOSES = get_args(Purpose)  # their order is part of every result: add new ones at the end
+_PURPOSES = get_args(Purpose)  # results depend on their order: add new ones at the end
 
 
 def derive(seed: int, purpose: Purpose, index: int = 0, bits: Literal[32, 128] = 128) -> int:
@@ -19,8 +19,8 @@ def derive(seed: int, purpose: Purpose, index: int = 0, bits: Literal[32, 128] =
     Args:
         seed: The run's seed.
         purpose: What the stream is for.
-        index: Which of the streams for that purpose, such as the environment's number.
-        bits: Size of the result; generators of older kinds take 32 bits alone.
+        index: Number of the stream for that purpose, such as the environment's number.
+        bits: Size of the result; older kinds of generators take only 32 bits.
     """
     sequence = np.random.SeedSequence(seed, spawn_key=(_PURPOSES.index(purpose), index))
     words = sequence.generate_state(bits // 32, np.uint32)

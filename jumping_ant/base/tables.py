@@ -1,4 +1,4 @@
-"""CSV files that stages have written, read back."""
+"""Read CSV files that stages have written."""
 
 import csv
 from collections.abc import Container, Iterable
@@ -17,9 +17,9 @@ def read(
 
     Args:
         path: The file.
-        columns: What it must hold; others are read too.
+        columns: Columns that the file must have; others are read too.
         stage: The stage that writes it, for the messages.
-        text: Columns that hold words, which are left out.
+        text: Columns of text, which are left out.
 
     Returns:
         The columns of numbers, each of shape (num_rows,).
@@ -46,7 +46,7 @@ def read(
 
 
 def read_rows(path: Path, stage: str) -> list[dict[str, str]]:
-    """Read a CSV file as it stands.
+    """Read a CSV file as rows of text.
 
     Args:
         path: The file.

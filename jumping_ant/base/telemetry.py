@@ -1,9 +1,9 @@
-"""Nothing phones home: the switches of the tools that would."""
+"""Switches that turn off the telemetry of the tools used."""
 
 import os
 
-# Whoever wants to be counted sets these otherwise. (Rerun's stands in its own settings; its library
-# reports nothing by itself.)
+# Set these in the environment to re-enable telemetry. (Rerun's switch is in its own settings; its
+# library reports nothing by itself.)
 SWITCHES = {
     "DVC_NO_ANALYTICS": "true",
     "ITERATIVE_DO_NOT_TRACK": "true",

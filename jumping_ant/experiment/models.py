@@ -19,11 +19,11 @@ from jumping_ant.params.blocks import (
     TrainingParams,
 )
 
-RESERVED_NAMES = {"lineup"}  # of files in media/
+RESERVED_NAMES = {"lineup"}  # names of files in media/
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 if TYPE_CHECKING:
     AnyAgent = AgentBlock
-else:  # one of the catalogue's
+else:  # any agent of the catalogue
     AnyAgent = Annotated[
         Union[tuple(algorithm.settings for algorithm in ALGORITHMS.values())],  # noqa: UP007
         Field(discriminator="algorithm"),
@@ -45,13 +45,13 @@ class Params(Block):
     ]
     """The agents that are trained, evaluated, filmed and compared, by name."""
     training: TrainingParams
-    """How learning curves are measured while training."""
+    """How learning curves are measured during training."""
     compute: ComputeParams
-    """How the work is spread. No result depends on it."""
+    """How the work is distributed. No result depends on it."""
     evaluate: EvaluateParams
     """The held-out episodes, the same for every policy, with deterministic actions."""
     record: RecordParams
-    """Each agent's median episode, as video and as Rerun recording."""
+    """Each agent's median episode, as a video and as a Rerun recording."""
     compare: CompareParams
     """Interquartile means over seeds with their intervals, and tests of the claims."""
 
@@ -67,7 +67,7 @@ class Params(Block):
     def _seeds_differ(self) -> "Params":
         twice = sorted({seed for seed in self.seeds if self.seeds.count(seed) > 1})
         if twice:
-            raise ValueError(f"seeds holds {twice[0]} more than once; each seed may stand once")
+            raise ValueError(f"seeds holds {twice[0]} more than once; allowed: each seed once")
         return self
 
     @model_validator(mode="after")
@@ -81,7 +81,7 @@ class Params(Block):
         """Return one agent's block.
 
         Raises:
-            InputError: No agent has that name; the message lists those there are.
+            InputError: No agent has that name; the message lists the existing ones.
         """
         if name not in self.agents:
             raise InputError(f"agent: given {name!r}, allowed: {', '.join(self.agents)}")

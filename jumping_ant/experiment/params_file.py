@@ -1,7 +1,7 @@
-"""`params.yaml`, read and checked whole, before any work.
+"""Read and check all of `params.yaml` before any work starts.
 
-Unknown keys, wrong types and values out of range (see `jumping_ant.params.blocks`) are refused with
-one line each that names the key, what was given and what is allowed.
+Unknown keys, wrong types and values out of range (see `jumping_ant.params.blocks`) are
+rejected with one line each that names the key, what was given and what is allowed.
 
 YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
 """
@@ -21,12 +21,12 @@ from jumping_ant.base.files import CODE_ROOT, PROJECT_ROOT
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import Block
 
-# The default parameters: those of a checkout, or those that a wheel brings along.
+# The default parameters: those of the checkout, or those included in the wheel.
 DEFAULTS = CODE_ROOT / "params.yaml"
 if not DEFAULTS.is_file():
     DEFAULTS = CODE_ROOT / "jumping_ant" / "defaults" / "params.yaml"
 
-# What is allowed, where pydantic's own words say it to programmers.
+# What is allowed, for errors where pydantic's own message addresses programmers.
 ALLOWED = {
     "bool_type": "true or false",
     "dict_type": "a block of keys",
@@ -43,13 +43,13 @@ def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
     """Read and check a params file.
 
     Raises:
-        InputError: The file is missing, is not YAML, or does not fit the models; one line a fault.
+        InputError: The file is missing, is not YAML, or does not fit the models; a line per error.
     """
     try:
         content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path.name}: {error.strerror}: {path}") from error
-    except (YAMLError, ValueError, RecursionError) as error:  # the latter from odd scalars, depth
+    except (YAMLError, ValueError, RecursionError) as error:  # the last two: odd scalars, depth
         raise InputError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
     return check(content, path.name)
 
@@ -62,12 +62,12 @@ def check(content: Any, where: str = "params.yaml") -> Params:
         where: The file's name, for the messages.
 
     Raises:
-        InputError: The content does not fit the models; one line a fault.
+        InputError: The content does not fit the models; a line per error.
     """
     try:
         return Params.model_validate(content)
     except ValidationError as error:
-        faults: dict[str, list[str]] = {}  # a union's members complain one by one of one fault
+        faults: dict[str, list[str]] = {}  # each member of a union reports the same fault
         for detail in error.errors():
             fault, allowed = _explain(detail)
             faults.setdefault(fault, []).append(allowed)
@@ -77,7 +77,7 @@ def check(content: Any, where: str = "params.yaml") -> Params:
 
 
 def _explain(error: ErrorDetails) -> tuple[str, str]:
-    """Say one validation error as: key and what was given; what is allowed."""
+    """Return a validation error as two texts: the key and what was given; what is allowed."""
     parts, kind = _resolve(error["loc"])
     key = ".".join(map(str, parts)) or "the file"
     if error["type"] == "extra_forbidden":
@@ -102,7 +102,7 @@ def _explain(error: ErrorDetails) -> tuple[str, str]:
 
 
 def _bare(kind: Any) -> Any:
-    """Return a type without what is said of it, and without the null that may stand for it."""
+    """Return a type without its `Annotated` metadata and without an alternative None."""
     members = [member for member in get_args(kind) if member is not type(None)]
     if type(None) in get_args(kind) and len(members) == 1:
         return _bare(members[0])
@@ -110,10 +110,10 @@ def _bare(kind: Any) -> Any:
 
 
 def _show(given: Any) -> str:
-    """Show a value, long ones by their beginning."""
+    """Return the text of a value, truncated if it is long."""
     try:
         shown = repr(given)
-    except ValueError:  # Python does not print whole numbers of thousands of digits
+    except ValueError:  # Python does not print integers of thousands of digits
         shown = "a number too long to show"
     return shown if len(shown) <= 60 else shown[:57] + "..."
 
@@ -121,11 +121,11 @@ def _show(given: Any) -> str:
 def _resolve(location: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
     """Follow a location of a validation error through the models.
 
-    Pydantic puts names of its own between the file's keys: the tag of an agent's block, the member
-    of a union that complains, and `[key]` where a key itself is at fault.
+    Pydantic inserts its own names between the file's keys: the tag of an agent's block, the member
+    of a union that reports the error, and `[key]` if a key itself is invalid.
 
     Returns:
-        The keys in the file, and the type of what should stand there.
+        The keys in the file, and the type of the value expected there.
     """
     keys: list[int | str] = []
     kind: Any = Params

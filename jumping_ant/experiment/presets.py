@@ -1,7 +1,7 @@
 """Presets: lists of overrides of `params.yaml`, in `presets/`.
 
-`dvc exp run $(cat presets/NAME)` runs one of them in place; `load` gives the same parameters. As
-Hydra has it, `+key=value` adds what is not there yet, and `~key` takes something away.
+`dvc exp run $(cat presets/NAME)` runs one of them in place; `load` returns the same parameters. As
+in Hydra, `+key=value` adds a new key, and `~key` removes one.
 """
 
 import re
@@ -22,11 +22,11 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
     """Return the parameters of `params.yaml` with a preset's values.
 
     Args:
-        name: Of the preset's file.
+        name: Name of the preset's file.
         root: The project's folder.
 
     Raises:
-        InputError: There is no such preset, it overrides what is not there, or the result does not
+        InputError: There is no such preset, it overrides a missing key, or the result does not
             fit the models.
     """
     yaml = YAML(typ="safe")
@@ -36,7 +36,7 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
         try:
             block = reduce(lambda outer, part: outer[part], parents, content)
             if not key.startswith("+"):
-                del block[last]  # what is overridden or taken away is there
+                del block[last]  # a key to override or remove must exist
         except (KeyError, TypeError) as error:
             raise InputError(
                 f"presets/{name}: given {key}, allowed: the keys of params.yaml"
@@ -50,7 +50,7 @@ def overrides(name: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
     """Return what a preset overrides: values by dotted key.
 
     Args:
-        name: Of the preset's file.
+        name: Name of the preset's file.
         root: The project's folder.
 
     Raises:
@@ -67,5 +67,5 @@ def overrides(name: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
 
 
 def _spaced(value: str) -> str:
-    """Return a value in Hydra's words as YAML: `{a:1,b:2}` needs spaces there."""
+    """Return a value in Hydra's syntax as YAML, where `{a:1,b:2}` needs spaces."""
     return re.sub(r"(?<=[\w-]):(?=\S)", ": ", value)

@@ -1,7 +1,7 @@
-"""The JSON Schema of `params.yaml`, from which editors complete, explain and check it.
+"""The JSON Schema of `params.yaml`, with which editors complete, explain and check it.
 
 Usage: python -m jumping_ant.experiment.schema (`make schema`)
-Writes: params.schema.json, which the first line of `params.yaml` names for editors.
+Writes: params.schema.json, which the first line of `params.yaml` points editors to.
 """
 
 import json

@@ -1,6 +1,6 @@
-"""The agents side by side: the numbers of `results/comparison.json` and `results/plots/`.
+"""Comparison of the agents: the numbers of `results/comparison.json` and `results/plots/`.
 
-The statistics are those of `jumping_ant.judging.statistics`: the sample is the seed.
+The statistics are those of `jumping_ant.judging.statistics`: one observation per seed.
 """
 
 import csv
@@ -28,11 +28,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """The return an agent's policies reach while they learn, over its seeds.
+    """The return of an agent's policies during training, over its seeds.
 
     Attributes:
-        env_steps: Control steps simulated by then, shape (num_points,).
-        seconds: Training seconds that took, mean over seeds, (num_points,).
+        env_steps: Control steps simulated so far, shape (num_points,).
+        seconds: Training seconds so far, mean over seeds, (num_points,).
         returns: Interquartile mean over seeds with its interval, arrays of (num_points,).
     """
 
@@ -42,17 +42,17 @@ class LearningCurve:
 
 
 def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dict[str, Any]:
-    """Return the agents' figures and who beats whom, as in `results/comparison.json`.
+    """Return the agents' figures and pairwise comparisons, as in `results/comparison.json`.
 
     Args:
-        results: What `results.load` returns.
+        results: Results from `results.load`.
         params: Confidence, number of resamples and seed.
     """
     returns = {name: agent.quantities["return"] for name, agent in results.items()}
     pairs = {}
     for one, other in combinations(returns, 2):
         won = probability_of_improvement(returns[one], returns[other], params)
-        # The other way round is the same table read from the other side, not another experiment.
+        # The reverse comparison reads the same table from the other side; it is no new experiment.
         lost = Estimate(1 - won.value, 1 - won.high, 1 - won.low)
         pairs[f"{one}>{other}"] = won.as_dict("p")
         pairs[f"{other}>{one}"] = lost.as_dict("p")
@@ -74,8 +74,8 @@ def learning_curves(
 ) -> dict[str, LearningCurve]:
     """Return each agent's learning curve over its seeds.
 
-    A baseline learns nothing: its curve is level at its last evaluation, from the first evaluation
-    to the last one among those that learn.
+    A baseline learns nothing: its curve is constant at its last evaluation, from the learners'
+    first evaluation to their last one.
     """
     curves = {name: _learning_curve(agent, params.confidence) for name, agent in results.items()}
     learned = [curve for name, curve in curves.items() if not results[name].is_baseline]
@@ -92,7 +92,7 @@ def learning_curves(
 
 
 def curve_rows(curves: Mapping[str, LearningCurve]) -> list[dict[str, Any]]:
-    """Return the learning curves as a tidy table, one row a point."""
+    """Return the learning curves as a tidy table, one row per point."""
     return [
         {
             "agent": name,
@@ -108,7 +108,7 @@ def curve_rows(curves: Mapping[str, LearningCurve]) -> list[dict[str, Any]]:
 
 
 def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
-    """Return every seed's evaluations as a tidy table, one row an evaluation."""
+    """Return every seed's evaluations as a tidy table, one row per evaluation."""
     return [
         {
             "agent": name,
@@ -150,11 +150,11 @@ def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
 
 
 def describe(sample: Array, confidence: float) -> dict[str, float]:
-    """Return a sample in a few numbers.
+    """Return summary statistics of a sample.
 
     Args:
-        sample: One number a seed, shape (num_seeds,).
-        confidence: Of the interval.
+        sample: One number per seed, shape (num_seeds,).
+        confidence: Confidence level of the interval.
 
     Returns:
         The interquartile mean with its interval (`iqm`, `low`, `high`), the `mean`, the smallest
@@ -171,16 +171,16 @@ def describe(sample: Array, confidence: float) -> dict[str, float]:
 def _return_at(
     agent: AgentResults, against: Literal["env_steps", "seconds"], place: float, confidence: float
 ) -> dict[str, float] | None:
-    """Return an agent's return when it had trained for so long, from its learning curves.
+    """Return an agent's return after a given amount of training, from its learning curves.
 
     Args:
         agent: The agent.
-        against: What `place` counts.
-        place: Control steps, or seconds.
-        confidence: Of the interval.
+        against: Unit of `place`.
+        place: Amount of training, in control steps or seconds.
+        confidence: Confidence level of the interval.
 
     Returns:
-        As from `describe`; None where a seed was first evaluated later.
+        The result of `describe`; None if a seed was first evaluated later.
     """
     returns = []
     for curve in agent.curves.values():
@@ -192,7 +192,7 @@ def _return_at(
 
 
 def _equal_budgets(results: Mapping[str, AgentResults], confidence: float) -> dict[str, Any]:
-    """Return the smallest budgets among the learners, and what each learner returned by then."""
+    """Return the smallest budgets among the learners, and each learner's return at them."""
     learners = {name: agent for name, agent in results.items() if not agent.is_baseline}
     if not learners:
         return {"equal_steps": None, "equal_seconds": None, "agents": {}}

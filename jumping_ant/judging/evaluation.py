@@ -1,13 +1,13 @@
-"""How an agent behaves on the held-out episodes.
+"""Evaluation of an agent on the held-out episodes.
 
-Every policy meets the same start states and acts deterministically. Measured beside the return, per
-episode:
+Every policy starts from the same states and acts deterministically. These quantities are measured
+per episode:
 
-| column | what | unit |
+| column | meaning | unit |
 |---|---|---|
 | length | control steps until the end | steps |
 | return | sum of the rewards | |
-| return_<term> | sum of what a term added, where the reward has several | |
+| return_<term> | sum of a term of the reward, if the reward has several | |
 | peak_height | highest torso height | m |
 | apex | highest torso height in a jump, mean over jumps; without a jump, peak_height | m |
 | mean_height | mean torso height | m |
@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import motion
-from jumping_ant.policies import Policy
+from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.rollout import Episode
@@ -70,7 +70,7 @@ def evaluate(
         num_threads: Threads that step the simulations; results do not depend on it.
 
     Returns:
-        One row an episode (columns `seed`, `episode`, `episode_seed`, then `QUANTITIES`), and the
+        One row per episode (columns `seed`, `episode`, `episode_seed`, then `QUANTITIES`), and the
         trajectory of the episode of median return (the lower one of an even number).
     """
     model = robot.load(xml)
@@ -96,7 +96,7 @@ def evaluate_variants(
         xml: The robot as MJCF text.
         params: All parameters.
         published: The policy of each seed, and their episodes as `evaluate` returns them. A variant
-            that is the published policy itself does not play again.
+            that is the published policy itself is not run again.
         variants: The versions of each seed's policy (see `jumping_ant.judging.variants`).
         num_threads: Threads that step the simulations; results do not depend on it.
 
@@ -139,7 +139,7 @@ def _play(
 
 
 def seed_means(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the sample of the statistics: each seed's mean of every quantity over its episodes.
+    """Return each seed's mean of every quantity over its episodes, the sample of all statistics.
 
     Episodes in which a quantity is not defined (NaN) are left out of its mean.
 
@@ -150,7 +150,7 @@ def seed_means(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def summarize(table: pd.DataFrame) -> dict[str, float]:
-    """Return the mean over seeds of every quantity that is defined in an episode at least.
+    """Return the mean over seeds of every quantity that is defined in at least one episode.
 
     Args:
         table: Episodes, as `evaluate` returns them.
@@ -173,7 +173,7 @@ def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str
     anatomy = Anatomy.of(model)
     places = anatomy.places(positions)
     heights = places[:, 2]
-    # Contacts of the start are not recorded: it counts as on the ground.
+    # Contacts are not recorded at the start, which counts as on the ground.
     airborne = np.concatenate([[False], episode.airborne[finite]])
     jumps = motion.phases(airborne, params.evaluate.min_airborne_seconds / dt)
     change = np.diff(episode.torques, axis=0)
@@ -201,22 +201,22 @@ def _quantities(table: pd.DataFrame) -> list[str]:
 
 
 def _returns_of_terms(episode: Episode) -> dict[str, float]:
-    """Return the sum of each term of the reward; nothing where one is all there is."""
+    """Return the sum of each term of the reward; empty if there is only one."""
     if len(episode.terms) < 2:
         return {}
     return {f"{TERM}{name}": float(values.sum()) for name, values in episode.terms.items()}
 
 
 def joint_angles(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the angle of every motor's joint over the joint's range.
+    """Return the angle of every motor's joint, divided by the joint's range.
 
     Args:
         model: The robot.
         qpos: Positions, shape (num_states, num_positions).
 
     Returns:
-        Shape (num_states, num_motors); 1 is the way from one end of the range to the other, a whole
-        turn where a joint has no limits.
+        Shape (num_states, num_motors); 1 is the whole range from one end to the other, or a full
+        turn if a joint has no limits.
     """
     joints = Anatomy.of(model).motor_joints
     low, high = model.jnt_range[joints].T
@@ -227,7 +227,7 @@ def joint_angles(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> NDArray[np
 def motor_power(model: mujoco.MjModel, episode: Episode) -> NDArray[np.float64]:
     """Return the power of every motor [W], shape (T, num_motors), at the end of each control step.
 
-    Where a velocity is not finite, it is zero.
+    The power is zero where a velocity is not finite.
     """
     anatomy = Anatomy.of(model)
     velocities = episode.qvel[:, model.jnt_dofadr[anatomy.motor_joints]]
@@ -244,8 +244,8 @@ def replay(
         model: The robot.
         frame_skip: Substeps of a control step.
         episode: The episode, of T control steps.
-        seed: The agent's seed, noted in the trajectory.
-        number: The episode's number, noted in the trajectory.
+        seed: The agent's seed, stored in the trajectory.
+        number: The episode's number, stored in the trajectory.
 
     Returns:
         The trajectory, of T * frame_skip + 1 states.

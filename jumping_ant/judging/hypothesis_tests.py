@@ -1,10 +1,10 @@
-"""Exact tests of two samples, or of one, and what they say together.
+"""Exact tests of two samples, or of one, and their combination.
 
 All are permutation tests: under the hypothesis that nothing differs, every arrangement of the data
-(seeds dealt to the two agents, or signs of paired differences) is equally likely. The p value is
-the share of arrangements whose statistic is at least as far from 0 as that of the data. It
-holds at any number of seeds and with ties. Where there are more than `MOST` arrangements, `MOST`
-random ones, the data as found among them, stand for all.
+(seeds assigned to the two agents, or signs of paired differences) is equally likely. The p value is
+the share of arrangements whose statistic is at least as far from 0 as that of the data. It is valid
+for any number of seeds and with ties. If there are more than `MOST` arrangements, `MOST` random
+ones, including the observed data, are used instead of all.
 
 Sources: Fisher, "The Design of Experiments", 1935, section 21 (signs of paired differences); Mann
 and Whitney, Annals of Mathematical Statistics 18, 1947 (pairs won); Gehan, Biometrika 52, 1965
@@ -27,13 +27,13 @@ from jumping_ant.judging.statistics import bounded_pair_scores, relative_spread
 
 Array = NDArray[np.float64]
 
-MOST = 200_000  # arrangements that are all looked at
-ROUNDING = 1e-9  # of the largest statistic: arrangements that tie but for rounding count as ties
+MOST = 200_000  # arrangements; up to this number all are enumerated
+ROUNDING = 1e-9  # of the largest statistic: arrangements equal up to rounding count as ties
 
 
 @dataclass(frozen=True)
 class Significance:
-    """What a test says.
+    """The result of a test.
 
     Attributes:
         test: Name of the test.
@@ -58,17 +58,17 @@ def rank_test(
     Args:
         x: First sample, shape (num_x,).
         y: Second sample, shape (num_y,).
-        seed: Of the random arrangements, where there are too many for all.
+        seed: Seed of the random arrangements, if there are too many to enumerate.
         x_exact: Whether each of x is a value rather than a lower bound, shape (num_x,); all are
             by default.
-        y_exact: The same of y, shape (num_y,).
+        y_exact: The same for y, shape (num_y,).
     """
     exact = [
         np.ones(len(sample), dtype=bool) if known is None else known
         for sample, known in ((x, x_exact), (y, y_exact))
     ]
     pooled, known = np.concatenate([x, y]), np.concatenate(exact)
-    # Pairs within a sample cancel, so that the sum over x is that of its pairs with y.
+    # Pairs within a sample cancel, so the sum over x equals that of its pairs with y.
     scores = (bounded_pair_scores(pooled, known, pooled, known) - 0.5).sum(axis=1)
     name = "exact rank test" if known.all() else "exact rank test with bounds (Gehan)"
     return _two_samples(name, scores, len(x), _mean, seed)
@@ -77,15 +77,15 @@ def rank_test(
 def spread_test(x: Array, y: Array, seed: int) -> Significance:
     """Test whether two independent samples spread equally, relative to their medians.
 
-    Both are divided by their medians, then dealt anew; the statistic is the difference in
-    `relative_spread`. As the medians are estimates, that is nearly but not quite exact: of samples
-    of eight that spread equally it finds a difference at the 5 % level in 5 % of
-    normal, 3 % of lognormal and 8 % of bimodal samples (a fifth of failures).
+    Both are divided by their medians and then permuted; the statistic is the difference in
+    `relative_spread`. As the medians are estimates, the test is not quite exact: for samples of
+    eight that spread equally it finds a difference at the 5 % level in 5 % of normal, 3 % of
+    lognormal and 8 % of bimodal samples (a fifth of failures).
 
     Args:
         x: First sample, shape (num_x,).
         y: Second sample, shape (num_y,).
-        seed: Of the random arrangements, where there are too many for all.
+        seed: Seed of the random arrangements, if there are too many to enumerate.
     """
     name = "permutation test of the relative spread"
     medians = np.median(x), np.median(y)
@@ -96,11 +96,11 @@ def spread_test(x: Array, y: Array, seed: int) -> Significance:
 
 
 def sign_test(differences: Array, seed: int) -> Significance:
-    """Test whether differences have a mean of 0: those of pairs, or of one sample to a constant.
+    """Test whether differences have a mean of 0: of pairs, or between a sample and a constant.
 
     Args:
         differences: Shape (num,).
-        seed: Of the random signs, where there are too many for all.
+        seed: Seed of the random signs, if there are too many to enumerate.
     """
     num = len(differences)
     if 2**num <= MOST:
@@ -115,8 +115,8 @@ def sign_test(differences: Array, seed: int) -> Significance:
 def joint(tests: Sequence[Significance]) -> Significance:
     """Return the test of a claim that holds only if all of several do (intersection-union).
 
-    Its p value is the largest of theirs (Berger, "Multiparameter hypothesis testing and acceptance
-    sampling", Technometrics 24, 1982).
+    Its p value is the largest of the given ones (Berger, "Multiparameter hypothesis testing and
+    acceptance sampling", Technometrics 24, 1982).
     """
     return max(tests, key=lambda test: test.p)
 
@@ -124,7 +124,7 @@ def joint(tests: Sequence[Significance]) -> Significance:
 def holm(p_values: Sequence[float]) -> list[float]:
     """Return p values corrected for their number (Holm 1979), in the order given.
 
-    Rejecting where they are at most alpha keeps the chance of any false rejection at alpha.
+    Rejecting those that are at most alpha keeps the chance of any false rejection at alpha.
     """
     num, largest = len(p_values), 0.0
     corrected = [0.0] * num
@@ -146,14 +146,14 @@ def _mean(sample: Array) -> Array:
 def _two_samples(
     name: str, pooled: Array, num_x: int, statistic: Callable[[Array], Array], seed: int
 ) -> Significance:
-    """Test the difference in a statistic against all ways to deal the data to two samples.
+    """Test the difference in a statistic against all ways to assign the data to two samples.
 
     Args:
-        name: Of the test.
+        name: Name of the test.
         pooled: The samples, x first, shape (num_x + num_y,).
         num_x: Size of the first sample.
-        statistic: Of samples along the last axis.
-        seed: Of the random deals, where there are too many for all.
+        statistic: Statistic of samples along the last axis.
+        seed: Seed of the random assignments, if there are too many to enumerate.
     """
     num = len(pooled)
     if math.comb(num, num_x) <= MOST:
@@ -168,7 +168,10 @@ def _two_samples(
 
 @lru_cache(maxsize=4)
 def _all_deals(num: int, num_x: int) -> NDArray[np.intp]:
-    """Return all ways to deal `num` to two, the first as they stand, shape (num_deals, num)."""
+    """Return all assignments of `num` indices to two samples, shape (num_deals, num).
+
+    The first one keeps the order.
+    """
     chosen = np.array(list(combinations(range(num), num_x)), dtype=np.intp)
     is_left = np.ones((len(chosen), num), dtype=bool)
     np.put_along_axis(is_left, chosen, False, axis=1)
@@ -179,10 +182,10 @@ def _share_as_far(found: Array) -> float:
     """Return the share of arrangements that lie at least as far from 0 as the first one."""
     distance = np.abs(found)
     margin = ROUNDING * np.max(distance, where=np.isfinite(distance), initial=0.0)
-    # Where the statistic is not a number the arrangement counts as far: that is no evidence.
+    # An arrangement whose statistic is NaN counts as at least as far: it is no evidence.
     return float(np.mean(~(distance < distance[0] - margin)))
 
 
 def _smallest_share(smallest: float) -> float:
-    """Return the smallest p value, where all arrangements are looked at and where not."""
+    """Return the smallest possible p value, whether or not all arrangements are enumerated."""
     return max(smallest, 1 / MOST)

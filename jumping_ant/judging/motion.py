@@ -1,22 +1,23 @@
-"""How a robot moved: its jumps, and how fluidly its joints went.
+"""Measures of a robot's motion: its jumps, and the fluidity of its joints' movements.
 
 Fluidity is the spectral arc length (SPARC) of Balasubramanian, Melendez-Calderon, Roby-Brami and
 Burdet 2015, "On the analysis of movement smoothness", J. NeuroEng. Rehab. 12:112: the negative
 length of the movement's magnitude spectrum, drawn over frequency. The peak of the spectrum is
-scaled to 1, so that strength drops out. A rhythm is one short peak. Sudden or irregular changes add
-peaks, which make the line longer. Closer to 0 is more fluid.
+scaled to 1, so that strength has no effect. A rhythm has one short peak. Sudden or irregular
+changes add peaks, which make the line longer. Closer to 0 is more fluid.
 
 The paper measures the speed of single movements that start and end at rest. Three things differ
-here, because a jumping robot goes to and fro without a pause:
+here, because a jumping robot moves back and forth without a pause:
 
 - The spectrum is that of each joint's *signed* velocity. Speed, which is never negative, has its
   peak at 0 Hz whatever the joints do: by speed, random torques scored -2.0, better than torques
   along a sine of 2 Hz with -2.9. By signed velocities they score -4.4 and -3.6.
-- Velocities are cut into windows of one duration, on which the arc length depends, and a Hann taper
-  brings each window to rest at its ends. A rectangular window would add side lobes to the line.
+- Velocities are cut into windows of equal duration, as the arc length depends on it, and a Hann
+  taper brings each window to rest at its ends. A rectangular window would add side lobes to the
+  line.
 - Windows without movement do not count. A robot that stands still has no fluidity (NaN).
 
-Velocities are means over a control step, angle difference over duration. They are exact, and they
+Velocities are means over a control step: angle difference divided by duration. They are exact, and
 have less aliasing than the velocities at the ends of the steps.
 """
 
@@ -27,17 +28,17 @@ Array = NDArray[np.float64]
 
 WINDOW_SECONDS = 2.0
 MIN_SPEED = 1.0  # of a window that counts, mean over joints and time [joint ranges/s]
-MAX_FREQUENCY = 10.0  # [Hz], as in the paper's reference implementation, which has padding 4, too
-MIN_AMPLITUDE = 0.05  # of the peak; the spectrum ends where it stays below
-PADDING = 4  # powers of two by which zeros refine the spectrum
+MAX_FREQUENCY = 10.0  # [Hz], as in the paper's reference implementation, which also has padding 4
+MIN_AMPLITUDE = 0.05  # relative to the peak; the spectrum is cut where it stays below
+PADDING = 4  # powers of two by which zero-padding refines the spectrum
 
 
 def phases(mask: NDArray[np.bool_], min_length: float) -> NDArray[np.int64]:
-    """Return where the runs of true values are that are at least so long.
+    """Return the positions of the runs of true values that have at least a minimum length.
 
     Args:
         mask: Shape (T,).
-        min_length: [elements]
+        min_length: Minimum length of a run [elements].
 
     Returns:
         The first index of each run and the first one after it, shape (num_phases, 2).
@@ -70,8 +71,8 @@ def fluidity(angles: Array, dt: float) -> float:
         dt: Duration of a step [s].
 
     Returns:
-        A negative number, closer to 0 for fluid movement; NaN where no whole window moves. Scaling
-        the angles changes nothing but which windows move.
+        A negative number, closer to 0 for fluid movement; NaN if there is no whole window with
+        movement. Scaling the angles only changes which windows count as moving.
     """
     velocities = np.diff(angles, axis=0) / dt
     length = round(WINDOW_SECONDS / dt)
@@ -104,7 +105,7 @@ def _score(velocities: Array, dt: float) -> float:
     """Return the joints' mean arc length, each weighted by its mean square velocity.
 
     Args:
-        velocities: Of one window, shape (T, num_joints), not zero throughout.
+        velocities: Velocities in one window, shape (T, num_joints), not zero throughout.
         dt: Duration of a step [s].
     """
     velocities = velocities / np.abs(velocities).max()

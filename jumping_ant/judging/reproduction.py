@@ -1,16 +1,17 @@
 """The article's own tests of trained agents, and where its printed values lie among ours.
 
-DQN and SAC: the final model plays 1,000 control steps, exploring as in training, and nothing ends
-or restarts them: a robot that has fallen plays on. (Stable-Baselines3's `predict` explores unless
-told not to: DQN draws a random command with its final epsilon, SAC draws from its Gaussian.) In the
-article MuJoCo restarts a state that is not finite; here such a state earns nothing from then on.
+DQN and SAC: the final model runs for 1,000 control steps, exploring as in training, and nothing
+terminates or resets the episode: a robot that has fallen continues. (Stable-Baselines3's `predict`
+explores unless told not to: DQN draws a random command with its final epsilon, SAC draws from its
+Gaussian.) In the article MuJoCo resets a state that is not finite; here the rewards are zero from
+such a state on.
 
-PGPE: the fitness of the population, generation by generation, from the learning curve. Its film
-showed the centre through a problem whose normaliser had seen nothing and learned nothing meanwhile,
-that is, fed with raw observations; both that and the centre as trained are measured.
+PGPE: the fitness of the population, generation by generation, from the learning curve. The
+article's film showed the centre in a problem whose normaliser was empty and was not updated, that
+is, with raw observations; both that and the centre as trained are measured.
 
-A printed value is one draw. It counts as reproduced where at least eight seeds were trained and it
-lies within the central 95 % of their values.
+A printed value is a single sample. It counts as reproduced if at least eight seeds were trained and
+it lies within the central 95 % of their values.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +24,6 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from jumping_ant import policies
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
@@ -31,13 +31,15 @@ from jumping_ant.base.seeding import derive
 from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies import LinearPolicy, Policy
+from jumping_ant.policies import policy_file
+from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
 
 AGENTS = ("dqn", "sac", "pgpe")
 CENTRAL = 95.0  # [%] of our values, within which a printed one is reproduced
-MIN_SEEDS = 8  # fewer decide nothing
+MIN_SEEDS = 8  # with fewer, nothing is decided
 
 Array = NDArray[np.float64]
 Act = Callable[[Array], Array]
@@ -49,7 +51,7 @@ class Trace:
 
     Attributes:
         printed: Printed values, by control step or generation.
-        ours: Values at steps or generations 1, 2, ..., a row a seed, shape (num_seeds, length).
+        ours: Values at steps or generations 1, 2, ..., one row per seed, (num_seeds, length).
     """
 
     printed: Mapping[int, float]
@@ -70,16 +72,16 @@ class Trace:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All that is compared with the article.
+    """All values that are compared with the article.
 
     Attributes:
-        seeds: Of the trainings.
+        seeds: Seeds of the trainings.
         totals: Running total of the rewards in the test of DQN and of SAC.
         fitness: PGPE's population by generation: mean, best and median.
-        film: Return of PGPE's centre fed with raw observations, in 1,000 control steps, shape
+        film: Return of PGPE's centre with raw observations, in 1,000 control steps, shape
             (num_seeds,).
         trained: The same with observations normalised as in training, shape (num_seeds,).
-        seconds: Training time of each seed by agent [s], validation not counted.
+        seconds: Training time of each seed by agent [s], excluding validation.
     """
 
     seeds: list[int]
@@ -90,7 +92,7 @@ class Reproduction:
     seconds: Mapping[str, list[float]]
 
     def summary(self) -> dict[str, Any]:
-        """Return all of it as JSON can express it; the keys are described in docs/article.md."""
+        """Return all values as JSON-compatible data; docs/article.md describes the keys."""
         printed = {
             agent: trace.last() | {"points": trace.places()} for agent, trace in self.totals.items()
         }
@@ -120,7 +122,7 @@ def reproduce(root: Path, params: Params) -> Reproduction:
         params: Its parameters, with the agents `dqn`, `sac` and `pgpe`.
 
     Raises:
-        InputError: An agent is not in the parameters, is of another algorithm, or is not trained.
+        InputError: An agent is not in the parameters, has another algorithm, or is not trained.
     """
     dqn, _, _ = (_agent(params, name) for name in AGENTS)
     xml = robot.read(root)
@@ -144,18 +146,18 @@ def reproduce(root: Path, params: Params) -> Reproduction:
 def play(
     xml: str, env: EnvParams, act: Act, hold: int, seed: int, num_steps: int = article.TEST_STEPS
 ) -> Array:
-    """Play on whatever happens, and return the reward of each control step.
+    """Run without termination or reset, and return the reward of each control step.
 
     Args:
         xml: The robot as MJCF text.
         env: The task.
-        act: Chooses torques, shape (1, num_motors), by an observation.
+        act: Chooses torques, shape (1, num_motors), given an observation.
         hold: Control steps that a choice is held for.
-        seed: Of the start state.
-        num_steps: How many.
+        seed: Seed of the start state.
+        num_steps: Number of control steps.
 
     Returns:
-        Rewards, shape (num_steps,); zero from a state on that is not finite.
+        Rewards, shape (num_steps,); zero from the first state on that is not finite.
     """
     envs = RobotVectorEnv(xml, env, 1, autoreset_mode=AutoresetMode.DISABLED)
     observations, _ = envs.reset(seed=[seed])
@@ -170,7 +172,7 @@ def play(
 
 
 def without_normalizer(policy: LinearPolicy) -> LinearPolicy:
-    """Return a policy that takes observations as they are."""
+    """Return the policy without normalisation of its observations."""
     return replace(policy, mean=np.zeros_like(policy.mean), stdev=np.ones_like(policy.stdev))
 
 
@@ -178,8 +180,8 @@ def place(value: float, ours: Array) -> dict[str, Any]:
     """Return where a printed value lies among ours.
 
     Args:
-        value: The printed one.
-        ours: Shape (num_seeds,).
+        value: The printed value.
+        ours: Our values, shape (num_seeds,).
 
     Returns:
         `value` and `ours`; the `percentile` of the value, and whether it is `reproduced`, None with
@@ -195,7 +197,7 @@ def place(value: float, ours: Array) -> dict[str, Any]:
 
 
 def percentile_among(value: float, ours: Array) -> float:
-    """Return the share of values below a given one [%], those that equal it counting half."""
+    """Return the share of values below a given one [%]; equal values count half."""
     return float(100.0 * (np.mean(ours < value) + np.mean(ours == value) / 2))
 
 
@@ -205,7 +207,7 @@ def _is_central(percentile: float) -> bool:
 
 
 def _spread(ours: Array) -> dict[str, float]:
-    """Return the median, and the least and the largest of the values in the central 95 %."""
+    """Return the median, and the smallest and largest of the values in the central 95 %."""
     central = [float(value) for value in ours if _is_central(percentile_among(value, ours))]
     return {"median": float(np.median(ours)), "low": min(central), "high": max(central)}
 
@@ -226,7 +228,7 @@ def _test(root: Path, xml: str, params: Params, agent: str, **exploration: float
         xml: The robot as MJCF text.
         params: All parameters.
         agent: The agent's name.
-        exploration: What its policy's `explore` takes besides.
+        exploration: Further arguments of its policy's `explore`.
     """
     rewards = []
     for seed in params.seeds:
@@ -238,7 +240,7 @@ def _test(root: Path, xml: str, params: Params, agent: str, **exploration: float
 
 
 def _returns(xml: str, params: Params, centers: Sequence[Policy]) -> Array:
-    """Return what each seed's policy earns in as many steps as the tests have, (num_seeds,)."""
+    """Return each policy's return over as many steps as the tests have, shape (num_seeds,)."""
     pairs = zip(params.seeds, centers, strict=True)
     return np.array(
         [
@@ -249,18 +251,18 @@ def _returns(xml: str, params: Params, centers: Sequence[Policy]) -> Array:
 
 
 def _final_policy(root: Path, agent: str, seed: int) -> Any:
-    return policies.load_file(Paths(root).agent(agent).seed(seed).final_policy)
+    return policy_file.load(Paths(root).agent(agent).seed(seed).final_policy)
 
 
 def _fitness(root: Path, seeds: Sequence[int]) -> dict[str, Trace]:
-    """Return PGPE's fitness, with as many generations as every seed has."""
+    """Return PGPE's fitness, with the same number of generations for every seed."""
     names = list(article.PGPE_TRACES)
     needed = max(max(printed) for printed in article.PGPE_TRACES.values())
     rows: dict[str, list[Array]] = {name: [] for name in names}
     for seed in seeds:
         path = Paths(root).agent("pgpe").seed(seed).curve
         curve = tables.read(path, ["updates", *names], "train@pgpe")
-        is_generation = ~np.isnan(curve["updates"])  # the other rows are validation's
+        is_generation = ~np.isnan(curve["updates"])  # the other rows are from validation
         if (count := int(is_generation.sum())) < needed:
             raise InputError(f"{path}: given {count} generations, allowed: {needed} or more")
         for name in names:

@@ -1,7 +1,7 @@
-"""What was measured of every agent, read from the project folder.
+"""The measurements of every agent, read from the project folder.
 
-One number a seed is the sample of every statistic; `jumping_ant.judging.comparison` and
-`jumping_ant.judging.claims` make something of them.
+The sample of every statistic is one number per seed; `jumping_ant.judging.comparison` and
+`jumping_ant.judging.claims` compute the statistics.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,8 +21,8 @@ from jumping_ant.words.measures import MEASURES
 
 Array = NDArray[np.float64]
 
-KEYS = ("seed", "episode", "episode_seed")  # columns of episodes.csv that measure nothing
-QUANTITIES = ("return", "peak_height", "torque_change")  # first of a summary
+KEYS = ("seed", "episode", "episode_seed")  # columns of episodes.csv that are not measurements
+QUANTITIES = ("return", "peak_height", "torque_change")  # first in a summary
 REQUIRED = ("seed", *QUANTITIES, "flight", "apex", "fluidity")
 CURVE_COLUMNS = ("env_steps", "evaluation_return_mean")
 TIMING_COLUMNS = ("seed", "env_steps", "seconds")
@@ -44,7 +44,7 @@ class SeedCurve:
     evaluation_return: Array
 
     def sustained(self, threshold: float) -> int | None:
-        """Return the row of the evaluation from which on all lie above a threshold, if any does."""
+        """Return the row of the first evaluation from which all exceed a threshold, if any."""
         rows = np.flatnonzero(~np.isnan(self.evaluation_return))
         failed = np.flatnonzero(~(self.evaluation_return[rows] > threshold))
         first = failed[-1] + 1 if len(failed) else 0
@@ -68,9 +68,9 @@ class AgentResults:
             where a seed has no episode with a value (see `Measure.can_be_empty`).
         curves: Each seed's training, in the same order of seeds.
         episode_returns: Return of every held-out episode of every seed, (num_episodes,).
-        variants: The same means of other versions of each seed's policy, by variant and column.
-        step_seconds: By number of threads, what a unit of training took each seed [s],
-            (num_seeds,); nothing for agents that do not train.
+        variants: The same means for variants of each seed's policy, by variant and column.
+        step_seconds: Time of a unit of training for each seed [s], (num_seeds,), by number of
+            threads; empty for agents that do not train.
     """
 
     name: str
@@ -83,17 +83,17 @@ class AgentResults:
 
     @property
     def algorithm(self) -> str:
-        """Return what it runs."""
+        """Return the agent's algorithm."""
         return self.block.algorithm
 
     @property
     def is_baseline(self) -> bool:
-        """Return whether it learns nothing."""
+        """Return whether the agent learns nothing."""
         return self.block.is_baseline
 
     @property
     def label(self) -> str:
-        """Return the name to print."""
+        """Return the agent's display name."""
         return looks.label(self.name, self.algorithm, self.is_baseline)
 
     @property
@@ -112,10 +112,10 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
 
     Args:
         root: The project folder.
-        params: Its parameters: `agents` and `seeds` say what must be there.
+        params: Its parameters: `agents` and `seeds` determine which results must exist.
 
     Raises:
-        InputError: A file is missing, malformed, or of other seeds; the message says what to run.
+        InputError: A file is missing, malformed, or has other seeds; the message says what to run.
     """
     results = {}
     for name, block in params.agents.items():
@@ -138,14 +138,14 @@ def read_episodes(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Arr
     Args:
         root: The project folder.
         agent: The agent's name.
-        seeds: Those that must be there.
+        seeds: Seeds that the file must have.
 
     Returns:
         The columns of its `episodes.csv`, (num_episodes,) each. NaN stands for the empty cells that
         `Measure.can_be_empty` allows.
 
     Raises:
-        InputError: The file is missing, malformed, or of other seeds.
+        InputError: The file is missing, malformed, or has other seeds.
     """
     path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
     table = tables.read(path, REQUIRED, stage)
@@ -161,15 +161,15 @@ def read_episodes(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Arr
 
 
 def steps_to(agent: AgentResults, threshold: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the control steps each seed needed to return more than a threshold, at an evaluation.
+    """Return the control steps each seed needed until an evaluation exceeded a threshold.
 
     Args:
         agent: The agent.
-        threshold: The return.
+        threshold: Return to exceed.
 
     Returns:
-        Steps to it, or the budget of a seed that never got there, (num_seeds,), and whether it did,
-        (num_seeds,).
+        Steps to that evaluation, or the budget of a seed that never exceeded the threshold,
+        (num_seeds,), and whether it did, (num_seeds,).
     """
     steps, reached = [], []
     for curve in agent.curves.values():
@@ -181,7 +181,7 @@ def steps_to(agent: AgentResults, threshold: float) -> tuple[Array, NDArray[np.b
 
 
 def _seed_means(table: Mapping[str, Array], seeds: Sequence[int]) -> dict[str, Array]:
-    """Return each quantity's mean over the episodes of each seed, empty cells left out."""
+    """Return each quantity's mean over the episodes of each seed, ignoring empty cells."""
     others = (name for name in table if name not in KEYS + QUANTITIES)
     return {
         name: np.array([_mean(table[name][table["seed"] == seed]) for seed in seeds])
@@ -190,7 +190,7 @@ def _seed_means(table: Mapping[str, Array], seeds: Sequence[int]) -> dict[str, A
 
 
 def _read_variants(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, dict[str, Array]]:
-    """Return the quantities of each variant of the policies, as those of the policies."""
+    """Return the quantities of each variant of the policies, in the format of the policies'."""
     path, stage = Paths(root).agent(agent).variants, f"evaluate@{agent}"
     rows = tables.read_rows(path, stage)
     if not rows:
@@ -210,7 +210,7 @@ def _can_be_empty(column: str) -> bool:
 
 
 def _mean(values: Array) -> float:
-    """Return the mean of the values that are not NaN, NaN where all are."""
+    """Return the mean of the values that are not NaN, or NaN if all are."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else float("nan")
 
@@ -254,7 +254,7 @@ def _read_scaling(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, Arr
 
 
 def _check_seeds(path: Path, found: Array, seeds: Sequence[int], stage: str) -> None:
-    """Refuse results of other seeds than those of `params.yaml`."""
+    """Raise an error if the seeds are not those of `params.yaml`."""
     held = sorted(set(found.tolist()))
     if held != sorted(seeds):
         raise InputError(

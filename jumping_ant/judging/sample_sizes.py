@@ -1,10 +1,10 @@
-"""How many seeds a comparison needs, to be decided if the effect found is the true one.
+"""The number of seeds a comparison needs to be decided if the observed effect is the true one.
 
 Sources: Noether, "Sample size determination for some common nonparametric tests", Journal of the
 American Statistical Association 82, 1987; Guenther, "Sample size formulas for normal theory t
 tests", The American Statistician 35, 1981. A permutation test of means has the power of Student's
-test in large samples (Hoeffding, Annals of Mathematical Statistics 23, 1952), so that Guenther's
-formulas serve for the sign-flip test and for the test of spreads.
+test in large samples (Hoeffding, Annals of Mathematical Statistics 23, 1952), so Guenther's
+formulas are used for the sign-flip test and for the test of spreads.
 """
 
 import math
@@ -19,19 +19,19 @@ from jumping_ant.judging.statistics import relative_deviations
 
 Array = NDArray[np.float64]
 
-MOST_SEEDS = 1000  # beyond which no number is given
+MOST_SEEDS = 1000  # above which no number is given
 
 
 def for_rank_test(probability: float, level: float, power: float) -> int | None:
     """Return how many seeds each agent needs for a rank test (Noether 1987).
 
     Args:
-        probability: That a seed of the first agent beats one of the second.
+        probability: Probability that a seed of the first agent beats one of the second.
         level: Two-sided level of the test.
-        power: Wanted chance to find the difference.
+        power: Required probability of finding the difference.
 
     Returns:
-        The number, no less than the exact test needs to reach the level at all; None above
+        The number, at least what the exact test needs to reach the level at all; None above
         `MOST_SEEDS`.
     """
     distance = abs(probability - 0.5)
@@ -40,17 +40,17 @@ def for_rank_test(probability: float, level: float, power: float) -> int | None:
 
 
 def for_sign_test(differences: Array, level: float, power: float) -> int | None:
-    """Return how many seeds a sign-flip test needs to find the mean difference found.
+    """Return how many seeds a sign-flip test needs to find the observed mean difference.
 
-    The test asks for as many as Student's (Guenther 1981): the two agree for large samples.
+    The test needs as many as Student's (Guenther 1981): the two agree for large samples.
 
     Args:
         differences: Shape (num,).
         level: Two-sided level of the test.
-        power: Wanted chance to find the difference.
+        power: Required probability of finding the difference.
 
     Returns:
-        The number, no less than the exact test needs to reach the level at all; None above
+        The number, at least what the exact test needs to reach the level at all; None above
         `MOST_SEEDS`.
     """
     mean, deviation = abs(differences.mean()), _deviation(differences)
@@ -59,16 +59,16 @@ def for_sign_test(differences: Array, level: float, power: float) -> int | None:
 
 
 def for_spread_test(x: Array, y: Array, level: float, power: float) -> int | None:
-    """Return how many seeds each agent needs to find the difference in relative spread found.
+    """Return how many seeds each agent needs to find the observed difference in relative spread.
 
     Args:
         x: First sample, shape (num_x,).
         y: Second sample, shape (num_y,).
         level: Two-sided level of the test.
-        power: Wanted chance to find the difference.
+        power: Required probability of finding the difference.
 
     Returns:
-        The number for Student's test of the deviations (Guenther 1981), no less than the exact
+        The number for Student's test of the deviations (Guenther 1981), at least what the exact
         test needs to reach the level at all; None above `MOST_SEEDS`.
     """
     own, other = relative_deviations(x), relative_deviations(y)
@@ -89,17 +89,17 @@ def _student_seeds(
 
 
 def _quantiles(level: float, power: float) -> float:
-    """Return the normal quantiles of a two-sided level and of a power, together."""
+    """Return the sum of the normal quantiles of a two-sided level and of a power."""
     return float(stats.norm.isf(level / 2) + stats.norm.ppf(power))
 
 
 def _deviation(sample: Array) -> float:
-    """Return the standard deviation of a population that a sample is from; 0 of a single one."""
+    """Return the estimated standard deviation of a sample's population; 0 for one observation."""
     return float(sample.std(ddof=1)) if len(sample) > 1 else 0.0
 
 
 def _whole(needed: float, smallest: Callable[[int], float], level: float) -> int | None:
-    """Round up, no lower than to where the smallest p value reaches the level."""
+    """Round up, at least to the number where the smallest p value reaches the level."""
     if not needed <= MOST_SEEDS:
         return None
     num = max(1, math.ceil(needed))

@@ -1,7 +1,7 @@
 """Statistics of a handful of training seeds: means, intervals, learning curves.
 
-The sample is the seed: one number a seed (the mean over its episodes), never seeds x episodes,
-because the episodes of one policy say nothing about what another seed would have learned.
+The sample is one number per seed (the mean over its episodes), never seeds x episodes, because the
+episodes of one policy say nothing about what another seed would have learned.
 `jumping_ant.judging.hypothesis_tests` has the tests that decide between two samples.
 
 Sources: Agarwal et al., "Deep Reinforcement Learning at the Edge of the Statistical Precipice",
@@ -10,7 +10,7 @@ exact bootstrap mean and variance of an L-estimator", Journal of the Royal Stati
 62, 2000 (the standard error of the interquartile mean, without resampling); Efron and Tibshirani,
 "An Introduction to the Bootstrap", 1993, chapters 12 and 13 (t intervals, percentile intervals);
 Gehan, "A generalized Wilcoxon test for comparing arbitrarily singly-censored samples", Biometrika
-52, 1965 (scores of pairs that one sample only bounds).
+52, 1965 (scores of pairs where a value is only a bound).
 """
 
 import warnings
@@ -27,7 +27,7 @@ from jumping_ant.params.blocks import CompareParams
 Array = NDArray[np.float64]
 
 BATCH = 500  # resamples held in memory at once
-QUARTER = 0.25  # of the sample, which the interquartile mean leaves out at either end
+QUARTER = 0.25  # of the sample; the interquartile mean leaves it out at either end
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Estimate:
     high: Array
 
     def as_dict(self, name: str) -> dict[str, float]:
-        """Return plain numbers for JSON, the value under the name given."""
+        """Return plain numbers for JSON, the value under the given name."""
         return {name: float(self.value), "low": float(self.low), "high": float(self.high)}
 
 
@@ -66,8 +66,9 @@ def estimate_iqm(samples: Array, confidence: float) -> Estimate:
     computed without drawing any. Of two or three observations, of which none is left out, this is
     Student's interval of a mean; of one observation, or of equal ones, it is the value.
 
-    Share of 95 % intervals that hold the truth, 40,000 samples each (the mixture is 7,500 +- 300
-    with a fifth of failures at 4,000 +- 300; at the end, percentile bootstraps of normal samples):
+    Share of 95 % intervals that contain the true value, 40,000 samples each (the mixture is 7,500
+    +- 300 with a fifth of failures at 4,000 +- 300; the last column has percentile bootstraps of
+    normal samples):
 
     |  n | normal | lognormal | mixture | percentile |
     |----|--------|-----------|---------|------------|
@@ -88,11 +89,11 @@ def estimate_iqm(samples: Array, confidence: float) -> Estimate:
 
 
 def estimate_mean(samples: Array, confidence: float) -> Estimate:
-    """Return the mean with Student's t interval; of one observation the interval is the value.
+    """Return the mean with Student's t interval; for one observation the interval is the value.
 
     Args:
         samples: Observations along the last axis, shape (..., n).
-        confidence: Nominal coverage, which normal samples have exactly.
+        confidence: Nominal coverage, which is exact for normal samples.
 
     Returns:
         The estimate, its arrays of shape (...).
@@ -101,13 +102,13 @@ def estimate_mean(samples: Array, confidence: float) -> Estimate:
 
 
 def _t_interval(samples: Array, cut: int, confidence: float) -> Estimate:
-    """Return the mean of what remains when `cut` observations at either end are left out."""
+    """Return the mean without `cut` observations at either end, and its t interval."""
     ordered = np.sort(samples, axis=-1)
     num = ordered.shape[-1]
     value = ordered[..., cut : num - cut].mean(axis=-1)
     gaps = np.diff(ordered, axis=-1)
     variance = np.einsum("...i,ij,...j", gaps, _gap_weights(num, cut), gaps)
-    if cut == 0 and num > 1:  # as Student has it; trimmed means cover the truth without
+    if cut == 0 and num > 1:  # as Student's interval does; trimmed means need no correction
         variance *= num / (num - 1)
     quantile = stats.t.ppf((1 + confidence) / 2, max(num - 1, 1))
     half = quantile * np.sqrt(np.maximum(variance, 0.0))
@@ -116,11 +117,11 @@ def _t_interval(samples: Array, cut: int, confidence: float) -> Estimate:
 
 @lru_cache
 def _gap_weights(num: int, cut: int) -> Array:
-    """Return W, with which gaps @ W @ gaps is the bootstrap variance of a trimmed mean.
+    """Return the matrix W for which gaps @ W @ gaps is the bootstrap variance of a trimmed mean.
 
-    The trimmed mean of a resample is the largest observation less each gap between neighbours in
-    the sample times the share of kept observations below that gap. That share follows from how
-    many of the resample's observations are among the i smallest of the sample: a binomial count,
+    The trimmed mean of a resample is the largest observation minus each gap between neighbours in
+    the sample times the share of kept observations below that gap. That share depends on how many
+    of the resample's observations are among the i smallest of the sample. This count is binomial,
     and a Markov chain in i (Hutson and Ernst 2000).
 
     Args:
@@ -165,7 +166,7 @@ def bounded_pair_scores(
 ) -> Array:
     """Return `pair_scores` of samples that hold lower bounds where a value is not exact.
 
-    A pair that the bounds leave open scores 0.5, a draw (Gehan 1965).
+    A pair that the bounds leave undecided scores 0.5, a tie (Gehan 1965).
 
     Args:
         x: Values or lower bounds, shape (num_x,).
@@ -176,7 +177,7 @@ def bounded_pair_scores(
     Returns:
         The scores of all pairs, shape (num_x, num_y).
     """
-    # A bound of 100 is larger than a value of 100: what is bounded did not happen by then.
+    # A bound of 100 is larger than a value of 100: the bounded event had not happened by then.
     x_wins = np.greater.outer(x, y) | (np.equal.outer(x, y) & ~x_exact[:, None])
     y_wins = np.less.outer(x, y) | (np.equal.outer(x, y) & ~y_exact[None, :])
     x_wins &= y_exact[None, :]
@@ -187,7 +188,7 @@ def bounded_pair_scores(
 def relative_deviations(sample: Array) -> Array:
     """Return how far each observation lies from the median: |x - m| / |m|, shape (..., n).
 
-    They are not numbers where the median is 0.
+    They are NaN where the median is 0.
     """
     median = np.median(sample, axis=-1, keepdims=True)
     distance = np.abs(sample - median)
@@ -197,7 +198,7 @@ def relative_deviations(sample: Array) -> Array:
 
 
 def relative_spread(sample: Array, axis: int = -1) -> Array:
-    """Return the mean of `relative_deviations`; of a single observation it is 0."""
+    """Return the mean of `relative_deviations`; for a single observation it is 0."""
     return np.asarray(relative_deviations(np.moveaxis(sample, axis, -1)).mean(axis=-1))
 
 
@@ -206,16 +207,16 @@ def estimate(
 ) -> Estimate:
     """Return a statistic of one or more samples with its percentile bootstrap interval.
 
-    For statistics that have no formula of their own. Of few observations these intervals are too
-    narrow: with eight each, 95 % intervals hold a probability of improvement of 0.5, 0.76 and 0.92
-    in 94, 92 and 83 % of normal samples, and a difference in relative spread in 88 %. No verdict
-    rests on them. Every sample is resampled on its own. The same input gives the same interval,
-    whatever the order of the observations. A sample of one observation resamples to itself: with
-    one seed each, the interval is the value.
+    Use this for statistics without an interval formula. With few observations these intervals are
+    too narrow: with eight each, 95 % intervals contain a probability of improvement of 0.5, 0.76
+    and 0.92 in 94, 92 and 83 % of normal samples, and a difference in relative spread in 88 %. No
+    verdict depends on them. Each sample is resampled independently. The same input gives the same
+    interval, regardless of the order of the observations. A sample of one observation resamples to
+    itself: with one seed each, the interval is the value.
 
     Args:
         statistic: Takes the samples and `axis=-1`, and reduces that axis. It must not change when
-            all observations of a sample are doubled.
+            all observations of a sample are duplicated.
         samples: Observations along the last axis, shapes (..., num_observations).
         params: Confidence, number of resamples and seed.
 
@@ -225,10 +226,10 @@ def estimate(
     # Resamples are drawn by position: sorting makes them independent of the order given.
     ordered = [np.sort(np.asarray(sample, dtype=np.float64), axis=-1) for sample in samples]
     value = np.asarray(statistic(*ordered, axis=-1))
-    # SciPy refuses a sample of one; given twice it still resamples to itself alone.
+    # SciPy rejects a sample of one; a duplicated one still only resamples to itself.
     ordered = [np.repeat(s, 2, axis=-1) if s.shape[-1] == 1 else s for s in ordered]
     with warnings.catch_warnings():
-        # Where the statistic of a resample is not a number, the interval is none either.
+        # If the statistic of a resample is NaN, so is the interval.
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)
         interval = stats.bootstrap(
             ordered,
@@ -272,14 +273,14 @@ def mean_pair_score(scores: Array, params: CompareParams) -> Estimate:
 
 
 def common_grid(positions: Sequence[Array]) -> Array:
-    """Return where to compare curves that were measured at their own positions.
+    """Return the positions at which to compare curves that were measured at different ones.
 
     Args:
         positions: Increasing positions of each curve's points, shapes (num_points,).
 
     Returns:
-        The positions themselves where all curves share them. Otherwise as many as the longest
-        curve has, evenly spaced from where the last curve starts to where the last one ends.
+        The positions themselves if all curves share them. Otherwise as many as the longest curve
+        has, evenly spaced from where the last curve starts to where the last one ends.
     """
     if all(np.array_equal(own, positions[0]) for own in positions):
         return positions[0]
@@ -292,12 +293,12 @@ def aggregate_curves(
 ) -> Estimate:
     """Return the interquartile mean of several curves at each point of a grid.
 
-    Curves are interpolated linearly; one that ended before the grid does keeps its last value.
+    Curves are interpolated linearly; one that ends before the grid does keeps its last value.
 
     Args:
         grid: Positions, shape (num_points,).
         curves: Positions and values of each seed's curve.
-        confidence: Of the intervals.
+        confidence: Confidence level of the intervals.
 
     Returns:
         The estimate, its arrays of shape (num_points,).

@@ -1,13 +1,13 @@
-"""Other versions of an agent's policies, which show what a part of them is worth.
+"""Variants of an agent's policies, which show the effect of a part of them.
 
-| variant | what | of |
+| variant | policy | agents |
 |---|---|---|
 | final | the policy at the end of training | all |
 | rounded | every choice of torques replaced by the nearest command | agents that choose torques |
-| best_sample | of policies drawn from the final search distribution, the best one | evolution |
+| best_sample | the best of several policies drawn from the final search distribution | evolution |
 
-The published policy is the best snapshot in validation, or the last policy; the best sample is
-chosen on validation episodes, too. Variants play the same held-out episodes as published policies.
+The published policy is the best snapshot in validation, or the last policy; the best sample is also
+chosen on validation episodes. Variants run on the same held-out episodes as published policies.
 """
 
 from collections.abc import Sequence
@@ -19,13 +19,15 @@ from numpy.typing import NDArray
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.seeding import derive
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies import LinearPolicy, Policy, TanhActor
+from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.networks import TanhActor
+from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 
 Array = NDArray[np.float64]
 
 NUM_SAMPLES = 20  # policies of a generation in the article
-SELECTION_EPISODES = 4  # that the best sample is chosen by
+SELECTION_EPISODES = 4  # that the best sample is chosen on
 AMPLITUDE = 0.5  # of the article's commands
 
 
@@ -43,17 +45,17 @@ class RoundedPolicy:
 
     @property
     def num_observations(self) -> int | None:
-        """Numbers in an observation."""
+        """Number of values in an observation."""
         return self.policy.num_observations
 
     @property
     def num_motors(self) -> int:
-        """Torques that it returns."""
+        """Number of torques that the policy returns."""
         return self.policy.num_motors
 
     @property
     def actions(self) -> ActionSet:
-        """What the policy itself chooses from; its choices are held as long."""
+        """Actions that the policy itself chooses from; choices are held for as long."""
         return self.policy.actions
 
     def start(self, episode_seeds: Sequence[int]) -> None:
@@ -61,7 +63,7 @@ class RoundedPolicy:
         self.policy.start(episode_seeds)
 
     def act(self, observations: Array) -> Array:
-        """Return the command of the smallest Euclidean distance to the torques, (n, num_motors)."""
+        """Return the command at the smallest Euclidean distance to the torques, (n, num_motors)."""
         torques = self.policy.act(observations)
         distances = np.square(torques[:, None] - self.commands).sum(axis=-1)
         return self.commands[distances.argmin(axis=1)]
@@ -82,9 +84,9 @@ def make(
         xml: The robot as MJCF text.
         env: The task.
         published: The seed's policy.
-        final: Its last one.
-        seed: The agent's seed, which samples are drawn from.
-        validation_seed: Of the first validation episode.
+        final: The seed's last policy.
+        seed: The agent's seed, which the samples' random numbers are derived from.
+        validation_seed: Seed of the first validation episode.
         num_threads: Threads that step the simulations; results do not depend on it.
     """
     variants: dict[str, Policy] = {"final": final}

@@ -1,4 +1,4 @@
-"""The article's robot and task, in numbers, and what it printed.
+"""The article's robot and task as parameters, and the results that it printed.
 
 Source: Mauro Di Pietro, "Robotics with Python: Q-Learning vs Actor-Critic vs Evolutionary
 Algorithms", 2025; the robot is `assets/custom_ant.xml` of its repository, github.com
@@ -44,8 +44,8 @@ ENV = EnvParams(
     reward=RewardParams(torso_height=TorsoHeightParams(weight=10.0, floor=0.6, span=1.0)),
 )
 
-# What it printed. DQN and SAC were tested once each, for 1,000 control steps of the trained model,
-# exploring as in training and never reset: the total of the rewards by control step.
+# The printed results. DQN and SAC were tested once each, for 1,000 control steps of the trained
+# model, exploring as in training and never reset: the total of the rewards by control step.
 TEST_STEPS = 1000
 DQN_TOTALS = {
     1: 0.9,
@@ -73,15 +73,15 @@ SAC_TOTALS = {
     900: 7430.4,
     1000: 8311.7,
 }
-# PGPE's fitness by generation, less 1 a control step: EvoTorch's mean_eval, pop_best_eval and
+# PGPE's fitness by generation, minus 1 per control step: EvoTorch's mean_eval, pop_best_eval and
 # median_eval of the population, by the names of our learning curves.
 PGPE_TRACES = {
     "fitness_mean": {20: -29.1, 40: -34.5, 60: 53.4, 80: 81.7, 100: 110.4},
     "fitness_best": {20: 166.0, 40: 275.5, 60: 439.7, 80: 497.8, 100: 605.1},
     "fitness_median": {20: -35.8, 40: -75.5, 60: 8.1, 80: -37.3, 100: 52.2},
 }
-# The film of PGPE's centre, of one episode until it ended.
-PGPE_FILM_FITNESS = 50741.5  # less 1 a control step
+# The film of the policy at PGPE's centre: one episode until it ended.
+PGPE_FILM_FITNESS = 50741.5  # minus 1 per control step
 PGPE_FILM_STEPS = 11865
 # [h] Training times that the article states; the notebook says 1 h of DQN.
 STATED_HOURS = {"dqn": 20 / 60, "sac": 3.0, "pgpe": 1.0}

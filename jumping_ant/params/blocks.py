@@ -1,8 +1,8 @@
-"""The blocks of `params.yaml`, but for those of its agents.
+"""The blocks of `params.yaml`, except those of its agents.
 
-Every number of the pipeline lives in that file. Models are closed to unknown keys, strict about
-types, and state the range of each number. The settings of an agent stand beside its algorithm (see
-`jumping_ant.agents.catalogue`); `jumping_ant.experiment` puts all of them together.
+Every number of the pipeline is in that file. Models reject unknown keys, check types strictly, and
+state the range of each number. The settings of an agent are defined next to its algorithm (see
+`jumping_ant.agents.catalogue`); `jumping_ant.experiment` combines all of them.
 """
 
 import re
@@ -27,7 +27,7 @@ GYMNASIUM_ROBOTS = ("ant", "hopper", "walker2d", "half_cheetah", "humanoid")
 
 
 class Block(BaseModel):
-    """A block of `params.yaml`: typed, closed to unknown keys, immutable."""
+    """A block of `params.yaml`: typed, without unknown keys, immutable."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -39,7 +39,7 @@ class Block(BaseModel):
 
 
 def _is_a_source(source: str) -> str:
-    """Refuse what names neither a robot of Gymnasium nor a file of the project's folder."""
+    """Reject a source that is neither a robot of Gymnasium nor a file in `robots/`."""
     is_file = re.fullmatch(r"robots/[A-Za-z0-9_-]+\.xml", source)
     if source not in GYMNASIUM_ROBOTS and not is_file:
         raise ValueError(
@@ -54,7 +54,7 @@ class RobotParams(Block):
     source: Annotated[str, AfterValidator(_is_a_source)]
     """A robot of Gymnasium (ant, hopper, walker2d, half_cheetah, humanoid), or robots/NAME.xml."""
     density: Positive | None
-    """[kg/m^3] Density of every part (Gymnasium's Ant: 5). Half of it is half the mass."""
+    """[kg/m^3] Density of every part (Gymnasium's Ant: 5). Half the density is half the mass."""
     gear: Positive | None
     """[N m] Peak torque of every motor (Gymnasium's Ant: 150)."""
     joint_gear: dict[str, Positive]
@@ -62,15 +62,15 @@ class RobotParams(Block):
     torso_radius: Positive | None
     """[m] Radius of the geom `torso_geom` (Gymnasium's Ant: 0.25)."""
     leg_length: Positive | None
-    """[-] Factor on the length of every segment beyond the torso."""
+    """[-] Factor on the length of every segment except the torso."""
     damping: NonNegative | None
-    """[N m s/rad] Damping of every hinge beyond the torso (Gymnasium's Ant: 1)."""
+    """[N m s/rad] Damping of every hinge except the torso's (Gymnasium's Ant: 1)."""
     friction: Positive | None
     """[-] Sliding friction of every part and the floor (Gymnasium's Ant: 1)."""
     torsional_friction: Positive | None
-    """[m] Torsional friction of both (Gymnasium's Ant: 0.5); condim 3 leaves it idle."""
+    """[m] Torsional friction of parts and floor (Gymnasium's Ant: 0.5); unused with condim 3."""
     rolling_friction: Positive | None
-    """[m] Rolling friction of both (Gymnasium's Ant: 0.5); condim 3 leaves it idle."""
+    """[m] Rolling friction of parts and floor (Gymnasium's Ant: 0.5); unused with condim 3."""
     edits: dict[str, dict[str, dict[str, bool | int | float | str | list[float]]]]
     """Any other MJCF attribute: {element: {name pattern: {attribute: value}}}."""
 
@@ -86,7 +86,7 @@ class TorsoHeightParams(TermParams):
     """The term for the torso's height: clip((height - floor) / span, 0, 1)."""
 
     floor: float
-    """[m] Torso height that earns nothing."""
+    """[m] Torso height up to which the term is 0."""
     span: Positive
     """[m] Height above the floor at which the term saturates."""
 
@@ -102,9 +102,9 @@ class RewardParams(Block):
     forward_velocity: TermParams | None = None
     """[m/s] Mean velocity of the torso along x."""
     alive: TermParams | None = None
-    """1 unless the episode ends here."""
+    """1 unless the control step terminates the episode."""
     control_cost: TermParams | None = None
-    """Less the sum of the squared torques over peak torques."""
+    """Minus the sum of the squared torques over peak torques."""
     upright: TermParams | None = None
     """Cosine of the torso's tilt: 1 upright, -1 on its back."""
 
@@ -113,24 +113,24 @@ Command = Annotated[list[Annotated[float, Field(ge=-1, le=1)]], Field(min_length
 
 
 class EnvParams(Block):
-    """The task (see `jumping_ant.sim.task`); an end whose limit is null never comes."""
+    """The task (see `jumping_ant.sim.task`); null switches a limit off."""
 
     frame_skip: Count
-    """[-] Simulation steps in a control step."""
+    """[-] Simulation steps per control step."""
     reset_noise_scale: NonNegative
     """[-] Noise on the start state."""
     drop_height: Positive
-    """[m] Height of the torso in starts in any orientation; no part may reach the floor."""
+    """[m] Height of the torso at starts in any orientation; no part may reach the floor."""
     max_episode_steps: Count
-    """[control steps] An episode is truncated here."""
+    """[control steps] Length at which an episode is truncated."""
     min_torso_height: float | None
-    """[m] An episode ends below this height of the torso."""
+    """[m] An episode ends if the torso is below this height."""
     max_torso_height: float | None
-    """[m] An episode ends above this height of the torso."""
+    """[m] An episode ends if the torso is above this height."""
     max_tilt: Positive | None
-    """[rad] An episode ends where the torso leans farther than this."""
+    """[rad] An episode ends if the torso tilts more than this."""
     commands: Annotated[list[Command], Field(min_length=1)]
-    """[-] The table of commands: a row of torques over peak torque, in the actuators' order."""
+    """[-] The table of commands: rows of torques over peak torque, in the actuators' order."""
     reward: RewardParams
     """The terms of the reward."""
 
@@ -140,20 +140,20 @@ class EnvParams(Block):
         lengths = sorted({len(row) for row in commands})
         if len(lengths) > 1:
             raise ValueError(
-                f"given rows of {lengths[0]} and of {lengths[-1]} torques, allowed: one a motor"
+                f"given rows of {lengths[0]} and of {lengths[-1]} torques, allowed: one per motor"
             )
         return commands
 
 
 class ActionParams(Block):
-    """What an agent chooses from at each decision, and how long a choice lasts."""
+    """What an agent chooses from at each decision, and how long each choice is held."""
 
     kind: Literal["torques", "commands"]
     """Any torques, or one of the commands of `env.commands`."""
     amplitude: Annotated[float, Field(gt=0, le=1)]
     """[-] Factor on torques over peak torque; the article's commands have 0.5."""
     hold: Count
-    """[control steps] Each choice is held for."""
+    """[control steps] How long each choice is held."""
 
 
 class TorqueParams(ActionParams):
@@ -171,25 +171,25 @@ class CommandParams(ActionParams):
 
 
 class TrainingParams(Block):
-    """Validation while training (see `jumping_ant.training.driver`)."""
+    """Validation during training (see `jumping_ant.training.driver`)."""
 
     evaluations: Count
-    """[-] Spread evenly over the budget."""
+    """[-] Number of evaluations, spread evenly over the budget."""
     evaluation_episodes: Count
-    """[-] In each of them."""
+    """[-] Episodes per evaluation."""
     evaluation_seed: Seed
-    """Of the first episode; the others count up from it."""
+    """Seed of the first episode; the others count up from it."""
     publish: Literal["best", "final"]
     """Which policy of a seed is its result: the best one by validation, or the last one."""
 
 
 class ComputeParams(Block):
-    """How the work is spread; no result depends on it."""
+    """How the work is distributed; no result depends on it."""
 
     workers: Annotated[int, Field(ge=0)]
-    """[processes] Seeds trained at once; 0 takes every core."""
+    """[processes] Seeds trained in parallel; 0 uses every core."""
     checkpoint_seconds: Positive
-    """[s] From one checkpoint of a seed to the next."""
+    """[s] Time between two checkpoints of a seed."""
 
 
 class EvaluateParams(Block):
@@ -198,40 +198,40 @@ class EvaluateParams(Block):
     episodes: Count
     """[-] Held-out episodes for each seed."""
     seed: Seed
-    """Of the first episode; the others count up from it."""
+    """Seed of the first episode; the others count up from it."""
     min_airborne_seconds: NonNegative
-    """[s] Off the ground for this long counts as a jump."""
+    """[s] Minimum time off the ground that counts as a jump."""
 
 
 class RecordParams(Block):
     """Videos and recordings (see `rendering` and `recording` in `jumping_ant.showing`)."""
 
     width: Annotated[int, Field(ge=64, le=3840, multiple_of=2)]
-    """[pixels] Of the video."""
+    """[pixels] Width of the video."""
     height: Annotated[int, Field(ge=64, le=2160, multiple_of=2)]
-    """[pixels] Of the video."""
+    """[pixels] Height of the video."""
     fps: Annotated[int, Field(ge=1, le=240)]
-    """[frames/s] A divisor of the simulation's rate, which is 100 for the Ant."""
+    """[frames/s] Frame rate; a divisor of the simulation's rate, which is 100 for the Ant."""
     seconds: Positive
-    """[s] Filmed from the start of the episode."""
+    """[s] Time filmed from the start of the episode."""
     shadow_size: Annotated[int, Field(ge=0, le=8192)]
-    """[pixels] Of the shadow map; 0 draws no shadows."""
+    """[pixels] Size of the shadow map; 0 draws no shadows."""
     camera_distance: Positive
-    """[m] From the torso."""
+    """[m] Distance of the camera from the torso."""
     camera_azimuth: float
-    """[degrees] Of the view."""
+    """[degrees] Azimuth of the view."""
     camera_elevation: Annotated[float, Field(ge=-90, le=90)]
-    """[degrees] Of the view; negative looks down."""
+    """[degrees] Elevation of the view; negative looks down."""
 
 
 class CompareParams(Block):
     """Statistics (see `jumping_ant.judging.statistics` and `jumping_ant.judging.claims`)."""
 
     confidence: Annotated[float, Field(gt=0, lt=1)]
-    """[-] Of every interval; what it lacks to 1 is the level of all claims together."""
+    """[-] Confidence level of every interval; 1 minus it is the level of all claims together."""
     power: Annotated[float, Field(gt=0, lt=1)]
-    """[-] Chance of a decision that the number of seeds an open claim needs is computed for."""
+    """[-] Power for which the number of seeds that an open claim needs is computed."""
     bootstrap_samples: Annotated[int, Field(ge=100)]
-    """[-] Resamples behind an interval of a statistic that has no formula."""
+    """[-] Bootstrap resamples for the interval of a statistic that has no formula."""
     seed: Seed
-    """Of resamples and of random arrangements."""
+    """Seed of resamples and of random arrangements."""

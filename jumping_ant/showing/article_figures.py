@@ -1,7 +1,7 @@
-"""The article's printed values among ours, in pictures.
+"""Figures that compare the article's printed values with ours.
 
-Each seed is a thin line in its agent's colour (see `jumping_ant.words.looks`), what was printed a
-bold one. The same numbers give the same bytes.
+Each seed is a thin line in its agent's colour (see `jumping_ant.words.looks`), the printed values
+are a bold one. The same numbers give the same bytes.
 """
 
 import io
@@ -30,7 +30,7 @@ def draw(reproduction: Reproduction, looks: Mapping[str, Look]) -> dict[str, Fig
 
     Args:
         reproduction: What `reproduction.reproduce` returns.
-        looks: Of the agents, by name.
+        looks: The agents' looks, by name.
 
     Returns:
         Figures by agent.
@@ -44,7 +44,7 @@ def draw(reproduction: Reproduction, looks: Mapping[str, Look]) -> dict[str, Fig
 
 
 def picture(figure: Figure) -> bytes:
-    """Return a figure as a PNG of few colours, which is small enough for git."""
+    """Return a figure as a PNG with few colours, small enough for git."""
     with Image.open(io.BytesIO(render(figure, "png"))) as image:
         few = image.convert("RGB").quantize(NUM_COLOURS, dither=Image.Dither.NONE)
     content = io.BytesIO()

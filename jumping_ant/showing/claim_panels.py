@@ -1,4 +1,4 @@
-"""The claims in pictures: a small panel for each, with every seed that it was judged by."""
+"""Figures of the claims: a small panel for each, with every seed that it was judged by."""
 
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -14,17 +14,17 @@ from jumping_ant.words.looks import Look
 from jumping_ant.words.wording import p_value
 
 COLUMNS = 2
-WIDTH = 62  # [characters] of a panel's title
-PAIR = "#B0B0B0"  # of the lines between values of the same seed
+WIDTH = 62  # [characters] width of a panel's title
+PAIR = "#B0B0B0"  # colour of the lines between values of the same seed
 
 
 def draw(claims: Sequence[Mapping[str, Any]], drawn: Mapping[str, Look], title: str) -> Figure:
-    """Draw a panel a claim, with its verdict.
+    """Draw one panel per claim, with its verdict.
 
     Args:
-        claims: What `claims.verdicts.check` returns, one at least.
+        claims: What `claims.verdicts.check` returns; at least one claim.
         drawn: Looks by the labels of agents.
-        title: Of the figure.
+        title: The figure's title.
     """
     columns = min(COLUMNS, len(claims))
     rows = -(-len(claims) // columns)
@@ -74,7 +74,7 @@ def _draw_claim(axes: Axes, claim: Mapping[str, Any], drawn: Mapping[str, Look])
 
 
 def _scale(axes: Axes, values: np.ndarray) -> None:
-    """Choose the axis: logarithmic where values are far apart; else with zero in sight."""
+    """Choose the axis: logarithmic if values are far apart, otherwise one that includes zero."""
     known = values[~np.isnan(values)]
     if looks.is_long(known.tolist()):
         axes.set_xscale("log")
@@ -92,5 +92,5 @@ def anchor_at_zero(axes: Axes, values: np.ndarray) -> None:
 
 
 def _floats(values: Sequence[float | None]) -> np.ndarray:
-    """Return one number a seed, NaN where there is none."""
+    """Return one number per seed, NaN where there is none."""
     return np.array([np.nan if value is None else value for value in values], dtype=np.float64)

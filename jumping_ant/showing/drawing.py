@@ -1,9 +1,9 @@
-"""Pictures of a robot's states, in order, drawn by as many processes as pay off.
+"""Pictures of a robot's states, in order, rendered by as many processes as pay off.
 
-MuJoCo draws under Python's lock, and a software renderer gains little from threads of its own, so
-the pictures are dealt out to processes. Each is a small program that draws its share into a pipe:
-it starts faster than a process of `multiprocessing`, which would import the caller's program too,
-and it waits while its pictures are not read, so that few of them are in memory.
+MuJoCo renders while holding the GIL, and a software renderer gains little from its own threads, so
+the pictures are distributed over processes. Each is a small program that writes its share to a
+pipe. It starts faster than a `multiprocessing` process, which would import the caller's program
+too, and it blocks until its pictures are read, so few of them are in memory.
 """
 
 import contextlib
@@ -27,27 +27,27 @@ from jumping_ant.sim import gl
 Process = subprocess.Popen[bytes]
 
 PICTURES_PER_PROCESS = 100  # fewer are drawn before another process has started
-PIPE_BYTES = 2**20  # what Linux lets everybody have; a picture of 480 x 480 takes two thirds
-MAX_PROCESSES = 4  # an encoder, which takes the pictures one by one, keeps up with no more
+PIPE_BYTES = 2**20  # Linux's limit for all users; a picture of 480 x 480 takes two thirds
+MAX_PROCESSES = 4  # the encoder takes pictures one by one and cannot keep up with more
 
 _PROGRAM = "from jumping_ant.showing import drawing; drawing.serve()"
-# A process fills a core, so llvmpipe, Mesa's software renderer, needs no threads beside it.
+# Each process fills a core, so llvmpipe, Mesa's software renderer, needs no extra threads.
 _ENVIRONMENT = {"LP_NUM_THREADS": "0"}
 
 
 @dataclass(frozen=True, eq=False)
 class Shots:
-    """What to draw: a camera on n states.
+    """What to draw: n states, seen by a camera.
 
     Attributes:
         model: The scene.
         qpos: Positions in each state, shape (n, model.nq).
         lookat: Points that the camera looks at [m], shape (n, 3).
-        width: Of a picture [pixels].
-        height: Of a picture [pixels].
-        distance: Of the camera from its point [m].
-        azimuth: Of the camera's view [degrees].
-        elevation: Of the camera's view [degrees].
+        width: Width of a picture [pixels].
+        height: Height of a picture [pixels].
+        distance: Distance of the camera from its point [m].
+        azimuth: Azimuth of the camera's view [degrees].
+        elevation: Elevation of the camera's view [degrees].
     """
 
     model: mujoco.MjModel
@@ -69,24 +69,24 @@ def draw(shots: Shots, processes: int = 0) -> Iterator[NDArray[np.uint8]]:
 
     Args:
         shots: What to draw.
-        processes: How many draw; pictures do not depend on it. With 1, this one draws itself;
-            0 stands for as many as pay off.
+        processes: Number of processes that draw; pictures do not depend on it. With 1, this
+            process draws; 0 means as many as pay off.
 
     Yields:
         Pictures, shape (height, width, 3).
 
     Raises:
-        InputError: Nothing draws on this machine.
+        InputError: This machine cannot render.
     """
     processes = processes or _num_worthwhile(len(shots.qpos))
     return _draw_here(shots) if processes == 1 else _draw_apart(shots, processes)
 
 
 def serve() -> None:
-    """Draw the shots that come pickled on standard input, for `_draw_apart`.
+    """Draw the shots that arrive pickled on standard input, for `_draw_apart`.
 
-    Pictures go to standard output, pickled, and after them the error that ended the work, if any.
-    Where nobody is left to read them, the work ends in silence.
+    Pickled pictures go to standard output, followed by the error that ended the work, if any.
+    If the reader has gone, the work ends silently.
     """
     with contextlib.suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as pipe:
         os.dup2(2, 1)  # what libraries print goes to standard error
@@ -122,9 +122,9 @@ def _draw_here(shots: Shots) -> Iterator[NDArray[np.uint8]]:
 def _finish(scene: mujoco.MjvScene) -> None:
     """Lay haze over the horizon of the ground z = 0, and let planes cast no shadow.
 
-    MuJoCo draws haze for infinite planes alone; the one added here, of size zero, shows nothing
-    itself. And it spares decoration the casting of shadows. A plane's would fall on nothing but,
-    by rounding errors, on the plane.
+    MuJoCo draws haze only for infinite planes; the one added here has size zero and is itself
+    invisible. Decoration casts no shadows. The shadow of a plane would fall only on the plane
+    itself, through rounding errors.
     """
     mujoco.mjv_initGeom(
         scene.geoms[scene.ngeom],
@@ -141,7 +141,7 @@ def _finish(scene: mujoco.MjvScene) -> None:
 
 
 def _draw_apart(shots: Shots, processes: int) -> Iterator[NDArray[np.uint8]]:
-    """Deal the shots out to processes, and collect the pictures in turn."""
+    """Distribute the shots over processes, and collect the pictures in order."""
     gl.select_backend()  # once for all of them
     with contextlib.ExitStack() as stack:
         artists = [stack.enter_context(_start()) for _ in range(processes)]
@@ -157,7 +157,7 @@ def _start() -> Iterator[Process]:
     environment = os.environ | _ENVIRONMENT
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment) as process:
-        # With room for a picture in the pipe, the next is drawn before the last is fetched. Systems
+        # With room for a picture in the pipe, the next is drawn before the last is read. Systems
         # without this call, or with a lower limit, only wait longer.
         with contextlib.suppress(AttributeError, OSError):
             fcntl.fcntl(cast(IO[bytes], process.stdout), fcntl.F_SETPIPE_SZ, PIPE_BYTES)
@@ -169,7 +169,7 @@ def _start() -> Iterator[Process]:
 
 
 def _send(process: Process, shots: Shots) -> None:
-    # A process that has died is found out on receiving.
+    # `_receive` detects a process that has died.
     with contextlib.suppress(BrokenPipeError), cast(IO[bytes], process.stdin) as pipe:
         pickle.dump(shots, pipe)
 
@@ -179,8 +179,8 @@ def _receive(process: Process) -> NDArray[np.uint8]:
         item = pickle.load(cast(IO[bytes], process.stdout))
     except (EOFError, pickle.UnpicklingError) as error:
         raise RuntimeError(
-            f"a process that draws ended early, with exit status {process.wait()}; what it said "
-            "stands above"
+            f"a rendering process ended early, with exit status {process.wait()}; see its output "
+            "above"
         ) from error
     if isinstance(item, InputError):
         raise item

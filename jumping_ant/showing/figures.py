@@ -1,4 +1,4 @@
-"""The comparison in pictures.
+"""Figures of the comparison.
 
 Every agent keeps its colour and marker in all figures (see `jumping_ant.words.looks`). The same
 numbers give the same bytes.
@@ -44,7 +44,7 @@ STYLE: Any = {  # matplotlib types it by each key's name
 }
 STYLES = ["default", STYLE]  # whatever the reader's own matplotlibrc says
 
-# Marks of a row of seeds, as matplotlib's keywords.
+# Marks in a row of seeds, as matplotlib's keywords.
 BAND: Any = {"linewidth": 7, "alpha": 0.25, "solid_capstyle": "butt"}
 BAR: Any = {"linestyle": "", "marker": "|", "markersize": 16, "markeredgewidth": 2.5}
 MEAN: Any = {"linestyle": "", "marker": "D", "markersize": 5, "markerfacecolor": "white"}
@@ -71,17 +71,17 @@ def draw(
     claims: Sequence[Mapping[str, Any]],
     confidence: float,
 ) -> dict[str, Figure]:
-    """Draw all figures; that of pairs needs two agents, that of claims a claim.
+    """Draw all figures; the figure of pairs needs two agents, the figure of claims a claim.
 
     Args:
         results: What `results.load` returns.
         curves: What `comparison.learning_curves` returns.
         summary: What `comparison.summarize` returns.
         claims: What `claims.verdicts.check` returns.
-        confidence: Of the intervals, for the titles.
+        confidence: Confidence level of the intervals, for the titles.
 
     Returns:
-        Figures by file name, without its ending.
+        Figures by file name, without its extension.
     """
     drawn = looks({name: agent.is_baseline for name, agent in results.items()})
     percent = f"{100 * confidence:g} %"
@@ -115,7 +115,7 @@ def draw(
 
 
 def render(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
-    """Return a figure as a file's content, free of dates and versions."""
+    """Return a figure as a file's content, without dates and versions."""
     content = io.BytesIO()
     metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}[kind]
     with style.context(STYLES):
@@ -162,7 +162,7 @@ def _draw_band(axes: Axes, x: np.ndarray, curve: LearningCurve, look: Look, labe
 
 
 def _scale_time(axes: Axes, times: Sequence[np.ndarray]) -> None:
-    """Use a logarithmic axis where budgets are more than tenfold apart; a plain one otherwise."""
+    """Use a logarithmic axis if budgets differ more than tenfold, otherwise a linear one."""
     lasts = [float(own[-1]) for own in times if own[-1] > 0]
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
     if lasts and max(lasts) > 10 * min(lasts):
@@ -179,7 +179,7 @@ def _draw_quantities(
     labels: Mapping[str, str],
     title: str,
 ) -> Figure:
-    """Draw one panel a quantity: a row an agent, with its seeds and what sums them up."""
+    """Draw one panel per quantity: a row per agent, with its seeds and their summary."""
     columns = min(2, len(labels))
     rows = -(-len(labels) // columns)
     figure = Figure(figsize=(9, 0.9 + rows * (0.7 + 0.4 * len(results))), layout="constrained")
@@ -202,7 +202,7 @@ def _draw_quantities(
 
 
 def _legend() -> list[Line2D]:
-    """Return what explains the marks of `_draw_seeds` and `_ring`."""
+    """Return the legend entries for the marks of `_draw_seeds` and `_ring`."""
     return [
         Line2D([], [], label="seed", color=INK, linestyle="", marker="o", alpha=0.6),
         Line2D([], [], label="interquartile mean", color=INK, **BAR),
@@ -243,7 +243,7 @@ def _draw_probabilities(
     looks: Mapping[str, Look],
     title: str,
 ) -> Figure:
-    """Draw one row a pair of agents, the one that wins more often named first."""
+    """Draw one row per pair of agents; the one that wins more often is named first."""
     pairs = summary["probability_of_improvement"]
     better = [
         (one, other) if pairs[f"{one}>{other}"]["p"] >= 0.5 else (other, one)

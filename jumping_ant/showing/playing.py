@@ -1,4 +1,4 @@
-"""A policy that plays in real time, for someone to watch."""
+"""Play a policy in real time, for someone to watch."""
 
 import itertools
 import time
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from jumping_ant.policies import Policy
+from jumping_ant.policies.policy import Policy
 from jumping_ant.showing.recording.live import Step
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.rewards import PREFIX, active
@@ -19,12 +19,12 @@ def play(
 
     Args:
         env: Where the policy plays.
-        policy: What acts.
+        policy: The policy that acts.
         first_seed: Seed of the first episode; the others count up from it.
-        num_episodes: How many; None goes on and on.
+        num_episodes: Number of episodes; None means endless.
 
     Yields:
-        Each control step, not before its time has passed.
+        Control steps, no faster than real time.
     """
     numbers = itertools.count() if num_episodes is None else range(num_episodes)
     for number in numbers:
@@ -32,7 +32,7 @@ def play(
         for step in _play_episode(env, policy, first_seed + number):
             yield step
             earned += step.reward
-            due = max(due + env.dt, time.monotonic() - env.dt)  # what is late is not made up for
+            due = max(due + env.dt, time.monotonic() - env.dt)  # lost time is not made up for
             time.sleep(max(0.0, due - time.monotonic()))
         print(f"episode {number}: return {earned:,.0f}", flush=True)
 

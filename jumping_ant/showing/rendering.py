@@ -1,4 +1,4 @@
-"""Videos of recorded episodes, drawn off screen and encoded to the same bytes at every run."""
+"""Videos of recorded episodes, rendered off screen and encoded to the same bytes in every run."""
 
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -20,20 +20,20 @@ from jumping_ant.sim.trajectory import Trajectory, frame_stride
 
 # The camera follows the torso's path, smoothed over this long [s].
 CAMERA_SMOOTHING = 0.25
-# As shares of the camera's distance: the height it looks at, and how far above that the torso
-# rises before the camera rises too. Below, ground and horizon stand still and jumps show.
+# As fractions of the camera's distance: the height it looks at, and how far above that the torso
+# rises before the camera rises too. Below, ground and horizon stay still, so jumps are visible.
 CAMERA_HEIGHT = 0.22
 CAMERA_SLACK = 0.2
 
-# Corners of round parts: around, and from pole to pole. Of MuJoCo's 28 and 16 the eye misses none
-# at the sizes that films have, and every corner is computed three times a frame.
+# Corners of round parts: around, and from pole to pole. At the size of the films, MuJoCo's 28 and
+# 16 look the same, and every corner is computed three times per frame.
 SLICES, STACKS = 16, 10
-LIGHT_HEIGHT = 8.0  # [m] of the lamp above the torso
-SHADOW_REACH = 2.0  # [m] from below the torso, as far as a shadow may lie
+LIGHT_HEIGHT = 8.0  # [m] height of the lamp above the torso
+SHADOW_REACH = 2.0  # [m] largest distance of a shadow from the point below the torso
 TILE = 2.0  # [m] side of the floor's squares
-# [m] from the origin to where the floor ends, farther than episodes lead. A floor without end is
-# what MuJoCo cuts into 40,000 pieces, which took longer to draw than all else. The number of tiles
-# is odd, which puts corners of tiles at the origin.
+# [m] from the origin to the edge of the floor, farther than episodes go. MuJoCo cuts an infinite
+# floor into 40,000 pieces, which took longer to draw than everything else. The number of tiles is
+# odd, which puts corners of tiles at the origin.
 FLOOR_REACH = 501 * TILE
 DARK_TILE = (0.30, 0.37, 0.45)
 LIGHT_TILE = (0.36, 0.44, 0.53)
@@ -54,16 +54,16 @@ def frames(
 
     Args:
         xml: The robot.
-        trajectory: The episode; its first `params.seconds` are drawn, all of a shorter one.
+        trajectory: The episode; its first `params.seconds` are drawn, or all of a shorter one.
         params: Size, frame rate, shadow and camera.
-        processes: How many draw (see `drawing.draw`).
+        processes: Number of processes that draw (see `drawing.draw`).
 
     Returns:
-        Pictures, shape (height, width, 3), drawn as they are asked for.
+        Pictures, shape (height, width, 3), drawn on demand.
 
     Raises:
         InputError: The frame rate does not divide the simulation's, the XML is not a robot with
-            a torso and a floor, or another than the trajectory's, or nothing draws on this machine.
+            a torso and a floor or not the trajectory's robot, or this machine cannot render.
     """
     rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
     model = scene(xml, params.shadow_size)
@@ -89,7 +89,7 @@ def camera_path(torso: NDArray[np.float64], params: RecordParams) -> NDArray[np.
         params: Frame rate and distance of the camera.
 
     Returns:
-        Points [m], shape (num_frames, 3): the path, smoothed, at a height that stands still until
+        Points [m], shape (num_frames, 3): the path, smoothed, at a height that is constant until
         the torso would leave the picture.
     """
     height = CAMERA_HEIGHT * params.camera_distance
@@ -102,9 +102,9 @@ def camera_path(torso: NDArray[np.float64], params: RecordParams) -> NDArray[np.
 
 
 def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
-    """Compile a robot for pictures: a calm floor to the horizon, sky, and a lamp overhead.
+    """Compile a robot for rendering: a tiled floor to the horizon, a sky, and an overhead lamp.
 
-    Only what is seen changes, not the robot. The source's lamp hangs at 1.3 m, below a jump.
+    Only the looks change, not the robot. The source's lamp hangs at 1.3 m, lower than a jump.
 
     Args:
         xml: The robot.
@@ -123,7 +123,7 @@ def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
     torso = Anatomy.of(spec.compile()).torso
     _paint(spec, planes[0])
     _light(spec, next(body for body in spec.bodies if body.id == torso))
-    spec.stat.extent = 4.0  # [m] the unit of the distances below, else a guess from the robot
+    spec.stat.extent = 4.0  # [m] unit of the distances below; by default MuJoCo's estimate
     spec.visual.map.zfar = 20.0
     spec.visual.map.shadowclip = SHADOW_REACH / spec.stat.extent
     spec.visual.quality.shadowsize = shadow_size
@@ -189,7 +189,7 @@ def _paint(spec: mujoco.MjSpec, floor: mujoco.MjsGeom) -> None:
     tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
     floor.material = "tiles"
     floor.rgba = [1.0] * 4
-    floor.size = [FLOOR_REACH] * 3  # in four pieces: the last is the side of each
+    floor.size = [FLOOR_REACH] * 3  # in four pieces: the last entry is the side of each
     for texture in spec.textures:
         if texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX:
             texture.rgb1, texture.rgb2 = ZENITH, HORIZON
@@ -197,7 +197,7 @@ def _paint(spec: mujoco.MjSpec, floor: mujoco.MjsGeom) -> None:
 
 
 def _light(spec: mujoco.MjSpec, torso: mujoco.MjsBody) -> None:
-    """Hang one lamp straight above the torso, so that the shadow tells where it is."""
+    """Hang one lamp straight above the torso, so that the shadow shows where it is."""
     for light in spec.lights:
         spec.delete(light)
     torso.add_light(

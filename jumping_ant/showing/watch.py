@@ -1,7 +1,7 @@
 """Watch a trained policy play, in real time.
 
-It plays in MuJoCo's window, or, where there is no screen, in a Rerun viewer in a browser on this
-machine. The episodes start as the held-out ones do, and go on until Ctrl-C.
+It plays in MuJoCo's window or, without a screen, in a Rerun viewer in a browser on this machine.
+The episodes start like the held-out ones and continue until Ctrl-C.
 
 Usage: python -m jumping_ant.showing.watch AGENT [--seed N] [--episodes N]
 """
@@ -18,14 +18,14 @@ import glfw
 import mujoco
 import numpy as np
 
-from jumping_ant import policies
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
-from jumping_ant.policies import Policy
+from jumping_ant.policies import policy_file
+from jumping_ant.policies.policy import Policy
 from jumping_ant.showing.playing import play
 from jumping_ant.showing.recording import server
 from jumping_ant.showing.recording.live import LiveRecording
@@ -34,11 +34,11 @@ from jumping_ant.sim.env import RobotEnv
 
 
 def main() -> None:
-    """Play what the command line asks for."""
+    """Parse the command line and play."""
     parser = argparse.ArgumentParser(description="Watch a trained policy play.")
-    parser.add_argument("agent", help="its name in params.yaml")
-    parser.add_argument("--seed", type=int, help="which of its policies; default: the best")
-    parser.add_argument("--episodes", type=int, help="how many; default: until Ctrl-C")
+    parser.add_argument("agent", help="name of the agent in params.yaml")
+    parser.add_argument("--seed", type=int, help="training seed of the policy; default: the best")
+    parser.add_argument("--episodes", type=int, help="number of episodes; default: until Ctrl-C")
     options = parser.parse_args()
     settings = params_file.load()
     settings.agent(options.agent)
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def run() -> None:
-    """Run `main`; a mistake, a missing server, and Ctrl-C or SIGTERM each end in one line."""
+    """Run `main`; an input error, a missing server, Ctrl-C or SIGTERM ends it with one line."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with reported():
@@ -63,7 +63,7 @@ def run() -> None:
 
 
 def best_seed(root: Path, agent: str) -> int:
-    """Return the seed whose policy returned most in the held-out episodes.
+    """Return the seed whose policy has the highest return in the held-out episodes.
 
     Raises:
         InputError: The agent has not been evaluated.
@@ -87,7 +87,7 @@ def load_policy(root: Path, agent: str, seed: int) -> Policy:
     if seed not in trained:
         allowed = ", ".join(map(str, trained)) or f"none yet; `dvc repro train@{agent}` trains them"
         raise InputError(f"seed of {agent}: given {seed}, allowed: {allowed}")
-    return policies.load_file(paths.seed(seed).policy)
+    return policy_file.load(paths.seed(seed).policy)
 
 
 def has_screen() -> bool:
@@ -99,10 +99,10 @@ def has_screen() -> bool:
 def _in_window(
     xml: str, settings: Params, policy: Policy, name: str, num_episodes: int | None
 ) -> None:
-    """Play in a window; closing it is an end too.
+    """Play in a window; closing it also ends the program.
 
     Raises:
-        InputError: No window opens.
+        InputError: No window can be opened.
     """
     env = RobotEnv(xml, settings.env, render_mode="human")
     warnings.simplefilter("error", glfw.GLFWError)
@@ -118,7 +118,7 @@ def _in_window(
             "in a browser"
         ) from error
     finally:
-        warnings.simplefilter("ignore")  # what is said while a closed window is tidied up
+        warnings.simplefilter("ignore")  # warnings while a closed window is cleaned up
 
 
 def _in_browser(

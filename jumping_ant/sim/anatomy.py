@@ -1,7 +1,7 @@
-"""What a compiled robot is made of: its torso and how it moves, its motors, its sizes.
+"""The anatomy of a compiled robot: its torso and how it moves, its motors, its sizes.
 
-A robot is a tree of bodies on a floor. Its first body that moves against the world is its torso,
-and either moves freely (Ant, Humanoid) or in the plane of x and z (Hopper, Walker2d, HalfCheetah:
+A robot is a tree of bodies on a floor. Its first body that moves relative to the world is its
+torso, which moves either freely (Ant, Humanoid) or in the x-z plane (Hopper, Walker2d, HalfCheetah:
 slides along x and z, and a hinge that tilts it). All its motors drive joints.
 """
 
@@ -21,20 +21,20 @@ class Anatomy:
     """Sizes and coordinates of a robot.
 
     Attributes:
-        num_positions: Of `qpos`.
-        num_velocities: Of `qvel`.
-        num_motors: Of `ctrl`.
-        num_horizontal: Coordinates of the torso's place on the floor, the first ones of `qpos`;
+        num_positions: Size of `qpos`.
+        num_velocities: Size of `qvel`.
+        num_motors: Size of `ctrl`.
+        num_horizontal: Number of horizontal coordinates of the torso, the first ones of `qpos`;
             they are not observed.
-        torso: Number of the torso's body.
-        height_address: Where in `qpos` the torso's height stands, less `height_offset`.
-        height_offset: [m]
-        orientation: Where in `qpos` the torso's orientation stands: a quaternion (w, x, y, z), an
+        torso: Index of the torso's body.
+        height_address: Index in `qpos` of the torso's height minus `height_offset`.
+        height_offset: Added to that coordinate to get the torso's height [m].
+        orientation: Slice of `qpos` with the torso's orientation: a quaternion (w, x, y, z), an
             angle [rad], or nothing.
-        level: That angle where the torso is upright.
+        level: The angle at which the torso is upright [rad].
         control_limits: Control at peak torque, shape (num_motors,).
         peak_torques: [N m], shape (num_motors,).
-        motor_joints: Number of the joint that each motor drives, shape (num_motors,).
+        motor_joints: Index of the joint that each motor drives, shape (num_motors,).
     """
 
     num_positions: int
@@ -55,7 +55,7 @@ class Anatomy:
         """Return the anatomy of a compiled robot.
 
         Raises:
-            InputError: It is built otherwise; the message says how.
+            InputError: The robot is built differently; the message says how.
         """
         torso = _torso(model)
         joints = range(
@@ -86,17 +86,17 @@ class Anatomy:
 
     @property
     def num_observed_positions(self) -> int:
-        """Positions in an observation, which the velocities follow."""
+        """Number of positions in an observation; the velocities follow them."""
         return self.num_positions - self.num_horizontal
 
     @property
     def num_observations(self) -> int:
-        """Numbers in an observation."""
+        """Number of values in an observation."""
         return self.num_observed_positions + self.num_velocities
 
     @property
     def is_free(self) -> bool:
-        """Whether the torso moves freely; else in a plane."""
+        """Whether the torso moves freely; otherwise it moves in a plane."""
         return self.orientation.stop - self.orientation.start == 4
 
     def heights(self, qpos: Array) -> Array:
@@ -123,8 +123,8 @@ def _torso(model: mujoco.MjModel) -> int:
     moving = np.flatnonzero((model.body_parentid == 0) & (model.body_jntnum > 0))
     if len(moving) != 1 or model.body_jntadr[moving[0]] != 0:
         raise InputError(
-            f"robot: given {len(moving)} bodies that move against the world, allowed: one, the "
-            "torso, whose joints come first"
+            f"robot: given {len(moving)} bodies that move relative to the world, allowed: one, "
+            "the torso, whose joints come first"
         )
     return int(moving[0])
 
@@ -162,6 +162,6 @@ def _motors(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64]]:
         if limits[number] <= 0 or lowest[number] != -limits[number]:
             raise InputError(
                 f"robot: the motor {name} has controls in [{lowest[number]:g}, "
-                f"{limits[number]:g}], allowed: as far below zero as above"
+                f"{limits[number]:g}], allowed: a range symmetric about zero"
             )
     return limits, model.actuator_trnid[:, 0].astype(np.int64)

@@ -1,10 +1,10 @@
 """The task as a Gymnasium environment, and `JumpingAnt-v0`.
 
-`gym.make("JumpingAnt-v0")` always is the article's robot and task, whatever `params.yaml` says, and
-`gym.make_vec("JumpingAnt-v0", num_envs=n)` a batch of them on MuJoCo's native threads.
+`gym.make("JumpingAnt-v0")` is always the article's robot and task, regardless of `params.yaml`, and
+`gym.make_vec("JumpingAnt-v0", num_envs=n)` is a batch of them on MuJoCo's native threads.
 
 Training, evaluation and populations use the batched `jumping_ant.sim.vector.RobotVectorEnv`; this
-one is for people and tools. Tests hold the two bit-identical.
+one is for interactive use and tools. Tests check that the two are bit-identical.
 
 Observation, action and reward are described in `jumping_ant.sim.task`.
 """
@@ -24,7 +24,7 @@ from jumping_ant.sim import gl, rewards, robot
 from jumping_ant.sim.task import Task, action_space
 from jumping_ant.sim.vector import RobotVectorEnv
 
-if TYPE_CHECKING:  # it imports what only those need who draw
+if TYPE_CHECKING:  # its imports are needed only for rendering
     from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 
 ENV_ID = "JumpingAnt-v0"
@@ -46,7 +46,7 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
         task: The task, with the robot's anatomy.
 
     Raises:
-        InputError: The XML is not a robot, or not one that the task fits.
+        InputError: The XML is not a robot, or the task does not fit it.
         ValueError: There is no such render mode.
     """
 
@@ -158,13 +158,13 @@ class JumpingAnt(RobotEnv):
 
 
 class Decisions(gym.Wrapper):
-    """Makes a step one decision of an agent: a choice from its action set, held as long as it says.
+    """Makes each step one decision of an agent: a choice from its action set, held as it specifies.
 
-    Rewards are sums over the control steps that a decision lasts.
+    Rewards are sums over the control steps of a decision.
 
     Args:
-        env: An environment whose actions are torques, as `RobotEnv`.
-        actions: The agent's action set: of an agent of `params.yaml`,
+        env: An environment whose actions are torques, such as `RobotEnv`.
+        actions: The agent's action set; for an agent of `params.yaml`,
             `ActionSet.of(params.agent("dqn").actions, params.env.commands)`.
     """
 
@@ -174,14 +174,14 @@ class Decisions(gym.Wrapper):
         self.action_space = action_space(actions, cast(gym.spaces.Box, env.action_space).shape[0])
 
     def step(self, action: Any) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
-        """Hold a choice until its time is over or the episode ends.
+        """Hold a choice for its duration or until the episode ends.
 
         Args:
             action: Number of a command, or torques in [-1, 1], shape (num_motors,).
 
         Returns:
             The last observation, shape (num_observations,), the summed reward, whether the episode
-            terminated or was truncated, and the last `info`, the terms of the reward summed.
+            terminated or was truncated, and the last `info`, with the reward terms summed.
         """
         torques = self.actions.torques(np.asarray(action)[None])[0]
         total, terms = 0.0, dict[str, float]()
@@ -197,12 +197,12 @@ class Decisions(gym.Wrapper):
 
 
 class JumpingAntVector(RobotVectorEnv):
-    """A batch of `JumpingAnt-v0`, as `gym.make_vec` gives it.
+    """A batch of `JumpingAnt-v0`, as `gym.make_vec` returns it.
 
     Args:
         num_envs: Number of environments.
         num_threads: Threads that step them; results do not depend on it.
-        autoreset_mode: What follows the end of an episode.
+        autoreset_mode: What happens after the end of an episode.
         render_mode: `rgb_array` or None.
         width: Width of the rendered pictures [pixels].
         height: Height of the rendered pictures [pixels].

@@ -1,8 +1,8 @@
-"""Which OpenGL draws the pictures: found out once, without a screen.
+"""Select the OpenGL backend for rendering without a screen, once per process.
 
-MuJoCo reads the environment variable `MUJOCO_GL` when it is imported, and takes GLFW, which needs a
-screen, where it is not set. `select_backend` makes up for that at any time before the first
-picture. Its choice stands in `MUJOCO_GL`, where Gymnasium's renderer and child processes find it.
+MuJoCo reads the environment variable `MUJOCO_GL` when it is imported. If it is not set, MuJoCo uses
+GLFW, which needs a screen. `select_backend` corrects this at any time before the first picture. It
+stores its choice in `MUJOCO_GL`, where Gymnasium's renderer and child processes find it.
 """
 
 import functools
@@ -17,9 +17,9 @@ from mujoco.rendering.classic import gl_context
 
 from jumping_ant.base.errors import InputError
 
-HEADLESS_BACKENDS = ("egl", "osmesa")  # the better first
+HEADLESS_BACKENDS = ("egl", "osmesa")  # in order of preference
 
-# A library that is there may still draw nothing, or take the process down: each is tried apart.
+# An installed library may draw nothing or crash the process, so each is tried in a subprocess.
 _PROBE = """
 import mujoco
 model = mujoco.MjModel.from_xml_string(
@@ -40,12 +40,12 @@ _PROBE_SECONDS = 60
 def select_backend() -> str:
     """Make off-screen rendering work in this process, whatever was imported before.
 
-    A `MUJOCO_GL` that is already set is obeyed. Otherwise, on Linux, each headless backend draws a
-    picture in a process of its own, and the first that succeeds is taken; elsewhere the system's
-    own OpenGL serves.
+    If `MUJOCO_GL` is already set, it is used. Otherwise, on Linux, each headless backend draws a
+    picture in its own process, and the first that succeeds is used; other systems use their own
+    OpenGL.
 
     Returns:
-        The value of `MUJOCO_GL`, empty where the system's own OpenGL serves.
+        The value of `MUJOCO_GL`, empty if the system's own OpenGL is used.
 
     Raises:
         InputError: No backend draws; the message says what to install.
@@ -60,7 +60,7 @@ def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Rend
     """Open an off-screen renderer; use it as a context manager, so that it is closed.
 
     Args:
-        model: What to draw; its off-screen buffer is enlarged to the picture where needed.
+        model: What to draw; its off-screen buffer is enlarged to the picture if needed.
         width: Width of the pictures [pixels].
         height: Height of the pictures [pixels].
 
@@ -83,19 +83,19 @@ def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Rend
 def gymnasium_renderer(
     model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, off_screen: bool = True
 ) -> Any:
-    """Return the renderer of Gymnasium's robots, on the robot's `track` camera where it has one.
+    """Return the renderer of Gymnasium's robots, on the robot's `track` camera if it has one.
 
     Args:
         model: The robot.
-        data: Whose state is drawn.
+        data: The simulation whose state is drawn.
         width: Width of the pictures [pixels].
         height: Height of the pictures [pixels].
-        off_screen: Whether it will draw pictures; else it opens a window.
+        off_screen: Whether to render pictures; otherwise the renderer opens a window.
 
     Raises:
         InputError: No backend draws.
     """
-    # Those who draw films need no Gymnasium.
+    # Imported here because films do not need it.
     from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 
     if off_screen:
@@ -115,14 +115,14 @@ def _first_that_draws() -> str:
             return backend
         faults.append(f"{backend}: {fault}")
     raise InputError(
-        "rendering: no OpenGL draws without a screen here. Install one, on Debian and Ubuntu with "
-        "`apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0`; all else works "
-        f"without. Tried {'; '.join(faults)}"
+        "rendering: no OpenGL backend works without a screen here. Install one, on Debian and "
+        "Ubuntu with `apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0`; everything "
+        f"else works without it. Tried {'; '.join(faults)}"
     )
 
 
 def _probe(backend: str) -> str | None:
-    """Return why a backend draws nothing, or None where it draws."""
+    """Return why a backend does not draw, or None if it does."""
     try:
         probe = subprocess.run(
             [sys.executable, "-c", _PROBE],

@@ -1,7 +1,7 @@
-"""The terms of the reward: what each of them measures of a control step.
+"""The terms of the reward: what each of them measures in a control step.
 
-A term is a function of the step and of its settings, which are the block of its name in
-`env.reward`; its value times its weight is what it adds. To add a term, write its function here,
+A term is a function of the step and of its settings, which are the block of the same name in
+`env.reward`; it adds its value times its weight. To add a term, write its function here,
 its settings in `jumping_ant.params.blocks.RewardParams`, and a test.
 """
 
@@ -17,7 +17,7 @@ from jumping_ant.sim.anatomy import Anatomy
 
 Array = NDArray[np.float64]
 
-PREFIX = "reward_"  # of the terms' names in `info`, in tables and in recorded episodes
+PREFIX = "reward_"  # of term names in `info`, in tables and in recorded episodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +25,12 @@ class ControlStep:
     """A control step of n simulations, as the terms see it.
 
     Attributes:
-        anatomy: Of the robot.
-        qpos: Positions after it, shape (n, num_positions).
-        heights: Of the torsos after it [m], shape (n,).
+        anatomy: Anatomy of the robot.
+        qpos: Positions after the step, shape (n, num_positions).
+        heights: Heights of the torsos after the step [m], shape (n,).
         velocities: Mean velocities of the torsos along x [m/s], shape (n,).
-        torques: Torques over peak torques that it held, shape (n, num_motors).
-        terminated: Whether the episode ends with it, shape (n,).
+        torques: Torques over peak torques held during the step, shape (n, num_motors).
+        terminated: Whether the episode ends with the step, shape (n,).
     """
 
     anatomy: Anatomy
@@ -47,17 +47,17 @@ def torso_height(step: ControlStep, settings: TorsoHeightParams) -> Array:
 
 
 def forward_velocity(step: ControlStep, _: Any) -> Array:
-    """Return the mean velocity along x [m/s], as Gymnasium's robots are paid for."""
+    """Return the mean velocity along x [m/s], as in the rewards of Gymnasium's robots."""
     return step.velocities
 
 
 def alive(step: ControlStep, _: Any) -> Array:
-    """Return 1 where the episode does not end."""
+    """Return 1 for episodes that do not end with the step, else 0."""
     return (~step.terminated).astype(np.float64)
 
 
 def control_cost(step: ControlStep, _: Any) -> Array:
-    """Return the sum of the squared torques over peak torques, negative."""
+    """Return minus the sum of the squared torques over peak torques."""
     return -np.square(step.torques).sum(axis=1)
 
 
@@ -73,7 +73,7 @@ TERMS: dict[str, Callable[[ControlStep, Any], Array]] = {
 
 
 def active(params: RewardParams) -> list[str]:
-    """Return the names of the terms that count, in the order of their sum."""
+    """Return the names of the terms that count, in the order in which they are summed."""
     settings = {name: getattr(params, name) for name in TERMS}
     return [name for name, own in settings.items() if own is not None and own.weight]
 

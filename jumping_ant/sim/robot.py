@@ -1,9 +1,9 @@
 """Robots: an MJCF source and its edits.
 
-A source is a robot of the installed Gymnasium or a file of the project's `robots/`. By default it
+A source is a robot of the installed Gymnasium or a file in the project's `robots/`. By default it
 is Gymnasium's Ant (Schulman et al. 2016, "High-Dimensional Continuous Control Using Generalized
-Advantage Estimation", appendix), which lighter parts and stronger motors make jump. Each named edit
-is one small step on a `mujoco.MjSpec`; `edits` sets any other attribute of the text.
+Advantage Estimation", appendix); lighter parts and stronger motors enable it to jump. Each named
+edit is one small step on a `mujoco.MjSpec`; `edits` sets any other attribute in the text.
 """
 
 import fnmatch
@@ -27,7 +27,7 @@ FILES = {"edited": "edited.xml", "unedited": "unedited.xml"}  # in assets/
 
 
 def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
-    """Return where the MJCF of `robot.source` lies.
+    """Return the path of the MJCF file of `robot.source`.
 
     Raises:
         InputError: There is no such file.
@@ -37,7 +37,7 @@ def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
     if not path.is_file():
         found = sorted(str(file.relative_to(root)) for file in (root / "robots").glob("*.xml"))
         raise InputError(
-            f"robot.source: given {source!r}, which is no file, allowed: "
+            f"robot.source: given {source!r}, which is not a file, allowed: "
             f"{', '.join([*GYMNASIUM_ROBOTS, *found])}"
         )
     return path
@@ -46,15 +46,15 @@ def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
 def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
     """Return the edited robot as MJCF.
 
-    Actuators that are nameless in the source get the names of the joints they drive.
+    Actuators without a name in the source are named after the joints they drive.
 
     Args:
         params: Source and edits.
         root: The project's folder.
 
     Raises:
-        InputError: There is no such source, an edit meets nothing in it, or the edits together make
-            a robot that MuJoCo cannot compile.
+        InputError: There is no such source, an edit matches nothing in it, or the edits together
+            make a robot that MuJoCo cannot compile.
     """
     spec = _read(params.source, root)
     spec.modelname = f"jumping_{Path(params.source).stem}"
@@ -73,7 +73,7 @@ def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
 
 
 def unedited(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
-    """Return the source as it comes, as MJCF; its actuators get names alone.
+    """Return the source as MJCF, unchanged except that actuators without a name get one.
 
     Raises:
         InputError: There is no such source.
@@ -88,7 +88,7 @@ def read(root: Path, kind: Literal["edited", "unedited"] = "edited") -> str:
 
     Args:
         root: The project's folder.
-        kind: The robot with its edits, or as it comes.
+        kind: The robot with its edits, or without them.
 
     Raises:
         InputError: The robot has not been built.
@@ -104,8 +104,8 @@ def load(xml: str) -> mujoco.MjModel:
     """Compile a robot for simulation.
 
     MuJoCo's automatic reset of diverged states is switched off: a state that is not finite ends
-    its episode instead of silently starting a new one. So is the search for constraint islands:
-    one robot is one island, and without the search the same states come 5 % sooner.
+    its episode instead of silently starting a new one. The search for constraint islands is also
+    switched off: one robot is one island, and the same states take 5 % less time without it.
 
     Args:
         xml: MJCF text.
@@ -123,7 +123,7 @@ def load(xml: str) -> mujoco.MjModel:
 
 
 def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
-    """Return what the edits changed, physically.
+    """Return the physical changes made by the edits.
 
     Args:
         params: Source and edits.
@@ -132,8 +132,8 @@ def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[
 
     Returns:
         `before` and `after`, each with the total mass [kg], the mass of every body [kg], the peak
-        torque of every motor [N m], and the summed peak torque over the weight [m], beside the
-        source's digest and the versions that made the file.
+        torque of every motor [N m], and the summed peak torque over the weight [m]; also the
+        source's digest and the package versions that made the file.
     """
     path = source_path(params.source, root)
     is_gymnasium = params.source in GYMNASIUM_ROBOTS
@@ -147,11 +147,11 @@ def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[
 
 
 def _read(source: str, root: Path) -> mujoco.MjSpec:
-    """Read a source; nameless actuators get the names of what they drive."""
+    """Read a source; actuators without a name are named after what they drive."""
     path = source_path(source, root)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        # Values stand in the text as in the source, not as compiled and rounded to six digits.
+        # Keep values in the text as in the source, not compiled and rounded to six digits.
         spec.compiler.savecompiled = spec.compiler.savecanonical = False
         for actuator in spec.actuators:
             actuator.name = actuator.name or actuator.target
@@ -169,7 +169,7 @@ def _compile(spec: mujoco.MjSpec, what: str) -> None:
 
 
 def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
-    """Set attributes in MJCF text, by element and name pattern (as of a shell: * and ?)."""
+    """Set attributes in MJCF text, by element and name pattern (shell wildcards: * and ?)."""
     if not edits:
         return xml
     tree = ET.fromstring(xml)
@@ -183,12 +183,12 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
             key = f"robot.edits.{element}.{pattern}"
             matching = fnmatch.filter(names, pattern)
             if not matching:
-                allowed = ", ".join(filter(None, names)) or "*, as none has a name"
+                allowed = ", ".join(filter(None, names)) or "*, because none has a name"
                 raise InputError(f"{key}: matches no name; allowed: {allowed}")
             for each, name in zip(found, names, strict=True):
                 if name in matching:
                     each.attrib |= {key: _text(value) for key, value in attributes.items()}
-            try:  # one by one, so that the message can say which
+            try:  # one at a time, so that the message can name the edit
                 mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode")).compile()
             except ValueError as error:
                 reason = " ".join(str(error).split())
@@ -197,7 +197,7 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
 
 
 def _text(value: Any) -> str:
-    """Write a value as MJCF has it."""
+    """Format a value as MJCF."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list):
@@ -227,20 +227,20 @@ def _physique(xml: str) -> dict[str, Any]:
 
 
 def _limbs(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
-    """Return the bodies beyond the torso, which are those below the world's own."""
+    """Return all bodies except the torso: those whose parent is not the world."""
     return [body for body in spec.bodies if body.parent and body.parent.parent]
 
 
 def _set_density(spec: mujoco.MjSpec, density: float) -> None:
     """Set the density of every part [kg/m^3]."""
-    spec.compiler.settotalmass = -1.0  # which would scale it away again
+    spec.compiler.settotalmass = -1.0  # a total mass would override the density
     spec.default.geom.density = density
     for geom in spec.geoms:
         geom.density = density
 
 
 def _set_gear(spec: mujoco.MjSpec, gear: float | None, joint_gear: Mapping[str, float]) -> None:
-    """Set the peak torque of every motor [N m]; a joint's own entry wins over its kind's."""
+    """Set the peak torque of every motor [N m]; a joint's own entry overrides that of its kind."""
     joints = [actuator.target for actuator in spec.actuators]
     kinds = dict.fromkeys(joint.partition("_")[0] for joint in joints)
     allowed = dict.fromkeys([*kinds, *sorted(joints)])
@@ -257,7 +257,7 @@ def _set_gear(spec: mujoco.MjSpec, gear: float | None, joint_gear: Mapping[str, 
 
 
 def _control_limit(actuator: mujoco.MjsActuator) -> float:
-    """Return the largest control of a motor, 1 where it has no limit."""
+    """Return the largest control of a motor, 1 if it has no limit."""
     return float(max(abs(actuator.ctrlrange))) or 1.0
 
 
@@ -266,25 +266,25 @@ def _set_torso_radius(spec: mujoco.MjSpec, radius: float) -> None:
     geom = spec.geom("torso_geom")
     if geom is None:
         raise InputError(
-            "robot.torso_radius: this robot has no geom named torso_geom; allowed: null, and "
-            "robot.edits for others"
+            "robot.torso_radius: this robot has no geom named torso_geom; allowed: null; "
+            "use robot.edits for other geoms"
         )
     geom.size[0] = radius
 
 
 def _scale_legs(spec: mujoco.MjSpec, factor: float) -> None:
-    """Scale every segment beyond the torso, and where the next one begins, about its joint."""
+    """Scale every segment except the torso, and the start of the next one, about its joint."""
     for body in _limbs(spec):
         body.pos = body.pos * factor
         for geom in body.geoms:
-            if geom.fromto[0] == geom.fromto[0]:  # a number
+            if geom.fromto[0] == geom.fromto[0]:  # not NaN
                 geom.fromto = geom.fromto * factor
             else:
                 geom.pos, geom.size[1] = geom.pos * factor, geom.size[1] * factor
 
 
 def _set_damping(spec: mujoco.MjSpec, damping: float) -> None:
-    """Set the damping of every hinge beyond the torso [N m s/rad]."""
+    """Set the damping of every hinge except the torso's [N m s/rad]."""
     for body in _limbs(spec):
         for joint in body.joints:
             if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
@@ -294,7 +294,7 @@ def _set_damping(spec: mujoco.MjSpec, damping: float) -> None:
 def _set_friction(spec: mujoco.MjSpec, friction: tuple[float | None, ...]) -> None:
     """Set sliding, torsional and rolling friction of every part and of the floor.
 
-    MuJoCo takes the larger one of two that touch.
+    For two geoms in contact, MuJoCo uses the larger value.
     """
     for geom in spec.geoms:
         pairs = zip(friction, geom.friction, strict=True)

@@ -1,4 +1,4 @@
-"""Episodes of a policy: many at once, each from a seed of its own."""
+"""Episodes of a policy: many in parallel, each with its own seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies import Policy
+from jumping_ant.policies.policy import Policy
 from jumping_ant.sim.rewards import PREFIX, active
 from jumping_ant.sim.vector import RobotVectorEnv
 
@@ -26,7 +26,7 @@ class Episode:
         qvel: Velocities after each step, shape (T, num_velocities).
         torques: The actions, torque over peak torque, shape (T, num_motors).
         rewards: Shape (T,).
-        terms: What each term of the reward added to it, shape (T,) each.
+        terms: Contribution of each term to the reward, shape (T,) each.
         airborne: Whether the robot touches nothing, shape (T,).
         terminated: Whether the episode ended early.
     """
@@ -45,12 +45,12 @@ class Episode:
 def run(
     xml: str, env: EnvParams, policy: Policy, seeds: Sequence[int], num_threads: int = 1
 ) -> list[Episode]:
-    """Run one episode for each seed, all side by side.
+    """Run one episode for each seed, all in parallel.
 
     Args:
         xml: The robot as MJCF text.
         env: The task.
-        policy: What acts.
+        policy: The policy.
         seeds: Seed of each episode.
         num_threads: Threads that step the simulations; results do not depend on it.
 

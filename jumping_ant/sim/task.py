@@ -1,8 +1,8 @@
-"""The task: what a robot observes, how its episodes start and end, and what it is paid for.
+"""The task: a robot's observations, actions, start states, ends of episodes, and rewards.
 
-One object computes all of it from arrays, for the single environment and for the batched one.
+One object computes all of it from arrays, for both the single and the batched environment.
 
-Observation, float64: the positions but for the torso's place on the floor, then the velocities. Of
+Observation, float64: the positions except the torso's horizontal ones, then the velocities. For
 the Ant, `Box(27,)`:
 
 | index | what | unit |
@@ -14,7 +14,7 @@ the Ant, `Box(27,)`:
 | 16-18 | angular velocity of the torso in its own frame | rad/s |
 | 19-26 | angular velocities of the joints, in the order of the angles | rad/s |
 
-Action: torque over peak torque of every motor, in the order of the robot's actuators. Of the Ant,
+Action: torque over peak torque of every motor, in the order of the robot's actuators. For the Ant,
 `Box(-1, 1, (8,))` float32: hip_4, ankle_4, hip_1, ankle_1, hip_2, ankle_2, hip_3, ankle_3. 0-3 move
 the two front legs, 4-7 the two back legs, where x is forward:
 
@@ -25,9 +25,9 @@ the two front legs, 4-7 the two back legs, where x is forward:
 | 4, 5 | `front_right_leg` | -0.2, 0.2 |
 | 6, 7 | `back_leg` | -0.2, -0.2 |
 
-The source's names of two legs do not fit this; their places do. A positive torque on an ankle
-pushes a front foot down and lifts a back one. So command 3 of the article pushes all four feet
-down, command 4 lifts them, and commands 1 and 2, the same torque on all, tilt the body.
+The source's names of two legs do not match this; their hip positions do. A positive torque on an
+ankle pushes a front foot down and lifts a back one. So command 3 of the article pushes all four
+feet down, command 4 lifts them, and commands 1 and 2, the same torque on all, tilt the body.
 
 Noise of the start state, observation and the lower limit of height are those of Gymnasium's Ant-v5
 without contact forces.
@@ -52,11 +52,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a control step brought to n simulations.
+    """Result of a control step in n simulations.
 
     Attributes:
         rewards: Shape (n,).
-        terms: What each term of the reward added to it, shape (n,) each.
+        terms: Contribution of each term to the reward, shape (n,) each.
         terminated: Whether the episode ended, shape (n,).
     """
 
@@ -84,7 +84,7 @@ class Task:
         dt: Duration of a control step [s].
 
     Raises:
-        InputError: Robot and parameters do not fit together.
+        InputError: The parameters do not fit the robot.
     """
 
     def __init__(self, model: mujoco.MjModel, params: EnvParams) -> None:
@@ -115,8 +115,8 @@ class Task:
             qvel: Velocities, shape (n, num_velocities).
 
         Returns:
-            Observations, shape (n, num_observations). Entries that are not finite read zero: such a
-            state ends its episode, and learners must not be fed what it holds.
+            Observations, shape (n, num_observations). Entries that are not finite are set to zero:
+            such a state ends its episode, and learners must not receive its values.
         """
         observations = np.concatenate([qpos[:, self.anatomy.num_horizontal :], qvel], axis=1)
         if not np.isfinite(observations).all():
@@ -126,10 +126,10 @@ class Task:
     def start_state(
         self, generator: np.random.Generator, tumbled: float = 0.0
     ) -> tuple[Array, Array]:
-        """Draw a start state, as Gymnasium's Ant-v5 draws it, or a tumbled one.
+        """Draw a start state, as in Gymnasium's Ant-v5, or a tumbled one.
 
         Args:
-            generator: Where the noise comes from; it is advanced by one episode.
+            generator: Source of the noise; it is advanced by one episode.
             tumbled: Chance that the robot starts in the air in any orientation, all of them equally
                 likely, so that it lands on its back as often as on its feet.
 
@@ -151,16 +151,16 @@ class Task:
     def judge(self, qpos: Array, qvel: Array, torques: Array, travel: Array) -> Outcome:
         """Return the reward of a control step and whether it ended the episode.
 
-        An episode ends where the torso is too low, too high or tilted too far, or the state is not
+        An episode ends if the torso is too low, too high or tilted too far, or the state is not
         finite.
 
-        A state that is not finite earns nothing.
+        A state that is not finite gets zero reward.
 
         Args:
-            qpos: Positions after it, shape (n, num_positions).
-            qvel: Velocities after it, shape (n, num_velocities).
-            torques: Torques over peak torques that it held, shape (n, num_motors).
-            travel: Way of the torsos along x in it [m], shape (n,).
+            qpos: Positions after the step, shape (n, num_positions).
+            qvel: Velocities after the step, shape (n, num_velocities).
+            torques: Torques over peak torques held during the step, shape (n, num_motors).
+            travel: Distance that the torsos moved along x [m], shape (n,).
         """
         params = self.params
         heights = self.anatomy.heights(qpos)

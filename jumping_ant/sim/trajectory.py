@@ -22,13 +22,13 @@ class Trajectory:
         qpos: Positions after every simulation step, the start state first, (T * k + 1, nq).
         qvel: Velocities likewise, (T * k + 1, nv).
         torques: Torques over peak torques held in each control step, in [-1, 1], (T, num_motors).
-        rewards: Of each control step, (T,).
-        terms: What each term of the reward added to it, (T,) each.
+        rewards: Reward of each control step, (T,).
+        terms: Contribution of each term to the reward, (T,) each.
         seed: The agent's seed.
-        episode: Number of the episode among that seed's.
-        episode_return: Sum of its rewards.
+        episode: Number of the episode among those of the seed.
+        episode_return: Sum of the episode's rewards.
         timestep: Duration of a simulation step [s].
-        frame_skip: Simulation steps in a control step.
+        frame_skip: Simulation steps per control step.
 
     Raises:
         ValueError: The arrays' shapes do not fit together.
@@ -66,7 +66,7 @@ class Trajectory:
                 raise ValueError(f"{name}: given shape {array.shape}, allowed: {(steps,)}")
 
     def check(self, model: mujoco.MjModel) -> None:
-        """Refuse to be shown with another robot.
+        """Check that the trajectory fits a robot.
 
         Raises:
             InputError: The sizes differ.
@@ -75,8 +75,8 @@ class Trajectory:
         if given != (model.nq, model.nv, model.nu):
             raise InputError(
                 "trajectory: given states of {} positions and {} velocities and {} torques, "
-                "allowed: the robot's {}, {} and {}; it shows another robot, and `dvc repro` "
-                "evaluates this one".format(*given, model.nq, model.nv, model.nu)
+                "allowed: the robot's {}, {} and {}; it is of another robot; run `dvc repro` "
+                "to evaluate this one".format(*given, model.nq, model.nv, model.nu)
             )
 
     def rows(self, stride: int = 1, seconds: float = np.inf) -> NDArray[np.int64]:
@@ -86,7 +86,7 @@ class Trajectory:
 
         Args:
             stride: Simulation steps from one chosen state to the next.
-            seconds: Duration to show [s]; the whole of a shorter episode.
+            seconds: Duration to show [s]; a shorter episode is shown whole.
 
         Returns:
             Row numbers of `qpos` and `qvel`, beginning with 0.
@@ -103,10 +103,10 @@ class Trajectory:
         return np.arange(0, last + 1, stride)
 
     def save(self, path: Path) -> None:
-        """Write an `.npz` file, whole or not at all; equal trajectories make equal bytes."""
+        """Write an `.npz` file atomically; equal trajectories give equal bytes."""
         buffer = io.BytesIO()
-        # Uncompressed: trajectories are noise to a compressor, and its versions differ. NumPy
-        # gives every entry the same date.
+        # Uncompressed: trajectories hardly compress, and the bytes would depend on the compressor's
+        # version. NumPy gives every entry the same date.
         terms = {PREFIX + name: values for name, values in self.terms.items()}
         fields = {name: value for name, value in vars(self).items() if name != "terms"}
         np.savez(buffer, allow_pickle=False, **fields, **terms)

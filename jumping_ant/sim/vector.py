@@ -1,8 +1,8 @@
 """Many robots stepped together on MuJoCo's native thread pool.
 
-This is the one simulator core: training, populations and evaluation all step it. Environment `i`
-draws its episodes' noise from a generator of its own, seeded with the `i`-th of the seeds given, so
-no result depends on how many environments run together or on how many threads.
+This is the only simulator core: training, populations and evaluation all use it. Environment `i`
+draws its episodes' noise from its own generator, seeded with the `i`-th given seed, so results do
+not depend on the number of environments that run together or on the number of threads.
 """
 
 from collections.abc import Sequence
@@ -27,22 +27,22 @@ Mask = NDArray[np.bool_]
 class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]]):
     """A batch of `RobotEnv` environments with Gymnasium's vector API.
 
-    What `infos` hold, and the masks `_<key>` beside them, are those of `SyncVectorEnv` in each of
-    its autoreset modes:
+    The contents of `infos` and its masks `_<key>` are those of `SyncVectorEnv` in each autoreset
+    mode:
 
-    - SAME_STEP, the default: an episode that ends is replaced in the same step, its last
-      observation stands in `infos["final_obs"]` and its step's info in `infos["final_info"]`.
-    - NEXT_STEP: the step after an end ignores the action, and starts an episode instead.
-    - DISABLED: `reset(options={"reset_mask": ...})` restarts those of a mask; ended environments
-      simulate on until then.
+    - SAME_STEP, the default: an episode that ends is replaced in the same step; its last
+      observation is in `infos["final_obs"]` and its last info in `infos["final_info"]`.
+    - NEXT_STEP: the step after an end ignores the action and starts an episode instead.
+    - DISABLED: `reset(options={"reset_mask": ...})` restarts the environments in a mask; until
+      then, ended environments continue to simulate.
 
     Args:
         xml: The robot as MJCF text.
         params: The task.
         num_envs: Number of environments.
         num_threads: Threads that step them; results do not depend on it.
-        autoreset_mode: What follows the end of an episode.
-        actions: What a step's actions are, and how many control steps it holds them for.
+        autoreset_mode: What happens after the end of an episode.
+        actions: The set that a step's actions are from, and how many control steps they are held.
         episode_steps: Control steps after which each environment's episodes are truncated, shape
             (num_envs,), infinite for never; by default `params.max_episode_steps`.
         tumbled_starts: Share of the episodes that start tumbled (see `Task.start_state`).
@@ -50,10 +50,10 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
     Attributes:
         task: The task, with the robot's anatomy.
         batch: MuJoCo's batch of simulations.
-        generators: Where each environment's noise comes from.
+        generators: Generator of each environment's noise.
 
     Raises:
-        InputError: The XML is not a robot, or not one that the task fits.
+        InputError: The XML is not a robot, or the task does not fit it.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         self._ctrl = self.batch.bind("ctrl")
         self._contacts = self.batch.bind("ncon")
         self._torso_x = self.batch.bind("xpos")[:, self.task.anatomy.torso, 0]
-        self._last_x = self._torso_x.copy()  # not a part of the state: MuJoCo's is a substep late
+        self._last_x = self._torso_x.copy()  # saved separately: MuJoCo's `xpos` is a substep late
         self.generators = [np.random.default_rng() for _ in range(num_envs)]
         self._num_steps = np.zeros(num_envs, dtype=np.int64)
         self._has_ended = np.zeros(num_envs, dtype=np.bool_)
@@ -119,7 +119,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
             Observations, shape (num_envs, num_observations), and infos with `torso_height` [m].
 
         Raises:
-            ValueError: As many seeds as environments are needed.
+            ValueError: The number of seeds is not the number of environments.
         """
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
         mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
@@ -138,7 +138,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask, Mask, dict[str, Any]]:
         """Hold each row's action for `actions.hold` control steps.
 
-        Of an environment whose episode ends within them, that end is returned.
+        If an environment's episode ends within them, the step returns the values at that end.
 
         Args:
             actions: Torques in [-1, 1], shape (num_envs, num_motors), or commands, (num_envs,).
@@ -171,7 +171,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         return observations, outcome.rewards, outcome.terminated, truncations, infos
 
     def save_state(self) -> dict[str, Any]:
-        """Return all that later steps depend on: arrays, and what JSON can express."""
+        """Return everything that later steps depend on: arrays and JSON values."""
         return {
             "physics": self.batch.state.copy(),
             "torso_x": self._last_x.copy(),
@@ -181,9 +181,9 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Resume from a state of as many environments.
+        """Resume from a state of the same number of environments.
 
-        `airborne` tells of the contacts of the last step, and so nothing until the next.
+        `airborne` reports the contacts of the last step, so it is meaningless until the next.
         """
         self.batch.state[:] = state["physics"]
         self._last_x = state["torso_x"].copy()
@@ -214,8 +214,8 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         """Hold actions; return observations, the outcome, truncations, and heights [m].
 
         Args:
-            actions: As of `step`.
-            mask: Which environments step; None for all. Rows of the others mean nothing.
+            actions: As in `step`.
+            mask: Which environments step; None for all. Rows of the others are meaningless.
         """
         torques = np.asarray(self.actions.torques(actions), dtype=np.float64)
         self._ctrl[:] = torques * self.task.anatomy.control_limits
@@ -246,7 +246,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         before = self._last_x
         try:
             self.batch.step(running, nstep=self.params.frame_skip)
-        except SimulationError as error:  # MuJoCo gave up on these: their episodes end, alone
+        except SimulationError as error:  # MuJoCo failed on these: only their episodes end
             self.qpos[error.ids] = np.nan
         self._num_steps[slice(None) if running is None else running] += 1
         self._last_x = self._torso_x.copy()
@@ -276,9 +276,9 @@ def _reward_infos(outcome: Outcome) -> dict[str, NDArray[np.float64]]:
 
 
 def _masked(infos: dict[str, NDArray[np.float64]], mask: Mask) -> dict[str, Any]:
-    """Return infos of some environments as Gymnasium has them: zero elsewhere, a mask beside.
+    """Return infos of some environments in Gymnasium's format: zero elsewhere, and a mask.
 
-    Those of no environment are left out.
+    An empty mask gives no infos.
     """
     masked: dict[str, Any] = {}
     for key, values in infos.items() if mask.any() else ():

@@ -2,8 +2,8 @@
 
 Usage: python -m jumping_ant.tracking follow <agent> [--root FOLDER]
 
-Whoever trains starts this with a pipe as standard input and keeps the pipe's other end open: it
-closes however the training ends, and what is not logged yet is logged then.
+The training process starts this with a pipe as standard input and keeps the pipe's other end open.
+The pipe closes however the training ends, and whatever is not logged yet is logged then.
 """
 
 import argparse
@@ -18,12 +18,12 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 
 NICENESS = 10  # training comes first where both share a core
-# A quarter of the time of MLflow's import goes into a search for garbage that it does not make.
+# A quarter of MLflow's import time goes into garbage collection that finds nothing.
 GARBAGE_THRESHOLD = 100_000
 
 
 def main() -> None:
-    """Parse the command line and follow; trouble ends in one line and exit status 0."""
+    """Parse the command line and follow; an error ends in one line and exit status 0."""
     parser = argparse.ArgumentParser(prog="python -m jumping_ant.tracking", description=__doc__)
     parser.add_argument("command", choices=["follow"])
     parser.add_argument("agent", help="name of the agent in params.yaml")
@@ -31,7 +31,7 @@ def main() -> None:
     arguments = parser.parse_args()
     os.nice(NICENESS)
     gc.set_threshold(GARBAGE_THRESHOLD)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the training; the pipe tells
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the training, then the pipe closes
     is_terminated: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: is_terminated.append(number))
 
@@ -39,13 +39,13 @@ def main() -> None:
         readable, _, _ = select.select([sys.stdin], [], [], seconds)
         return bool(is_terminated or (readable and not os.read(sys.stdin.fileno(), 4096)))
 
-    from jumping_ant.tracking import live  # imports MLflow, by the rules above
+    from jumping_ant.tracking import live  # imports MLflow, with the settings above
 
     try:
         live.follow(arguments.agent, arguments.root, has_ended)
     except InputError as error:
         print(f"warning: no live curves: {error}", file=sys.stderr)
-    gc.freeze()  # the training waits for the exit, which would search all of MLflow once more
+    gc.freeze()  # training waits for the exit, which would collect garbage in MLflow again
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The connection to MLflow: where the store is, how it is opened, what its failures become."""
+"""The connection to MLflow: where the store is, how it is opened, how its failures are reported."""
 
 import fcntl
 import logging
@@ -24,12 +24,12 @@ from jumping_ant.base.errors import InputError  # noqa: E402
 from jumping_ant.base.files import PROJECT_ROOT  # noqa: E402
 from jumping_ant.tracking import pages  # noqa: E402
 
-# MLflow does not chat either; whoever wants it to sets these.
+# Silence MLflow, too; set these variables to re-enable its output.
 os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
 os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
 if "MLFLOW_LOGGING_LEVEL" not in os.environ:
     logging.getLogger("mlflow").setLevel(logging.ERROR)
-    logging.getLogger("urllib3").setLevel(logging.ERROR)  # tells of every retry
+    logging.getLogger("urllib3").setLevel(logging.ERROR)  # logs every retry
 
 EXPERIMENT = "jumping-ant"
 SIGNS_OF_CONFLICT = ("UNIQUE constraint failed", "duplicate key", "database is locked")
@@ -62,15 +62,15 @@ class Connection:
 
 
 class ConflictError(InputError):
-    """Two processes wrote the same thing at once, and the database took the other's."""
+    """Two processes wrote the same thing at once, and the database accepted the other's write."""
 
 
 @contextmanager
 def failures_as_input_errors(uri: str) -> Iterator[None]:
-    """Turn whatever MLflow and its database raise into one line.
+    """Convert errors of MLflow and its database into one-line input errors.
 
     Raises:
-        ConflictError: Another process wrote the same thing in the same moment.
+        ConflictError: Another process wrote the same thing at the same time.
         InputError: MLflow failed.
     """
     try:
@@ -82,7 +82,7 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
 
 
 def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
-    """Open the store and the project's experiment, made if need be.
+    """Open the store and the project's experiment, which is created if needed.
 
     Args:
         root: The project folder.
@@ -95,13 +95,13 @@ def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
     uri = tracking_uri(root)
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
-    # It would show a traceback of what it raises, which is told in one line.
+    # It would log a traceback of errors that are reported in one line.
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
     with failures_as_input_errors(uri), _opened_alone(uri):
         is_given = "MLFLOW_TRACKING_URI" in os.environ
-        mlflow.set_tracking_uri(uri)  # the model registry asks for it
+        mlflow.set_tracking_uri(uri)  # the model registry needs it
         if not is_given:
-            os.environ.pop("MLFLOW_TRACKING_URI", None)  # set, too, but another root has another
+            os.environ.pop("MLFLOW_TRACKING_URI", None)  # set, too, but only for this root
         client = MlflowClient(uri)
         experiment_id = _experiment_id(client, uri, home(root))
     return Connection(client, experiment_id, uri)
@@ -126,9 +126,9 @@ def home(root: Path) -> Path:
 
 @contextmanager
 def _opened_alone(uri: str) -> Iterator[None]:
-    """Keep others from opening a database that is a file meanwhile.
+    """Keep other processes from opening a database file meanwhile.
 
-    The first one that opens it makes the tables, and MLflow leaves a broken database behind where
+    The first one that opens it creates the tables, and MLflow leaves a broken database behind if
     two do so at once.
     """
     if not uri.startswith("sqlite:///"):
@@ -151,7 +151,7 @@ def _check_sqlite(path: Path) -> None:
     except (sqlite3.Error, OSError) as error:
         raise InputError(
             f"{path}: cannot be opened as a database ({error}); "
-            "if it is damaged, delete it: `python -m stages.track` makes it anew"
+            "if it is damaged, delete it: `python -m stages.track` recreates it"
         ) from error
 
 
@@ -160,13 +160,13 @@ def _is_server(uri: str) -> bool:
 
 
 def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
-    # A server decides itself where artifacts go; a database would take the current folder.
+    # A server decides where artifacts go; a database would default to the current folder.
     location = None if _is_server(uri) else (project / "mlartifacts").as_uri()
     experiment = client.get_experiment_by_name(EXPERIMENT)
     if experiment is None:
         try:
             return client.create_experiment(EXPERIMENT, location, pages.KIND_TAGS)
-        except MlflowException:  # another process made it just now
+        except MlflowException:  # another process created it just now
             experiment = client.get_experiment_by_name(EXPERIMENT)
             if experiment is None:
                 raise
@@ -175,13 +175,13 @@ def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
     if uri == f"sqlite:///{project}/mlflow.db" and experiment.artifact_location != location:
         raise InputError(
             f"mlflow.db: given artifacts in {experiment.artifact_location}, allowed: {location}; "
-            "the project was moved: delete mlflow.db, and `python -m stages.track` makes it anew"
+            "the project was moved: delete mlflow.db, and `python -m stages.track` recreates it"
         )
     return str(experiment.experiment_id)
 
 
 def _explain(error: BaseException) -> str:
-    """Say in one line what happened."""
+    """Return what happened, in one line."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, requests.ConnectionError | requests.Timeout):

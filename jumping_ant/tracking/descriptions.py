@@ -1,4 +1,4 @@
-"""What runs and models are about, as Markdown for MLflow's pages."""
+"""Descriptions of runs and models, as Markdown for MLflow's pages."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,7 +10,7 @@ LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
 MISSING = "–"
 HARD_SPACE = "\u00a0"
 QUANTITIES = {"apex": "apex [m]", "flight": "flight", "fluidity": "fluidity"}
-"""Columns of the table of results beside the return: keys of an agent, and headings."""
+"""Columns of the results table besides the return: keys of an agent, and headings."""
 
 
 def comparison(results: Mapping[str, Any]) -> str:
@@ -30,15 +30,15 @@ def comparison(results: Mapping[str, Any]) -> str:
 def policy(
     algorithm: str, seed: int, hold: int, means: Mapping[str, float], origins: Mapping[str, str]
 ) -> str:
-    """Return what a policy is, how good, and where it comes from.
+    """Describe a policy: what it is, how good it is, and where it comes from.
 
     Args:
-        algorithm: What trained it.
+        algorithm: The algorithm that trained it.
         seed: The training seed.
-        hold: Control steps that each of its choices is to be held for.
+        hold: Control steps that each of its choices is held for.
         means: Means over the held-out episodes, and the return in `validation`; what was not
             measured is left out.
-        origins: What it can be traced back to, by what that is.
+        origins: What it can be traced back to, by label.
     """
     known = [
         f"{words} {number(means[name])}{unit}".lstrip()
@@ -85,12 +85,12 @@ def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _return(agent: tuple[str, Mapping[str, Any]]) -> float:
-    """Return what to sort by: the best lead, as MLflow folds a description after some lines."""
+    """Return the sort key: the best come first, as MLflow folds a long description."""
     return float(agent[1].get("return", {}).get("iqm", -math.inf))
 
 
 def _row(*cells: str) -> str:
-    """Return a row of the table, its cells apart and on one line each, as MLflow has them not."""
+    """Return a row of the table; hard spaces pad its cells and keep each on one line."""
     return "| " + " | ".join(f"{cell}  ".replace(" ", HARD_SPACE) for cell in cells) + " |"
 
 

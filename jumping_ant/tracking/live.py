@@ -1,9 +1,9 @@
 """Learning curves, and the machine's load, in MLflow while training runs.
 
-A process beside the training follows the curve files that it writes. So training neither waits for
-MLflow nor fails with it, and a tracking server that is slow, or gone, costs the live picture only:
-`track` completes it from the files. Nothing but this follower knows the load: a run that `track`
-makes from files alone has none.
+A separate process follows the curve files that training writes. So training neither waits for
+MLflow nor fails with it, and a slow or unreachable tracking server costs only the live view:
+`track` completes it from the files. Only this follower knows the load: a run that `track` creates
+from files alone has none.
 """
 
 import sys
@@ -26,22 +26,22 @@ from jumping_ant.tracking.store import Store
 
 TIMEOUT_SECONDS = 5
 MAX_RETRIES = 0
-POLL_SECONDS = 5.0  # a call of MLflow costs as much as 50 points
+POLL_SECONDS = 5.0  # an MLflow call costs as much as 50 points
 PAUSE_SECONDS = 30.0  # after a failure
 
 
 def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
     """Log the learning curves of an agent's seeds until training ends.
 
-    A failure of MLflow is told once, on standard error, and tried again later.
+    An MLflow failure is reported once, on standard error, and the update is retried later.
 
     Args:
         agent: The agent's name.
         root: The project folder.
-        has_ended: Waits for at most as many seconds and tells whether training has ended.
+        has_ended: Waits for at most the given seconds and returns whether training has ended.
 
     Raises:
-        InputError: `params.yaml` is faulty, or has no such agent.
+        InputError: `params.yaml` is invalid, or has no such agent.
     """
     follower = _Follower(agent, root)
     failures: list[InputError] = []
@@ -93,7 +93,7 @@ class _Follower:
         self._load = MachineLoad()
 
     def update(self) -> None:
-        """Log what is new in the curve files, and of the machine's load.
+        """Log new points of the curve files and new samples of the machine's load.
 
         Raises:
             InputError: MLflow failed.
@@ -105,7 +105,7 @@ class _Follower:
                 self._follow(store, seed)
 
     def finish(self) -> None:
-        """Log the rest, and end the runs: finished where there is a policy, killed elsewhere.
+        """Log the rest, and end the runs: finished if there is a policy, otherwise killed.
 
         Raises:
             InputError: MLflow failed.
@@ -138,7 +138,7 @@ class _Follower:
         if followed is None:
             followed = self._followed[seed] = self._open(store, seed, curve)
         new = {point: value for point, value in curve.items() if point not in followed.points}
-        for _, step in new:  # sent again after a failure, a point with the same time is no double
+        for _, step in new:  # a point resent with the same time is no duplicate
             followed.times.setdefault(step, stores.now_ms())
         samples = self._new_samples(followed, paths.policy)
         load = [metric for sample in samples for metric in sample.metrics(followed.start)]
@@ -147,7 +147,7 @@ class _Follower:
         followed.num_samples += len(samples)
 
     def _new_samples(self, followed: _Followed, policy: Path) -> list[Sample]:
-        """Return what a run lacks of the machine's load; a seed that is through needs no more."""
+        """Return the load samples that a run lacks; a finished seed needs no more."""
         is_trained = policy.exists() and policy.stat().st_mtime_ns >= self._start * 1_000_000
         return [] if is_trained else self._load.samples[followed.num_samples :]
 
@@ -170,9 +170,9 @@ class _Follower:
         return _Followed(run.info.run_id, run.info.start_time)
 
     def _end(self, store: Store, seed: int) -> str | None:
-        """End a seed's run and return its status; None if it has none, or one more than it needs.
+        """End a seed's run and return its status; None if it has none, or a redundant one.
 
-        A policy of the same bytes may have a finished run already: then that one stays alone.
+        A policy with the same bytes may already have a finished run: then only that one is kept.
         """
         path = Paths(self._root).agent(self._agent).seed(seed).policy
         content = digest(path) if path.exists() else None

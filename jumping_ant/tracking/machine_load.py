@@ -1,7 +1,7 @@
-"""Samples of the machine's load, under the names that MLflow gives them itself.
+"""Samples of the machine's load, under MLflow's own metric names.
 
-MLflow's own monitor is a thread for each run, which asks for a call each time. This keeps samples
-until they are logged with whatever else there is.
+MLflow's own monitor uses a thread for each run and a call for each sample. This keeps samples until
+they are logged together with other metrics.
 """
 
 import time
@@ -32,14 +32,14 @@ class Sample:
 
 
 class MachineLoad:
-    """Samples the load of processors and memory, each some seconds after the one before."""
+    """Samples the load of processors and memory every few seconds."""
 
     def __init__(self) -> None:
         self.samples: list[Sample] = []
         self._begin_interval()
 
     def update(self) -> None:
-        """Take a sample if it is time to."""
+        """Take a sample if one is due."""
         if time.monotonic() >= self._due:
             self.samples.append(_sample())
             self._begin_interval()

@@ -1,7 +1,7 @@
-"""`track`: brings MLflow up to date with the files. Files are the truth, MLflow mirrors them.
+"""`track`: updates MLflow from the files. Files are the source of truth, MLflow mirrors them.
 
 Runs are looked up by agent, seed and the digest of the policy file, and created, repaired or left
-alone; a second call changes nothing, and a call after the store was wiped brings all back. The run
+alone; a second call changes nothing, and a call after the store was wiped restores it. The run
 of a seed is nested under a comparison, which is looked up by the digests of all its policies.
 While some policies of `params.yaml` are not trained yet, that is a pending comparison.
 """
@@ -27,7 +27,7 @@ from jumping_ant.tracking.writers import is_own, is_written
 TIMEOUT_SECONDS = 20
 MAX_RETRIES = 1
 COMPARE_STAGE = "compare"
-ATTEMPTS = 4  # where another process mirrors the same policies at the same time
+ATTEMPTS = 4  # if another process mirrors the same policies at the same time
 
 
 def track(
@@ -37,9 +37,9 @@ def track(
 
     Args:
         root: The project folder.
-        say: Takes one line for each change, and one in the end.
-        pages_at: Where MLflow's pages will be served, if not by a server that is there already;
-            a last line tells where to look.
+        say: Receives one line for each change, and one at the end.
+        pages_at: Where MLflow's pages will be served, unless a server already serves them; a last
+            line says where to look.
 
     Raises:
         InputError: A file is damaged, or MLflow cannot be reached.
@@ -58,7 +58,7 @@ def track(
         except ConflictError:
             if not remaining:
                 raise
-            say("another process is writing the same; once more, from what is there now")
+            say("another process is writing the same runs; retrying from the current state")
     counts = ", ".join(f"{count} {verb}" for verb, count in sorted(done.items()))
     say(f"MLflow at {store.name}: {counts or 'nothing to show'}")
     if pages_at:
@@ -112,13 +112,13 @@ class _Mirror:
             }
             if any(changes.values()):
                 self._say(f"comparison {self._comparison.key[:8]}: updated ({_listed(changes)})")
-        # A pending one may be that of a training that will be resumed.
+        # A pending one may belong to a training that will be resumed.
         is_done = not self._comparison.missing and run.info.status != "FINISHED"
         if is_done or is_own(run):
             store.client.set_terminated(run.info.run_id, "FINISHED")
 
     def _mirror_seed(self, record: SeedRecord, parent: Run, agent_models: AgentModels) -> str:
-        """Create, repair or leave alone, and return which."""
+        """Create a run, repair it or leave it alone, and return which."""
         candidates = self._store.seed_runs(record.agent, record.seed)
         shown = [run for run in candidates if stores.shows(run, record.digest)]
         if any(_is_followed(run) for run in shown or candidates):
@@ -142,10 +142,10 @@ class _Mirror:
     def _choose(
         self, record: SeedRecord, candidates: Sequence[Run]
     ) -> tuple[Run | None, dict[Point, list[float]]]:
-        """Return the run that shows the policy and its curve points, and delete its doubles.
+        """Return the run that shows the policy and its curve points, and delete its duplicates.
 
-        A run written while training ran has no digest if its writer was killed; it is the one if
-        parameters and curve agree. MLflow cannot delete points: a run of the policy whose points
+        A run written during training has no digest if its writer was killed; it is chosen if
+        parameters and curve agree. MLflow cannot delete points, so a run of the policy whose points
         contradict the files is deleted, too.
         """
         own = [run for run in candidates if stores.shows(run, record.digest)]
@@ -157,7 +157,7 @@ class _Mirror:
                 chosen, points = run, stored
             elif run in own:
                 self._store.client.delete_run(run.info.run_id)
-                self._say(f"{record.label}: a run that was not the files' was deleted")
+                self._say(f"{record.label}: a run that contradicted the files was deleted")
         return chosen, points
 
     def _create(self, record: SeedRecord, parent: Run) -> Run:
@@ -173,7 +173,7 @@ class _Mirror:
         parent: Run,
         model: LoggedModel,
     ) -> dict[str, int]:
-        """Bring a run up to date; return how many things of each kind it took."""
+        """Bring a run up to date; return the number of changes of each kind."""
         store = self._store
         missing = {point: value for point, value in record.curve.items() if point not in stored}
         start = run.info.start_time
@@ -191,7 +191,7 @@ class _Mirror:
         }
 
     def _belongs_under(self, run: Run, parent: Run) -> bool:
-        """Tell whether a run's comparison is to be this one: the newest that contains it."""
+        """Tell whether a run belongs under this comparison: the newest that contains it."""
         try:
             current = self._store.client.get_run(run.data.tags[stores.PARENT])
         except (KeyError, MlflowException):
@@ -202,7 +202,7 @@ class _Mirror:
 
 
 def _describe_experiment(store: Store) -> None:
-    """Give the experiment its saved view and description; words that are not ours stay."""
+    """Give the experiment its saved view and description; a description of others is kept."""
     experiment = store.client.get_experiment(store.experiment_id)
     tags = pages.experiment_tags(store.experiment_id)
     if not experiment.tags.get(pages.NOTE, pages.ABOUT).startswith(pages.ABOUT):
@@ -213,7 +213,7 @@ def _describe_experiment(store: Store) -> None:
 
 
 def _seed_tags(record: SeedRecord, run: Run) -> dict[str, str]:
-    """Return what a run's tags say of its policy, and to MLflow's pages."""
+    """Return the run tags that describe its policy, and those that MLflow's pages read."""
     return {
         stores.POLICY_DIGEST: record.digest,
         stores.DVC_MD5: record.md5,
@@ -233,7 +233,7 @@ def _is_followed(run: Run) -> bool:
 
 
 def _agrees(stored: Mapping[Point, Sequence[float]], curve: stores.Points) -> bool:
-    """Tell whether every stored point stands in the curve, with its value, once."""
+    """Tell whether every stored point is in the curve, with the same value, and stored once."""
     return all(
         len(values) == 1 and point in curve and stores.same(values[0], curve[point])
         for point, values in stored.items()
@@ -245,5 +245,5 @@ def _listed(changes: Mapping[str, int]) -> str:
 
 
 def _end_ms(record: SeedRecord) -> int:
-    """Return when training ended, as far as the policy file's time tells [ms since 1970]."""
+    """Return when training ended, according to the policy file's time [ms since 1970]."""
     return record.policy_path.stat().st_mtime_ns // 1_000_000

@@ -15,9 +15,9 @@ from mlflow.models import Model, ModelSignature
 from mlflow.types import Schema, TensorSpec
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
-from jumping_ant import policies
 from jumping_ant.base.files import CODE_ROOT
-from jumping_ant.policies import Interface
+from jumping_ant.policies import policy_file
+from jumping_ant.policies.policy import Interface
 from jumping_ant.tracking import pages
 from jumping_ant.tracking.records import SeedRecord
 from jumping_ant.tracking.store import (
@@ -67,10 +67,10 @@ class AgentModels:
         self._mirrored: list[tuple[SeedRecord, ModelVersion]] = []
 
     def mirror(self, record: SeedRecord, run: Run) -> tuple[LoggedModel, dict[str, int]]:
-        """Log, register and describe a policy, if need be.
+        """Log, register and describe a policy, as needed.
 
         Returns:
-            The model, and how many things of each kind it took.
+            The model, and the number of changes of each kind.
         """
         client = self._store.client
         model = self._find_model(record)
@@ -138,7 +138,7 @@ class AgentModels:
         return next((model for model in self._models if tags <= model.tags.items()), None)
 
     def _find_champion(self) -> str | None:
-        """Return the champion's version; make and describe the registered model if need be."""
+        """Return the champion's version; create and describe the registered model if needed."""
         client = self._store.client
         try:
             found = client.get_registered_model(self._name)
@@ -189,7 +189,7 @@ def _is_whole(store: Store, model: LoggedModel, record: SeedRecord) -> bool:
 
 
 def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) -> LoggedModel:
-    """Upload a model; one that is there, but not whole, is completed."""
+    """Upload a model; an existing, incomplete one is completed."""
     if model is None:
         model = store.client.create_logged_model(
             store.experiment_id,
@@ -198,7 +198,7 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
             _model_tags(record, run),
             record.params,
         )
-    interface = policies.read_interface(record.policy_path)
+    interface = policy_file.read_interface(record.policy_path)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model"
         mlflow.pyfunc.save_model(
@@ -221,7 +221,7 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
 
 
 def _signature(interface: Interface) -> ModelSignature:
-    """Return what goes in and out: batches of any size, of any width where none is looked at."""
+    """Return the model's inputs and outputs: batches of any size, of any width if unused."""
     width = interface.num_observations or -1
     return ModelSignature(
         inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, width))]),

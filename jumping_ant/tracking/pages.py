@@ -1,7 +1,7 @@
 """How MLflow's pages present the experiment: a saved view, a description, an address.
 
-By itself MLflow shows no parameter and no metric in its table of runs. It keeps saved views as
-tags of the experiment; people choose them from the menu "Views" or open them by address.
+By default MLflow shows no parameters and no metrics in its table of runs. It keeps saved views as
+tags of the experiment; users choose them from the menu "Views" or open them by address.
 """
 
 import json
@@ -36,8 +36,8 @@ COLUMNS = {
 }
 ALWAYS_SHOWN = ("attributes.`Run Name`", "duration", "runDateAndNestInfo")
 
-# A run's tags that the table reads. The first makes it open the comparison above the run, where
-# other runs stay folded; it says nothing about the run beyond that it has been evaluated.
+# Run tags that the table reads. The first makes it unfold the comparison above the run, where other
+# runs stay folded; it says nothing about the run except that it has been evaluated.
 UNFOLDED = {"mlflow.runType": "evaluation"}
 COLOUR = "mlflow.runColor"
 

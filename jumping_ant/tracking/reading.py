@@ -10,14 +10,14 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 
 Point = tuple[str, int]
-"""A metric's name and its step: control steps trained so far, 0 for what has no step."""
+"""A metric's name and its step: control steps trained so far, 0 for a metric without steps."""
 
 
 def read_curve(path: Path) -> dict[Point, float]:
-    """Read a learning curve, also one that is being written: a last line without end is left out.
+    """Read a learning curve, also one that is being written: an unterminated last line is left out.
 
     Returns:
-        Values by column and control steps; empty and non-finite cells are left out. Nothing if
+        Values by column and control steps; empty and non-finite cells are left out. Empty if
         there is no such file.
 
     Raises:
@@ -36,10 +36,10 @@ def read_rows(path: Path, *needed: str, **words: str) -> list[dict[str, float]]:
     Args:
         path: The file.
         needed: Columns without empty cells.
-        words: Columns of words: rows that say something else are left out, as are the words.
+        words: Text columns: rows with a different text are left out, as are these columns.
 
     Raises:
-        InputError: A cell is not a number, or empty in a column that is needed.
+        InputError: A cell is not a number, or is empty in a required column.
     """
     try:
         text = path.read_text()
@@ -72,4 +72,4 @@ def filmed_seed(root: Path, agent: str) -> int | None:
         with np.load(path, allow_pickle=False) as trajectory:
             return int(trajectory["seed"])
     except (ValueError, KeyError, OSError) as error:
-        raise InputError(f"{path}: {error}; `dvc repro` writes it anew") from error
+        raise InputError(f"{path}: {error}; `dvc repro` recreates it") from error

@@ -1,7 +1,7 @@
-"""What the project's files say about trained agents, in the words of MLflow.
+"""What the project's files say about trained agents, in MLflow's terms.
 
-Nothing here knows MLflow: a policy file becomes a record with parameters, curve points, summary
-metrics and artifacts, and the tracking modules make MLflow say the same.
+Nothing here depends on MLflow: a policy file becomes a record with parameters, curve points,
+summary metrics and artifacts, and the tracking modules copy it to MLflow.
 """
 
 import hashlib
@@ -12,20 +12,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from jumping_ant import policies
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.experiment.models import Params
+from jumping_ant.policies import policy_file
 from jumping_ant.tracking import descriptions
 from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_rows
 from jumping_ant.words.looks import looks, remark
 
 TRAIN_SECONDS = "train_seconds"
-VALIDATION_RETURN = "validation_return"  # of the published policy, which it was chosen by
+VALIDATION_RETURN = "validation_return"  # of the published policy, which was chosen by it
 FINAL_RETURN = "final_return"  # of the policy at the end of training, on the held-out episodes
 EVALUATION = "evaluation/"
-SYSTEM = "system/"  # of the machine while it trained; MLflow gives these a page of their own
+SYSTEM = "system/"  # load of the machine during training; MLflow shows it on a separate page
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class SeedRecord:
         root: The project folder.
         agent: The agent's name.
         seed: The training seed.
-        algorithm: What trained it.
+        algorithm: The algorithm that trained it.
         params: Parameters worth filtering on, by name.
         digest: SHA-256 of the policy file.
-        colour: What the agent is drawn in.
+        colour: The agent's colour in figures.
         publish: Which policy was published: the `best` one in validation, or the `final` one.
     """
 
@@ -59,7 +59,7 @@ class SeedRecord:
 
     @property
     def name(self) -> str:
-        """What its run and its model are called."""
+        """The name of its run and its model."""
         return run_name(self.agent, self.seed)
 
     @property
@@ -69,7 +69,7 @@ class SeedRecord:
 
     @property
     def label(self) -> str:
-        """How messages name it."""
+        """Its name in messages."""
         return f"{self.agent} seed {self.seed}"
 
     @property
@@ -79,13 +79,13 @@ class SeedRecord:
 
     @cached_property
     def md5(self) -> str:
-        """MD5 of the policy file, by which DVC's cache has it."""
+        """MD5 of the policy file, its key in DVC's cache."""
         return hashlib.md5(self.policy_path.read_bytes(), usedforsecurity=False).hexdigest()
 
     @cached_property
     def hold(self) -> int:
-        """Control steps that each of the policy's choices is to be held for."""
-        return policies.load_file(self.policy_path).actions.hold
+        """Control steps that each of the policy's choices is held for."""
+        return policy_file.load(self.policy_path).actions.hold
 
     @cached_property
     def curve(self) -> dict[Point, float]:
@@ -94,15 +94,15 @@ class SeedRecord:
 
     @cached_property
     def seconds(self) -> dict[int, float]:
-        """Seconds of training by control steps trained, as far as they were measured."""
+        """Seconds of training by control steps trained, where measured."""
         rows = read_rows(self.paths.timing, "seed", "env_steps", "seconds")
         return {int(row["env_steps"]): row["seconds"] for row in rows if row["seed"] == self.seed}
 
     @cached_property
     def summary(self) -> dict[Point, float]:
-        """Means over the seed's held-out episodes, validation, and what training took and left.
+        """Means over the seed's held-out episodes, validation, final return and training time.
 
-        What is not there, or not finite, is left out.
+        Missing and non-finite values are left out.
         """
         means: dict[Point, float] = {}
         for row in read_rows(self.paths.seed_means, "seed"):
@@ -127,10 +127,10 @@ class SeedRecord:
         return max(returns) if self.publish == "best" else returns[-1]
 
     def describe(self, commit: str | None) -> str:
-        """Return what the policy is, how good and from where, as Markdown.
+        """Return what the policy is, how good it is and where it comes from, as Markdown.
 
         Args:
-            commit: The git commit that it was trained at, if that is known.
+            commit: The git commit that it was trained at, if known.
         """
         means = {
             name.removeprefix(EVALUATION): mean
@@ -166,7 +166,7 @@ class ComparisonRecord:
     Attributes:
         root: The project folder.
         seeds: Every policy that is trained.
-        missing: The agent and seed of every policy that is not.
+        missing: The agent and seed of every policy that is not trained.
     """
 
     root: Path
@@ -175,7 +175,7 @@ class ComparisonRecord:
 
     @property
     def key(self) -> str:
-        """What identifies the comparison: a digest over its policies."""
+        """The comparison's identifier: a digest over its policies."""
         lines = sorted(f"{record.agent}/{record.seed} {record.digest}\n" for record in self.seeds)
         return hashlib.sha256("".join(lines).encode()).hexdigest()
 
@@ -186,7 +186,7 @@ class ComparisonRecord:
 
     @property
     def missing_label(self) -> str:
-        """How messages name what is not trained: `sac seeds 0, 1; pgpe seeds 1`."""
+        """The untrained policies in messages: `sac seeds 0, 1; pgpe seeds 1`."""
         seeds: dict[str, list[str]] = {}
         for agent, seed in self.missing:
             seeds.setdefault(agent, []).append(str(seed))
@@ -194,7 +194,7 @@ class ComparisonRecord:
 
     @cached_property
     def results(self) -> dict[str, Any]:
-        """`results/comparison.json`, empty if it is not there."""
+        """`results/comparison.json`, empty if it does not exist."""
         path = Paths(self.root).comparison
         return read_json(path, "compare") if path.exists() else {}
 
@@ -253,7 +253,7 @@ def read(root: Path, params: Params) -> ComparisonRecord:
 
 
 def run_name(agent: str, seed: int) -> str:
-    """Return what the run of an agent and a seed is called."""
+    """Return the name of the run of an agent and a seed."""
     return f"{agent}-seed-{seed}"
 
 
@@ -269,7 +269,7 @@ def is_of_curve(metric: str) -> bool:
 
 
 def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
-    """Return what a run is filtered on: the agent's block, the task, the robot and its physique.
+    """Return what runs are filtered by: the agent's block, the task, the robot and its physique.
 
     `robot` says which robot it is, `robot.<name>` its edits, if it has any, and its physique.
     """
@@ -279,7 +279,7 @@ def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
     physiques = read_json(physique_path, "build") if physique_path.exists() else {}
     physique = physiques.get("after" if is_edited else "before", {})
     numbers = {name: value for name, value in physique.items() if isinstance(value, float)}
-    # MLflow's names take no pattern: edits are one value.
+    # MLflow's parameter names allow no patterns, so the edits are one value.
     edits = params.robot.model_dump() | {"edits": str(params.robot.edits)}
     robot = (edits if is_edited else {"source": params.robot.source}) | numbers
     return {

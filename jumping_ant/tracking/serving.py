@@ -14,25 +14,25 @@ import numpy as np
 from mlflow.pyfunc import PythonModel, PythonModelContext
 from numpy.typing import NDArray
 
-from jumping_ant import policies
+from jumping_ant.policies import policy_file
 
 
 class ServedPolicy(PythonModel):
     """Feeds observations to the policy file stored with the model.
 
-    Row `i` of every batch belongs to episode `i`; a batch of another size begins new episodes,
-    which matters only to a policy that draws its torques.
+    Row `i` of every batch belongs to episode `i`; a batch of another size starts new episodes,
+    which matters only to a policy that samples its torques.
     """
 
     def load_context(self, context: PythonModelContext) -> None:
         """Read the policy file."""
-        self._policy = policies.load(Path(context.artifacts["policy"]).read_bytes())
+        self._policy = policy_file.parse(Path(context.artifacts["policy"]).read_bytes())
         self._num_episodes = 0
 
     def predict(
         self,
         context: PythonModelContext,
-        model_input: np.ndarray,  # the one kind of array hint that MLflow knows
+        model_input: np.ndarray,  # the only array type hint that MLflow supports
         params: dict[str, Any] | None = None,
     ) -> NDArray[np.float64]:
         """Return torques (n, num_motors) for observations (n, num_observations)."""

@@ -24,7 +24,7 @@ ALGORITHM = "algorithm"
 LIVE = "live"  # written while training ran
 ARTIFACTS = "artifact_digests"
 PARENT = "mlflow.parentRunId"
-HOLD = "hold"  # control steps that each of a model's outputs is to be held for
+HOLD = "hold"  # control steps that each of a model's outputs is held for
 GIT_COMMIT, DVC_STAGE, DVC_MD5 = "git_commit", "dvc_stage", "dvc_md5"
 
 MAX_METRICS_PER_CALL = 1000
@@ -87,7 +87,7 @@ class Store(Connection):
         return found[0] if found else self.create_run("comparison (pending)", {COMPARISON: PENDING})
 
     def curve_points(self, run: Run) -> dict[Point, list[float]]:
-        """Return every value of a run's learning curve, its other metrics left out."""
+        """Return every value of a run's learning curve, without its other metrics."""
         points: dict[Point, list[float]] = {}
         for name in filter(is_of_curve, run.data.metrics):
             for metric in self.client.get_metric_history(run.info.run_id, name):
@@ -99,7 +99,7 @@ class Store(Connection):
         self.log_metrics(run_id, as_metrics(points, times))
 
     def log_metrics(self, run_id: str, metrics: Sequence[Metric]) -> None:
-        """Log metrics in as few calls as it takes."""
+        """Log metrics in as few calls as possible."""
         for first in range(0, len(metrics), MAX_METRICS_PER_CALL):
             batch = metrics[first : first + MAX_METRICS_PER_CALL]
             self.client.log_batch(run_id, metrics=batch, synchronous=True)
@@ -129,15 +129,15 @@ class Store(Connection):
     def log_changed_summary(
         self, run: Run, summary: Points, model: LoggedModel | None = None
     ) -> int:
-        """Log the metrics whose latest value is another, and count them.
+        """Log the metrics whose latest value differs, and count them.
 
         A first value has the time of the run's start: two processes that log it at once log the
-        same. MLflow takes values of a model with a run's; sent again with its time, that stays one.
+        same. MLflow takes a model's values with a run's; one resent with its time is no duplicate.
 
         Args:
             run: The run.
             summary: The values.
-            model: A model that they are the metrics of, too.
+            model: A model that has the same metrics.
         """
         shown = _latest(model.metrics or []) if model else {}
         metrics = []
@@ -160,7 +160,7 @@ class Store(Connection):
         return max(metric.timestamp for metric in history)
 
     def set_changed_tags(self, run: Run, tags: Mapping[str, str]) -> int:
-        """Set the tags whose value is another, and count them."""
+        """Set the tags whose value differs, and count them."""
         changed = [RunTag(*tag) for tag in tags.items() if run.data.tags.get(tag[0]) != tag[1]]
         if changed:
             self.client.log_batch(run.info.run_id, tags=changed, synchronous=True)
@@ -188,7 +188,7 @@ class Store(Connection):
         return count
 
     def clear_abandoned(self) -> None:
-        """Mark as killed what a process left running, and delete pending comparisons of nothing."""
+        """Mark abandoned runs as killed, and delete empty pending comparisons."""
         for run in self.search("attributes.status = 'RUNNING'"):
             if not is_written(run):
                 self.client.set_terminated(run.info.run_id, "KILLED")
@@ -197,7 +197,7 @@ class Store(Connection):
                 self.client.delete_run(run.info.run_id)
 
     def take_over(self, run: Run) -> None:
-        """Make a run one that this process writes."""
+        """Make this process the writer of a run."""
         self.client.set_tag(run.info.run_id, WRITER, this_process())
         self.client.update_run(run.info.run_id, "RUNNING")
 
@@ -213,7 +213,7 @@ def as_metrics(points: Points, times: Mapping[int, int]) -> list[Metric]:
 
     Args:
         points: Values by name and step.
-        times: Time of the steps [ms since 1970]; now for those that are not there.
+        times: Time of the steps [ms since 1970]; missing ones get the current time.
     """
     now = now_ms()
     return [
@@ -228,7 +228,7 @@ def source_tags(stage: str, commit: str | None) -> dict[str, str]:
 
 
 def same(stored: float | None, value: float) -> bool:
-    """Tell whether a stored number is this one, up to what databases round."""
+    """Tell whether a stored number equals this one, up to the rounding of databases."""
     return stored is not None and abs(stored - value) <= 1e-9 * max(abs(stored), abs(value))
 
 

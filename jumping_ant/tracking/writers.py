@@ -7,7 +7,7 @@ import psutil  # type: ignore[import-untyped]
 from mlflow.entities import Run
 
 WRITER = "writer"  # a run's tag: host, process id, when the process started
-SILENT_DAYS = 1  # a run of another host is given up if it began longer ago than this
+SILENT_DAYS = 1  # a run of another host counts as abandoned if it started longer ago
 
 
 def this_process() -> str:
@@ -35,7 +35,7 @@ def is_own(run: Run) -> bool:
 def exists(process: str) -> bool:
     """Tell whether a process, given by id and start time, still runs.
 
-    One that has ended keeps its id until its parent takes note, which in containers may be never.
+    An ended process keeps its id until its parent reaps it, which in containers may be never.
     """
     process_id, _, created = process.partition(" ")
     try:

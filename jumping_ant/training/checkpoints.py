@@ -1,20 +1,21 @@
-"""How far every seed of an agent has come, on disk, to resume from after a kill.
+"""Checkpoints of an agent's seeds on disk, to resume from after a kill.
 
-The folder `.checkpoints/<agent>/<key>/` stands outside DVC's outputs, which DVC deletes before a
-stage runs. The key is a digest of all that a seed's results depend on, so what other parameters,
-another robot, other code or other versions have left is never resumed from. In the folder:
+The folder `.checkpoints/<agent>/<key>/` lies outside DVC's outputs, which DVC deletes before a
+stage runs. The key is a digest of everything that a seed's results depend on, so checkpoints of
+other parameters, another robot, other code or other versions are never resumed from. The folder
+contains:
 
-| file | what |
+| file | content |
 |---|---|
 | seed-N.M.checkpoint | seed N at its M-th checkpoint; the last two are kept |
-| seed-N.finished | seed N, trained |
-| complete.json | the seeds of a training that came to its end |
+| seed-N.finished | seed N, finished |
+| complete.json | the seeds of a training that finished |
 
-Every file is whole or absent (see `jumping_ant.base.files`), begins with the digest of the rest,
+Every file is complete or absent (see `jumping_ant.base.files`), begins with the digest of the rest,
 and holds numbers and text: nothing in it is executed.
 
-Finished seeds outlive the training, so that one with more seeds trains the new ones alone. Asked
-for the same seeds as before, it trains them anew: that is what `dvc repro --force` is for.
+Finished seeds are kept after training, so that a training with more seeds trains only the new ones.
+A training of the same seeds as before trains them again: that is what `dvc repro --force` is for.
 """
 
 import fcntl
@@ -37,17 +38,17 @@ _HEADER, _CONTENT, _BEST = "header.json", "content", "best"
 
 @dataclass(frozen=True)
 class Saved:
-    """A seed as it stood.
+    """The saved state of a seed.
 
     Attributes:
         env_steps: Control steps so far.
         seconds: Training seconds so far.
         timing: Training seconds at each row of the curve: (control steps, seconds).
-        machine: Of a finished seed, where it was trained.
+        machine: For a finished seed, the machine that it was trained on.
         curve: Content of `curve.csv` so far.
         best_return: Mean validation return of the best snapshot, None before the first.
         best: That snapshot's policy file.
-        content: The trainer's checkpoint; of a finished seed, the last policy's file.
+        content: The trainer's checkpoint; for a finished seed, the last policy's file.
     """
 
     env_steps: int
@@ -71,7 +72,7 @@ class Saved:
         """Read a file's content.
 
         Raises:
-            ValueError: It is damaged.
+            ValueError: The file is damaged.
         """
         digest, _, packed = file.partition(b"\n")
         if hashlib.sha256(packed).hexdigest().encode() != digest:
@@ -92,7 +93,7 @@ class Checkpoints:
         root: The project's folder.
         agent: The agent's name.
         key: Digest of what the seeds' results depend on.
-        say: Takes a line about what was found.
+        say: Called with each message.
     """
 
     def __init__(self, root: Path, agent: str, key: str, say: Callable[[str], None]) -> None:
@@ -103,13 +104,13 @@ class Checkpoints:
 
     @contextmanager
     def opened(self, seeds: Sequence[int]) -> Iterator[None]:
-        """Keep others out while an agent trains; clear up if it comes to its end.
+        """Lock the agent while it trains; clean up if training finishes.
 
         Another process may be training the agent already, such as one whose `dvc repro` was killed.
         This waits until it ends, then resumes from its last checkpoint.
 
         Args:
-            seeds: Those to train.
+            seeds: Seeds to train.
         """
         self._folder.mkdir(parents=True, exist_ok=True)
         with (self._agent_folder / "lock").open("a+") as lock:
@@ -124,7 +125,7 @@ class Checkpoints:
             self._forget_others(seeds)
 
     def load(self, seed: int) -> Saved | None:
-        """Return a seed's newest checkpoint that is sound, if there is any; remove those above."""
+        """Return a seed's newest undamaged checkpoint, if any; remove newer, damaged ones."""
         for path in reversed(self._generations(seed)):
             if saved := self._read(path):
                 return saved
@@ -132,7 +133,7 @@ class Checkpoints:
         return None
 
     def finished(self, seed: int) -> Saved | None:
-        """Return a seed that has been trained already, None if it has not."""
+        """Return a seed that is already trained, None if it is not."""
         path = self._finished_path(seed)
         return self._read(path) if path.exists() else None
 
@@ -140,7 +141,7 @@ class Checkpoints:
         """Write a seed's next checkpoint.
 
         Raises:
-            OSError: It cannot be written, as on a full disk; older ones are as they were.
+            OSError: It cannot be written, as on a full disk; older ones are unchanged.
         """
         old = self._generations(seed)
         number = int(old[-1].suffixes[-2][1:]) + 1 if old else 1
@@ -152,7 +153,7 @@ class Checkpoints:
         """Write a trained seed, and remove its checkpoints.
 
         Raises:
-            OSError: It cannot be written, as on a full disk; older ones are as they were.
+            OSError: It cannot be written, as on a full disk; older ones are unchanged.
         """
         write_bytes(self._finished_path(seed), saved.to_bytes())
         for path in self._generations(seed):
@@ -161,8 +162,8 @@ class Checkpoints:
     def _read(self, path: Path) -> Saved | None:
         try:
             return Saved.from_bytes(path.read_bytes())
-        except Exception as error:  # whatever a damaged file provokes
-            self._say(f"{path.name} is damaged ({error}), and not used")
+        except Exception as error:  # a damaged file can raise anything
+            self._say(f"{path.name} is damaged ({error}) and is not used")
             return None
 
     def _generations(self, seed: int) -> list[Path]:
@@ -174,7 +175,7 @@ class Checkpoints:
         return self._folder / f"seed-{seed}.finished"
 
     def _take(self, lock: TextIO) -> bool:
-        """Lock the agent, and tell whether that took a wait; the lock goes with the process."""
+        """Lock the agent until the process ends; return whether it had to wait for the lock."""
         has_waited = False
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -182,8 +183,8 @@ class Checkpoints:
             lock.seek(0)
             process = lock.read()
             self._say(
-                f"waiting for process {process}, which is training it already and will not be "
-                f"started again; `kill {process}` has it stop with a checkpoint"
+                f"waiting for process {process}, which is already training it and will not be "
+                f"started again; `kill {process}` stops it with a checkpoint"
             )
             fcntl.flock(lock, fcntl.LOCK_EX)
             has_waited = True
@@ -193,7 +194,7 @@ class Checkpoints:
         return has_waited
 
     def _forget_others(self, seeds: Sequence[int]) -> None:
-        """Remove what a later training cannot need: other keys' seeds, and those dropped."""
+        """Remove files that no later training needs: those of other keys and of dropped seeds."""
         for folder in self._agent_folder.iterdir():
             if folder.is_dir() and folder != self._folder:
                 shutil.rmtree(folder)
@@ -204,7 +205,7 @@ class Checkpoints:
 
 
 def _read_json(path: Path) -> Any:
-    """Return what a JSON file holds, None if it is missing or damaged."""
+    """Return the content of a JSON file, None if it is missing or damaged."""
     try:
         return json.loads(path.read_text())
     except (OSError, ValueError):

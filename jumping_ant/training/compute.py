@@ -1,7 +1,7 @@
-"""Generators run side by side: inline for one worker, on Ray for more.
+"""Run generators in parallel: inline for one worker, on Ray for more.
 
-Ray is all that knows about processes and machines. It starts locally by default and joins a running
-cluster when `RAY_ADDRESS` names one; the code then travels along, so nothing needs to be shared.
+Only Ray handles processes and machines. It starts locally by default and joins a running cluster
+when `RAY_ADDRESS` names one; Ray then uploads the code, so nothing needs to be shared.
 """
 
 import os
@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-# Ray's servers are for this machine alone, where it starts them itself. Ray knows no such setting,
-# but does so where it supports no clusters, and reads this as it is imported.
+# When Ray starts its servers itself, only this machine may reach them. Ray has no such setting, but
+# does this on platforms where it does not support clusters; it reads the variable on import.
 if not os.environ.get("RAY_ADDRESS"):
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 
@@ -34,10 +34,10 @@ Key = TypeVar("Key", bound=Hashable)
 Job = Callable[[threading.Event], Iterator[Any]]
 Say = Callable[[str], None]
 
-# Rows are small, but a checkpoint holds a replay memory. Ray would take a third of all memory; what
-# is not used of it takes none.
+# Rows are small, but a checkpoint holds a replay buffer. By default Ray takes a third of all
+# memory; the unused part of the store takes none.
 OBJECT_STORE_BYTES = 2 * 2**30
-MAX_DEATHS = 3  # of the workers of one job, before it is given up
+MAX_DEATHS = 3  # of a job's workers before the job is given up
 SECONDS_BETWEEN_LOOKS = 1.0
 
 
@@ -45,22 +45,22 @@ def num_workers(requested: int, num_jobs: int) -> int:
     """Return how many workers to use.
 
     Args:
-        requested: As in `params.yaml`; 0 stands for every core, and on a cluster for every job.
-        num_jobs: More workers than jobs are of no use.
+        requested: As in `params.yaml`; 0 means one per core, or on a cluster one per job.
+        num_jobs: Number of jobs, which is the most workers that are useful.
     """
     available = num_jobs if _on_cluster() else machine.num_cores()
     return max(1, min(requested or available, num_jobs))
 
 
 def num_threads(requested: int, num_jobs: int) -> list[int]:
-    """Return how many threads each job may take, so that no core stands idle at the end.
+    """Return how many threads each job may use, so that no core is idle at the end.
 
-    Jobs are as many as there are workers at a time, one thread each; those of a last, smaller round
-    share the cores.
+    As many jobs as there are workers run at a time, with one thread each; the jobs of a smaller
+    last round share the cores.
 
     Args:
-        requested: As in `params.yaml`; 0 stands for every core.
-        num_jobs: Jobs in all.
+        requested: As in `params.yaml`; 0 means every core.
+        num_jobs: Total number of jobs.
     """
     if _on_cluster() or num_jobs == 0:
         return [1] * num_jobs
@@ -76,26 +76,27 @@ def stream(
     say: Say = print,
     name: Callable[[Key], str] = str,
 ) -> Iterator[tuple[Key, Any]]:
-    """Run generators and yield what they yield, as it comes.
+    """Run generators and yield their items as they arrive.
 
     The first SIGTERM or Ctrl-C asks them to stop, by setting the event that each was given, and
-    keeps others from starting; the second ends everything at once.
+    keeps others from starting; the second ends everything immediately.
 
-    A generator whose worker dies is started again, by another call of `start`.
+    A generator whose worker dies is restarted by another call of `start`.
 
     Args:
-        start: Returns what makes a key's generator; to leave this process it must be picklable.
-        keys: Of all generators, in the order they start.
-        workers: How many run at once.
-        say: Takes a line about what befell a worker.
-        name: What such a line calls a key.
+        start: Returns a function that creates a key's generator; to run in another process, that
+            function must be picklable.
+        keys: Keys of all generators, in the order they start.
+        workers: Number of generators that run at once.
+        say: Called with a message when a worker dies.
+        name: Returns the name of a key in such messages.
 
     Yields:
-        Key and item. The items of one generator come in its order, whatever the others do.
+        Key and item. The items of one generator keep their order.
 
     Raises:
         InputError: `RAY_ADDRESS` names a cluster that cannot be joined.
-        WorkerError: The workers of one job died again and again.
+        WorkerError: The workers of one job died repeatedly.
     """
     return _inline(start, keys) if workers == 1 else _on_ray(start, keys, workers, say, name)
 
@@ -117,7 +118,7 @@ def _on_ray(
     say: Say,
     name: Callable[[Key], str],
 ) -> Iterator[tuple[Key, Any]]:
-    """Run each job in an actor that streams; a key waits until one is free."""
+    """Run each job in a streaming actor; a key waits until an actor is free."""
     _connect(workers)
     try:
         with _stopped_by_signals() as stop:  # after Ray has set its own handlers
@@ -140,7 +141,7 @@ def _work(
     deaths = Counter[Key]()
     is_told = False
     actor: Any = ray.remote(_Worker)
-    actor = actor.options(num_cpus=1, max_concurrency=2)  # one thread waits to be told to stop
+    actor = actor.options(num_cpus=1, max_concurrency=2)  # the second thread serves `stop`
     while True:
         while waiting and len(running) < workers and not stop.is_set():
             key = waiting.popleft()
@@ -162,7 +163,7 @@ def _work(
                 if waiting:
                     idle.append(worker)
                 else:
-                    ray.kill(worker)  # its core may be what another waits for
+                    ray.kill(worker)  # frees its core, which another may wait for
             except (RayActorError, OutOfMemoryError) as error:
                 del running[generator]
                 deaths[key] += 1
@@ -176,7 +177,7 @@ def _work(
 
 
 class _Worker:
-    """A process that runs one job at a time, and can be told to stop meanwhile."""
+    """A process that runs one job at a time, and can be told to stop while it runs."""
 
     def __init__(self) -> None:
         self._stop = threading.Event()
@@ -192,7 +193,7 @@ class _Worker:
 
 @contextmanager
 def _stopped_by_signals() -> Iterator[threading.Event]:
-    """Turn the first SIGTERM or Ctrl-C into an event; the second is as usual."""
+    """Turn the first SIGTERM or Ctrl-C into an event; the second has its usual effect."""
     stop = threading.Event()
     previous: dict[signal.Signals, Any] = {}
 
@@ -204,7 +205,7 @@ def _stopped_by_signals() -> Iterator[threading.Event]:
         stop.set()
         restore()
 
-    if threading.current_thread() is threading.main_thread():  # no other may set handlers
+    if threading.current_thread() is threading.main_thread():  # only this thread may set handlers
         for number in (signal.SIGINT, signal.SIGTERM):
             previous[number] = signal.signal(number, handle)
     try:

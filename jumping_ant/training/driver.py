@@ -1,16 +1,16 @@
-"""From trainers' events to files: the driver of the `train` stage.
+"""The driver of the `train` stage, which writes trainers' events to files.
 
-It alone touches files while training runs. For each seed, `curve.csv` grows row by row. When
-training ends, `policy.zip` appears whole: the snapshot that did best in validation, or the last
-policy, as `training.publish` says. `final.zip` is the last policy in any case, and `machine.json`
-says where both come from.
+Only the driver accesses files while training runs. For each seed, `curve.csv` grows row by row.
+When training ends, `policy.zip` is written in one piece: the snapshot that did best in validation,
+or the last policy, as `training.publish` specifies. `final.zip` is always the last policy, and
+`machine.json` describes the machine that both were trained on.
 
-Validation episodes start from states of their own: neither training nor the held-out episodes of
-`jumping_ant.judging.evaluation` ever see them, and held-out episodes select nothing.
+Validation episodes have their own start states, which neither training nor the held-out episodes of
+`jumping_ant.judging.evaluation` use, and held-out episodes are never used for selection.
 
-Wall-clock figures, which no two runs share, stand apart in `timing.csv`. Checkpoints let a run
-that was killed resume where it was (see `jumping_ant.training.checkpoints`); the files come out the
-same.
+Wall-clock times, which differ in every run, are kept separately in `timing.csv`. Checkpoints let a
+killed run resume where it stopped (see `jumping_ant.training.checkpoints`); the resulting files are
+the same.
 """
 
 import hashlib
@@ -27,7 +27,6 @@ from typing import Any, Literal, TextIO
 
 import numpy as np
 
-from jumping_ant import policies
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
@@ -37,6 +36,7 @@ from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import EnvParams, TrainingParams
+from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
 from jumping_ant.training import compute
 from jumping_ant.training.checkpoints import Checkpoints, Saved
@@ -55,13 +55,13 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Report:
-    """An event as it leaves a worker.
+    """An event as a worker sends it.
 
     Attributes:
-        event: What the trainer said.
-        seconds: Training seconds of this seed so far, evaluations not counted.
+        event: The trainer's event.
+        seconds: Training seconds of this seed so far, excluding evaluations.
         returns: Returns of the evaluation of a snapshot, shape (episodes,).
-        machine: With the last event, where it comes from.
+        machine: With the last event, the machine that the seed was trained on.
     """
 
     event: Event
@@ -71,7 +71,7 @@ class Report:
 
 
 def train(root: Path, params: Params, agent_name: str) -> None:
-    """Train every seed of an agent, each from where it stands.
+    """Train every seed of an agent, each from its last checkpoint.
 
     Args:
         root: The project's folder; a robot in `assets/` is read, and `models/<agent>/` and the
@@ -81,9 +81,9 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 
     Raises:
         InputError: There is no such agent, or no robot yet.
-        WorkerError: The workers of one seed died again and again.
-        StoppedError: A signal asked for an end; another call resumes from there.
-        OSError: A file cannot be written, as on a full disk; what was there before is as it was.
+        WorkerError: The workers of one seed died repeatedly.
+        StoppedError: A signal asked training to stop; another call resumes from there.
+        OSError: A file cannot be written, as on a full disk; existing files are unchanged.
     """
     agent = params.agent(agent_name)
     xml = robot.read(root, agent.robot)
@@ -146,18 +146,18 @@ def train_seed(
     saved: Saved | None = None,
     checkpoint_seconds: float = math.inf,
 ) -> Iterator[Report]:
-    """Train one seed, evaluating its snapshots on the way.
+    """Train one seed, and evaluate its snapshots.
 
     Args:
         xml: The robot as MJCF text.
         env: The task.
         agent: The agent's block.
         training: How often and on which episodes snapshots are evaluated.
-        seed: Determines the run.
-        stop: Once it is set, a last checkpoint follows and training ends.
+        seed: Seed that determines the run.
+        stop: Once it is set, training ends with a last checkpoint.
         num_threads: Threads that step the simulations; results do not depend on it.
-        saved: Where to resume from.
-        checkpoint_seconds: Time from one checkpoint to the next [s].
+        saved: State to resume from.
+        checkpoint_seconds: Interval between checkpoints [s].
     """
     episode_seeds = [training.evaluation_seed + i for i in range(training.evaluation_episodes)]
     started = last = time.perf_counter()
@@ -180,7 +180,7 @@ def train_seed(
         now = time.perf_counter()
         report = Report(event, now - started - paused)
         if isinstance(event, Snapshot):
-            policy = policies.load(event.policy)
+            policy = policy_file.parse(event.policy)
             episodes = rollout.run(xml, env, policy, episode_seeds, num_threads)
             returns = tuple(float(episode.rewards.sum()) for episode in episodes)
             report = replace(report, returns=returns)
@@ -195,14 +195,14 @@ def train_seed(
 
 
 def dependencies(xml: str, params: Params, agent: AgentBlock) -> str:
-    """Return the digest of all that the bytes of an agent's seeds depend on.
+    """Return a digest of everything that the output files of an agent's seeds depend on.
 
-    These are the robot, the parameters, the code of training and of the agent's trainer, and the
+    It covers the robot, the parameters, the code of training and of the agent's trainer, and the
     machine with its versions.
 
     Args:
         xml: The robot as MJCF text.
-        params: All parameters; of them the task and how snapshots are evaluated count.
+        params: All parameters; only the task and the evaluation of snapshots are included.
         agent: The agent's block.
     """
     families = Path(__file__).parents[1] / "agents"
@@ -219,12 +219,12 @@ def dependencies(xml: str, params: Params, agent: AgentBlock) -> str:
 
 
 def _is_of(file: Path, own: Path, families: Path) -> bool:
-    """Tell whether a file is of one family of agents, or of none."""
+    """Return whether a file belongs to the agent's own family, or to no family of agents."""
     return file.is_relative_to(own) or file.parent == families or families not in file.parents
 
 
 class _Seed:
-    """The files of one seed, and how far it has come."""
+    """The files and the training progress of one seed."""
 
     def __init__(
         self,
@@ -249,7 +249,7 @@ class _Seed:
 
     def __enter__(self) -> "_Seed":
         self._paths.folder.mkdir(parents=True, exist_ok=True)
-        # DVC clears the folder; where it did not, no older policy may stand by the new curve.
+        # DVC clears the folder; if it did not, no older policy may remain beside the new curve.
         for policy in (self._paths.policy, self._paths.final_policy):
             policy.unlink(missing_ok=True)
         self._file = self._paths.curve.open("w", newline="")
@@ -263,7 +263,7 @@ class _Seed:
         self._file.close()
 
     def start(self) -> Saved | None:
-        """Return where training begins, None for the start, and bring the files there."""
+        """Return the state to resume from, None for a fresh start, and restore the files."""
         saved = self._checkpoints.load(self.number)
         if saved:
             self._display.say(f"seed {self.number}: resumes from {saved.env_steps:,} steps")
@@ -271,7 +271,7 @@ class _Seed:
         return saved
 
     def write(self, report: Report) -> None:
-        """Take note of an event."""
+        """Record an event."""
         event = report.event
         if isinstance(event, Checkpoint):
             self._checkpoints.save(self.number, self._saved(report, event.content))
@@ -333,7 +333,7 @@ class _Seed:
     def _write(self, text: str) -> None:
         self._curve += text
         self._file.write(text)
-        self._file.flush()  # live tracking reads along
+        self._file.flush()  # live tracking reads the file
 
 
 def _row(event: Progress | Snapshot, returns: tuple[float, ...]) -> dict[str, float]:
@@ -348,7 +348,7 @@ def _row(event: Progress | Snapshot, returns: tuple[float, ...]) -> dict[str, fl
 
 
 def _cell(value: Any) -> str:
-    """Show a number so that it reads back the same; nothing where there is none."""
+    """Format a number so that it reads back the same; empty for None and NaN."""
     return "" if value is None or math.isnan(value) else repr(value)
 
 

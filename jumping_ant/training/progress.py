@@ -1,6 +1,6 @@
-"""What a person sees of a training run: one line a seed.
+"""The progress display of a training run: one line per seed.
 
-On a terminal each seed has a bar that moves; elsewhere each prints a line now and then.
+On a terminal each seed has a progress bar; elsewhere each prints a line every few seconds.
 """
 
 import sys
@@ -14,7 +14,7 @@ SECONDS_BETWEEN_LINES = 10.0
 
 
 class TrainingProgress:
-    """Shows how far each seed of an agent is: steps, return, rate and time left.
+    """Shows the progress of each seed of an agent: steps, return, rate and time left.
 
     Args:
         agent: The agent's name.
@@ -47,7 +47,7 @@ class TrainingProgress:
         self._total = total
 
     def __enter__(self) -> Self:
-        """Say how the progress will be shown where it is not by bars."""
+        """Print how progress will be reported if there are no bars."""
         if not self._is_terminal:
             self._print(
                 f"{self._agent}: training {len(self._bars)} seeds; output is not a terminal, "
@@ -61,18 +61,18 @@ class TrainingProgress:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Leave the terminal in order."""
+        """Close the progress bars."""
         for bar in self._bars.values():
             bar.close()
 
     def update(self, seed: int, env_steps: int, seconds: float, mean_return: float | None) -> None:
-        """Show where a seed stands.
+        """Show the progress of a seed.
 
         Args:
-            seed: Which.
+            seed: The seed.
             env_steps: Control steps so far.
             seconds: Training seconds so far.
-            mean_return: Latest return of its training episodes, None if none ended lately.
+            mean_return: Latest return of its training episodes, None if none ended recently.
         """
         if mean_return is not None:
             self._returns[seed] = f"{mean_return:,.0f}"
@@ -85,17 +85,17 @@ class TrainingProgress:
             self._print(self._line(seed, env_steps, seconds))
 
     def say(self, line: str) -> None:
-        """Show a line that stays."""
+        """Print a line that is not overwritten."""
         tqdm.write(f"{self._agent}: {line}", file=self._stream)
         self._stream.flush()
 
     def finish(self, seed: int, env_steps: int, seconds: float) -> None:
-        """Say that a seed is done.
+        """Report that a seed is finished.
 
         Args:
-            seed: Which.
-            env_steps: Control steps in all.
-            seconds: Training seconds in all.
+            seed: The seed.
+            env_steps: Control steps in total.
+            seconds: Training seconds in total.
         """
         if not self._is_terminal:
             self._print(

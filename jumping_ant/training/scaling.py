@@ -1,11 +1,11 @@
 """How an agent's training speeds up with threads, measured on this machine.
 
-A generation plays all of its policies independently of one another, so more threads play more of
-them at once. Off-policy learners update one policy: more threads step their environments, and share
-out each matrix product of a gradient step.
+The policies of a generation run independently of one another, so more threads run more of them at
+once. Off-policy learners update one policy: threads share the stepping of their environments, and
+each matrix product of a gradient step.
 
-What is timed is each seed's second row of the learning curve: a generation, or some rounds of
-experience and updates. Later ones take as long.
+The timed unit is each seed's second row of the learning curve: a generation, or some rounds of
+rollouts and updates. Later rows take as long.
 """
 
 import time
@@ -20,24 +20,24 @@ from jumping_ant.base import machine
 from jumping_ant.params.blocks import EnvParams
 
 COLUMNS = ("seed", "threads", "seconds")
-REPEATS = 2  # of which the faster counts: what disturbs a measurement only adds to it
+REPEATS = 2  # the faster one counts: disturbances only add time
 
 
 def measure(
     xml: str, env: EnvParams, agent: AgentBlock, seeds: Sequence[int], cores: int | None = None
 ) -> list[dict[str, Any]]:
-    """Time a unit of an agent's training on one thread and more, up to all cores.
+    """Time a unit of an agent's training on one or more threads, up to all cores.
 
     Args:
         xml: The robot as MJCF text.
         env: The task.
         agent: The agent's block.
         seeds: Its seeds.
-        cores: Threads at most; by default all that this process may use.
+        cores: Maximum number of threads; by default all cores that this process may use.
 
     Returns:
-        Rows of `COLUMNS`: the seconds that it took with so many threads. There are none for an
-        agent that does not train.
+        Rows of `COLUMNS`: the seconds that it took with each number of threads; empty for an agent
+        that does not train.
     """
     timed = agent.for_timing()
     if timed is None:
@@ -63,7 +63,7 @@ def _thread_counts(cores: int) -> Iterator[int]:
 def _fastest(
     unit: Callable[[int, int], float], seed: int, counts: Sequence[int]
 ) -> dict[int, float]:
-    """Return the seconds of a seed's unit by number of threads, measured in turn."""
+    """Return the shortest time of a seed's unit [s] by number of threads, measured in turn."""
     fastest = dict.fromkeys(counts, float("inf"))
     for _ in range(REPEATS):
         for threads in counts:
@@ -73,12 +73,12 @@ def _fastest(
 
 def _time_row(xml: str, env: EnvParams, agent: AgentBlock, seed: int, threads: int) -> float:
     """Return the seconds of the second row of a seed's learning curve."""
-    import torch  # takes seconds that agents without a row need not wait for
+    import torch  # slow to import, and not needed for agents without a row
 
     torch.set_num_threads(threads)
     events = trainer_of(agent)(Job(xml, env, agent, seed, num_threads=threads))
     rows = (event for event in events if isinstance(event, Progress))
-    next(rows)  # begins with random actions, and allocates memory
+    next(rows)  # not timed: random actions and memory allocation
     started = time.perf_counter()
     next(rows)
     seconds = time.perf_counter() - started

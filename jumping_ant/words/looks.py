@@ -1,7 +1,7 @@
-"""How an agent is named and drawn, everywhere alike.
+"""Names, colours, markers and line styles of agents, the same in all output.
 
-The colours are those of Okabe and Ito, "Color Universal Design", 2008, which people of any colour
-vision tell apart; baselines are grey, and told apart by their lines.
+The colours are those of Okabe and Ito, "Color Universal Design", 2008, which people with any colour
+vision can tell apart; baselines are grey and differ in line style.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,13 +12,13 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREYS = ("#7F7F7F", "#ABABAB")
 DASHES = ("--", ":", "-.")
 INK = "#333333"
-LONG_AXIS = 30.0  # values further apart than by this factor get a logarithmic axis
+LONG_AXIS = 30.0  # values that differ by more than this factor get a logarithmic axis
 VERDICTS = {"supported": "#00795A", "refuted": "#B4461B", "inconclusive": "#6B7280"}
 
 
 @dataclass(frozen=True)
 class Look:
-    """Colour, marker and line style of an agent, in matplotlib's words."""
+    """Colour, marker and line style of an agent, in matplotlib's notation."""
 
     colour: str
     marker: str
@@ -29,7 +29,7 @@ def looks(baselines: Mapping[str, bool]) -> dict[str, Look]:
     """Return each agent's look.
 
     Args:
-        baselines: Whether each agent is a baseline, by its name, in the order of `params.yaml`.
+        baselines: Whether each agent is a baseline, by name, in the order of `params.yaml`.
     """
     learners = [name for name, is_baseline in baselines.items() if not is_baseline]
     drawn = {
@@ -48,21 +48,21 @@ def label(name: str, algorithm: str, is_baseline: bool) -> str:
 
 
 def of_sample(label: str, drawn: Mapping[str, Look]) -> Look:
-    """Return the look of a sample in a claim: of an agent, or of a version of its policies.
+    """Return the look of a sample in a claim: an agent, or a version of its policies.
 
     Args:
         label: `SAC`, or `SAC, rounded`.
-        drawn: Looks by the labels of agents.
+        drawn: Looks by agent label.
     """
     return drawn[label.partition(", ")[0]]
 
 
 def is_long(values: Sequence[float]) -> bool:
-    """Return whether values of 1 and more are too far apart for an axis that is not logarithmic."""
+    """Return whether values are all at least 1 and too far apart for a linear axis."""
     return bool(values) and min(values) >= 1 and max(values) > LONG_AXIS * min(values)
 
 
 def remark(is_baseline: bool, robot: str) -> str:
-    """Return what sets an agent apart from those that learn on the edited robot, if anything."""
+    """Return how an agent differs from those that learn on the edited robot, if it does."""
     parts = ["baseline"] if is_baseline else []
     return ", ".join([*parts, *(["unedited robot"] if robot == "unedited" else [])])

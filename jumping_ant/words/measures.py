@@ -1,4 +1,4 @@
-"""What is measured of a held-out episode, in words (formulas: docs/metrics.md)."""
+"""Names and descriptions of the measures of a held-out episode (formulas: docs/metrics.md)."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ class Measure:
         unit: Its unit, empty for pure numbers.
         about: What it is, in a sentence.
         is_better: 1 where more is better, -1 where less is, 0 where neither.
-        can_be_empty: Whether an episode may have none; its cell is empty then.
+        can_be_empty: Whether an episode may have no value; its cell is then empty.
     """
 
     label: str
@@ -29,16 +29,16 @@ class Measure:
 
 MEASURES = {
     "return": Measure("Return", "", "Sum of the rewards of an episode.", 1),
-    "peak_height": Measure("Peak height", "m", "Highest the torso's centre gets.", 1),
-    "apex": Measure("Apex", "m", "Highest the torso's centre gets in a jump, mean over jumps.", 1),
+    "peak_height": Measure("Peak height", "m", "Greatest height of the torso's centre.", 1),
+    "apex": Measure("Apex", "m", "Mean over jumps of the torso centre's greatest height.", 1),
     "mean_height": Measure("Mean height", "m", "Mean height of the torso's centre.", 1),
-    "jumps": Measure("Jumps", "", "Times off the ground for long enough.", 0),
+    "jumps": Measure("Jumps", "", "Number of times off the ground for long enough.", 0),
     "airborne_seconds": Measure("Airborne", "s", "Time without any contact.", 1),
     "flight": Measure("Flight", "", "Share of the control steps that end without any contact.", 1),
     "torque_change": Measure(
         "Torque change",
         "",
-        "Mean squared change of torque over peak torque from step to step; none at rest.",
+        "Mean squared change of torque over peak torque from step to step; 0 at rest.",
         -1,
     ),
     "fluidity": Measure(
@@ -52,11 +52,11 @@ MEASURES = {
     "drift": Measure("Drift", "m", "Distance of the torso's end from its start, on the floor.", 0),
 }
 
-TERM = "return_"  # what the columns of the reward's terms begin with
+TERM = "return_"  # prefix of the columns of the reward's terms
 
 
 def of_column(column: str) -> Measure | None:
-    """Return what a column of `episodes.csv` measures, None for one that counts or names."""
+    """Return the measure in a column of `episodes.csv`, None for counts and names."""
     if column.startswith(TERM):
         term = column.removeprefix(TERM).replace("_", " ")
         return Measure(f"Return: {term}", "", f"Share of the term {term} in the return.", 0)

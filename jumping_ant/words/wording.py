@@ -1,21 +1,21 @@
-"""How numbers are put in words, everywhere alike."""
+"""Formats of numbers, the same in all output."""
 
 from typing import SupportsFloat
 
 
 def number(value: SupportsFloat) -> str:
-    """Return a number as people read it: 12,345, 123, 1.23, 0.00123."""
+    """Return a number in readable form: 12,345, 123, 1.23, 0.00123."""
     exact = float(value)
     return f"{exact:,.0f}" if abs(exact) >= 100 else f"{exact:.3g}"
 
 
 def interval(low: SupportsFloat, high: SupportsFloat, num_seeds: int) -> str:
-    """Return an interval over seeds as people read it, [0.5, 1,230]; one seed has none."""
+    """Return an interval over seeds in readable form, [0.5, 1,230]; empty for one seed."""
     return f"[{number(low)}, {number(high)}]" if num_seeds > 1 else ""
 
 
 def p_value(value: SupportsFloat) -> str:
-    """Return a p value as people read it: 0.0023."""
+    """Return a p-value in readable form: 0.0023."""
     return f"{float(value):.2g}"
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import small_agents
 
-from jumping_ant import policies
 from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job, resolve, trainer_of
 from jumping_ant.params.blocks import EnvParams
+from jumping_ant.policies import policy_file
 
 AGENTS = small_agents.agents()
 LEARNERS = [name for name, algorithm in ALGORITHMS.items() if not algorithm.is_baseline]
@@ -32,7 +32,7 @@ def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> Non
     assert isinstance(events[-1], Finished)
     assert events[-1].env_steps <= job.agent.max_env_steps + 16  # a round may pass the mark
     assert any(isinstance(event, Snapshot) for event in events)
-    policy = policies.load(events[-1].policy)
+    policy = policy_file.parse(events[-1].policy)
     assert policy.num_motors == 8 and policy.num_observations in (27, None)
     policy.start(range(3))
     torques = policy.act(np.random.default_rng(0).normal(size=(3, 27)))

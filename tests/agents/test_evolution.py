@@ -10,7 +10,6 @@ from evotorch import SolutionBatch
 from evotorch.neuroevolution import GymNE
 from evotorch.neuroevolution.net import RunningStat
 
-from jumping_ant import policies
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.evolution.problem import JumpProblem
@@ -18,6 +17,8 @@ from jumping_ant.agents.evolution.trainer import train
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment import params_file
+from jumping_ant.policies import policy_file
+from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim.env import Decisions, RobotEnv
 
 PARAMS = params_file.load()
@@ -97,7 +98,7 @@ def test_the_seed_alone_determines_the_run(robot_xml: str, name: str) -> None:
 
 def test_the_policy_tells_how_wide_the_search_still_is(robot_xml: str) -> None:
     events = list(train(Job(robot_xml, PARAMS.env, AGENT, 0)))
-    policy = policies.load(events[-1].policy)
+    policy = policy_file.parse(events[-1].policy)
     spread = np.append(policy.weight_spread, policy.bias_spread)
     told = [event.extra["stdev_mean"] for event in events if isinstance(event, Progress)]
     assert spread.mean() == pytest.approx(told[-1]) and spread.std() > 0
@@ -116,4 +117,4 @@ def test_events_tell_the_run(robot_xml: str) -> None:
     assert all(row.extra["return_best"] >= row.return_mean for row in rows)
     assert sum(isinstance(event, Snapshot) for event in events) == 3
     assert isinstance(events[-1], Finished)
-    assert isinstance(policies.load(events[-1].policy), policies.LinearPolicy)
+    assert isinstance(policy_file.parse(events[-1].policy), LinearPolicy)

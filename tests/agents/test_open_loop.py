@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
 
-from jumping_ant import policies
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.open_loop.algorithms import OpenLoopParams
 from jumping_ant.agents.open_loop.trainer import metronome, train
 from jumping_ant.base.seeding import derive_all
 from jumping_ant.experiment.models import Params
+from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 
 AGENT = OpenLoopParams(
@@ -70,7 +70,7 @@ def test_control_steps_are_counted(robot_xml: str, known_params: Params, events:
 
 
 def test_the_policy_plays_a_square_wave(events: list, robot_xml: str, known_params: Params) -> None:
-    policy = policies.load(events[-1].policy)
+    policy = policy_file.parse(events[-1].policy)
     half_period = policy.actions.hold
     (episode,) = rollout.run(robot_xml, known_params.env, policy, [1])
     down, up = 0.75 * COMMAND_SIGNS[3], 0.75 * COMMAND_SIGNS[4]

@@ -13,7 +13,7 @@ from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation, motion
 from jumping_ant.judging.evaluation import QUANTITIES, measure, replay
-from jumping_ant.policies import UniformPolicy
+from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import Trajectory

@@ -8,7 +8,7 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation
 from jumping_ant.judging.motion import MIN_SPEED, apex, fluidity, phases, spectral_arc_length
-from jumping_ant.policies import UniformPolicy
+from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.sim import robot, rollout
 
 DT = 0.05

@@ -7,14 +7,14 @@ import pytest
 import torch
 from evotorch.neuroevolution import GymNE
 
-from jumping_ant import policies
 from jumping_ant.actions import ActionSet
-from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_file
+from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_bytes
 from jumping_ant.experiment import params_file
 from jumping_ant.judging import reproduction
 from jumping_ant.judging.reproduction import Trace, percentile_among, place, play
 from jumping_ant.params import article
-from jumping_ant.policies import LinearPolicy
+from jumping_ant.policies import policy_file
+from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv
 
@@ -115,7 +115,7 @@ def network(algorithm: str) -> tuple[Any, Any]:
             model.actor.log_std.weight.mul_(12.0)
             model.actor.log_std.bias.sub_(0.5)
     actions = ActionSet.of(agent.actions, article.ENV.commands)
-    return model, policies.load(policy_file(model, agent, actions))
+    return model, policy_file.parse(policy_bytes(model, agent, actions))
 
 
 def generators(count: int, seed: int = 0) -> list[np.random.Generator]:

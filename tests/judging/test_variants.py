@@ -10,7 +10,8 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation, variants
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies import LinearPolicy, UniformPolicy
+from jumping_ant.policies.blind import UniformPolicy
+from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import rollout
 
 VALIDATION_SEED = 2000000

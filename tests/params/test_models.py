@@ -133,7 +133,7 @@ def test_budgets_are_counted_in_control_steps(
         ("env.commands", [[0.5, "up"]], "given 'up', allowed: number"),
         ("env.commands", [[0, 1.5]], "given 1.5, allowed: less than or equal to 1"),
         ("env.commands", [], "given [], allowed: at least one"),
-        ("env.commands", [[0], [0, 1]], "given rows of 1 and of 2 torques, allowed: one a motor"),
+        ("env.commands", [[0], [0, 1]], "given rows of 1 and of 2 torques, allowed: one per motor"),
         ("robot.source", "snake", f"given 'snake', allowed: {ROBOTS}"),
         (
             "robot.source",
@@ -179,7 +179,7 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
         (
             "seeds",
             [4, 5, 4],
-            "the file: seeds holds 4 more than once; each seed may stand once",
+            "the file: seeds holds 4 more than once; allowed: each seed once",
         ),
         (
             "agents.dqn",

@@ -250,7 +250,7 @@ def test_frames_of_the_film_stand_at_their_times(content: Content) -> None:
 
 
 def test_what_is_no_film_is_refused(robot_xml: str, episode: Trajectory) -> None:
-    with pytest.raises(InputError, match="film: given 9 bytes that are no MP4"):
+    with pytest.raises(InputError, match="film: given 9 bytes that are not MP4"):
         recording.record(robot_xml, episode, story(), b"not a film"[:9])
 
 
@@ -292,8 +292,8 @@ def test_the_page_tells_the_episode(content: Content) -> None:
     ("algorithm", "kind", "told"),
     [
         ("sac", "edited", "of `mine`: SAC.\n"),
-        ("random", "edited", "of `mine`: a baseline, which acts at random.\n"),
-        ("open_loop", "unedited", "does not look at the robot. Its robot is without the edits."),
+        ("random", "edited", "of `mine`: a baseline that acts at random.\n"),
+        ("open_loop", "unedited", "ignores observations. Its robot is unedited."),
     ],
 )
 def test_the_page_names_baselines_and_the_unedited_robot(

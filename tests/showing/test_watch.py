@@ -22,7 +22,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
-from jumping_ant.policies import UniformPolicy
+from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.showing import watch
 from jumping_ant.showing.playing import play
 from jumping_ant.showing.recording.live import LiveRecording, Step

@@ -73,13 +73,13 @@ def mjcf(bodies: str, actuators: str = MOTOR) -> str:
 
 
 ODD = {
-    "nothing that moves": ("<mujoco/>", "given 0 bodies that move against the world"),
+    "nothing that moves": ("<mujoco/>", "given 0 bodies that move relative to the world"),
     "two of them": (
         mjcf(
             BODY.format(joints=FREE, more=LEG)
             + BODY.format(joints=FREE, more="").replace("torso", "ball")
         ),
-        "given 2 bodies that move against the world",
+        "given 2 bodies that move relative to the world",
     ),
     "a hinged torso": (
         mjcf(BODY.format(joints='<joint name="neck"/>', more=LEG)),
@@ -109,7 +109,7 @@ ODD = {
             '<actuator><motor name="m" joint="knee" ctrllimited="true" ctrlrange="0 1"/>'
             "</actuator>",
         ),
-        r"the motor m has controls in \[0, 1\], allowed: as far below zero as above",
+        r"the motor m has controls in \[0, 1\], allowed: a range symmetric about zero",
     ),
 }
 

@@ -377,7 +377,7 @@ def test_knobs_that_a_robot_has_not_are_refused() -> None:
 
 def test_a_source_is_a_file_of_the_project(tmp_path: Path) -> None:
     own = AS_IT_COMES.model_copy(update={"source": "robots/mine.xml"})
-    with pytest.raises(InputError, match=r"given 'robots/mine.xml', which is no file, allowed: "):
+    with pytest.raises(InputError, match=r"given 'robots/mine.xml', which is not a file, allowed"):
         robot.build(own, tmp_path)
     write_text(tmp_path / "robots" / "mine.xml", "<mujoco>")
     with pytest.raises(InputError, match=r"robot.source: .*mine.xml: .*[Ee]rror"):

@@ -8,7 +8,8 @@ import pytest
 from jumping_ant.actions import ActionSet
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies import LinearPolicy, UniformPolicy
+from jumping_ant.policies.blind import UniformPolicy
+from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.rollout import Episode

@@ -240,7 +240,7 @@ def test_points_that_contradict_the_files_are_replaced(project: Path) -> None:
     said = meaning(project)
     run_id = artifact_dir(project, "sac-seed-0").parent.name
     query(project, "UPDATE metrics SET value = 9 WHERE run_uuid = ? AND step = 400", run_id)
-    assert "sac seed 0: a run that was not the files' was deleted" in tracked(project)
+    assert "sac seed 0: a run that contradicted the files was deleted" in tracked(project)
     assert meaning(project) == said
 
 

@@ -21,7 +21,7 @@ from tracked_project import (
 from jumping_ant.actions import ActionSet
 from jumping_ant.base import imports
 from jumping_ant.base.errors import InputError
-from jumping_ant.policies import UniformPolicy
+from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.tracking import live, models, serving
 
 

@@ -19,7 +19,7 @@ from ruamel.yaml import YAML
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.policies import LinearPolicy
+from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.tracking.mirror import track
 
 AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)

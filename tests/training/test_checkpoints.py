@@ -82,7 +82,7 @@ def test_a_damaged_one_gives_way_to_the_one_before(tmp_path: Path, said: Lines, 
         checkpoints.save(0, replace(SAVED, env_steps=steps))
     damage(tmp_path / ".checkpoints/sac/key/seed-0.2.checkpoint", how)
     assert checkpoints.load(0) == SAVED
-    assert said == ["seed-0.2.checkpoint is damaged (the digest does not match), and not used"]
+    assert said == ["seed-0.2.checkpoint is damaged (the digest does not match) and is not used"]
     checkpoints.save(0, replace(SAVED, env_steps=300))
     assert store(tmp_path, said).load(0).env_steps == 300
     assert files(tmp_path) == ["sac/key/seed-0.1.checkpoint", "sac/key/seed-0.2.checkpoint"]
@@ -174,6 +174,6 @@ def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
             assert other.wait() == 0
             assert store(tmp_path, said).finished(0).content == b"policy"
     assert said == [
-        f"waiting for process {other.pid}, which is training it already and will not be started "
-        f"again; `kill {other.pid}` has it stop with a checkpoint"
+        f"waiting for process {other.pid}, which is already training it and will not be started "
+        f"again; `kill {other.pid}` stops it with a checkpoint"
     ]

@@ -19,7 +19,6 @@ import psutil
 import pytest
 import small_agents
 
-from jumping_ant import policies
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
@@ -28,6 +27,7 @@ from jumping_ant.base.errors import InputError, StoppedError
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
+from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.training import driver
 from jumping_ant.training.checkpoints import Saved
@@ -328,7 +328,7 @@ def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[by
     assert len(policy_files) == rules.evaluations
     means = {}
     for content in policy_files:
-        episodes = rollout.run(xml, settings.env, policies.load(content), seeds)
+        episodes = rollout.run(xml, settings.env, policy_file.parse(content), seeds)
         means[content] = float(np.mean([episode.rewards.sum() for episode in episodes]))
     return means
 

@@ -1,4 +1,4 @@
-"""Evolutionary algorithms of EvoTorch: their settings, and how each is built."""
+"""Evolutionary algorithms of EvoTorch: their settings and searchers."""
 
 from typing import Annotated, Literal, Self
 
@@ -9,20 +9,20 @@ from jumping_ant.params.blocks import Count, Fraction, NonNegative, Positive, To
 
 
 class EvolutionParams(AgentBlock):
-    """What evolutionary algorithms have in common, named as in EvoTorch."""
+    """Settings shared by the evolutionary algorithms, named as in EvoTorch."""
 
     trainer: Literal["evolution"]
     """Package of jumping_ant/agents/ that trains the agent."""
     actions: TorqueParams
-    """What the policies' outputs become: torques."""
+    """How the policies' outputs are applied: as torques."""
     generations: Count
     """[-] Training budget of a seed."""
     population_size: Annotated[int, Field(ge=2)]
-    """[policies] In a generation."""
+    """[policies] Size of a generation."""
     episode_steps: Count
-    """[control steps] That each policy is tried for."""
+    """[control steps] Length of the episode that evaluates a policy."""
     decrease_rewards_by: float
-    """[1/step] Taken off the reward of every control step survived."""
+    """[1/step] Subtracted from the reward of every control step survived."""
     observation_normalization: bool
     """Whether observations are normalised by their running statistics."""
 
@@ -32,39 +32,39 @@ class EvolutionParams(AgentBlock):
         return self.generations * self.population_size * self.episode_steps
 
     def for_timing(self) -> Self:
-        """Return settings whose rows of the curve are generations, as they always are."""
+        """Return settings of two generations; each row of the curve is a generation anyway."""
         return self.model_copy(update={"generations": 2})
 
 
 class GaussianParams(EvolutionParams):
-    """Settings of a search distribution with a width of its own for each parameter."""
+    """Settings of a search distribution with a separate width for each parameter."""
 
     center_learning_rate: Positive
-    """[-] Of the distribution's centre; with ClipUp, the length of a step."""
+    """[-] Learning rate of the distribution's centre; with ClipUp, the length of a step."""
     stdev_learning_rate: NonNegative
-    """[-] Rate at which the distribution's width is learned."""
+    """[-] Learning rate of the distribution's width."""
     stdev_init: Positive
-    """[-] Width at the start."""
+    """[-] Initial width of the distribution."""
 
 
 class PGPEParams(GaussianParams):
     """Policy gradients with parameter-based exploration (Sehnke et al. 2010), with ClipUp."""
 
     algorithm: Literal["pgpe"]
-    """What it trains."""
+    """Algorithm that the trainer runs."""
     population_size: Annotated[int, Field(ge=2, multiple_of=2)]
-    """[policies] In a generation, in mirrored pairs."""
+    """[policies] Size of a generation, sampled in mirrored pairs."""
     max_speed: Positive
-    """[-] Longest step of the centre."""
+    """[-] Maximum step length of the centre."""
     momentum: Fraction
-    """[-] Of ClipUp."""
+    """[-] Momentum of ClipUp."""
 
 
 class SNESParams(GaussianParams):
     """Separable natural evolution strategies (Schaul, Glasmachers and Schmidhuber 2011)."""
 
     algorithm: Literal["snes"]
-    """What it trains."""
+    """Algorithm that the trainer runs."""
 
 
 _SEARCHERS = "jumping_ant.agents.evolution.searchers"

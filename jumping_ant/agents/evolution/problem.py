@@ -1,4 +1,4 @@
-"""EvoTorch's problem of finding a linear policy that jumps.
+"""The EvoTorch problem of finding a linear policy that jumps.
 
 A generation's policies run side by side in one batch of simulations, for one short episode each.
 """
@@ -20,35 +20,35 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.base.seeding import derive, derive_all
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies import LinearPolicy
+from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import robot
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.vector import RobotVectorEnv
 
 Network = tuple[torch.Tensor, torch.Tensor]  # weight (motors, observations) and bias (motors,)
-INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the first centre, as in EvoTorch's GymNE
+INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the initial centre, as in EvoTorch's GymNE
 
 
 class JumpProblem(Problem):
-    """EvoTorch's problem of finding a linear policy that jumps.
+    """The EvoTorch problem of finding a linear policy that jumps.
 
     A solution is the flat weight (num_motors, num_observations) followed by the bias
-    (num_motors,). Its fitness is the return of one episode, less `decrease_rewards_by` a control
-    step survived. The normaliser is held fixed within a generation, so that all of its policies
-    are judged alike, and then takes in what they saw.
+    (num_motors,). Its fitness is the return of one episode, less `decrease_rewards_by` per control
+    step survived. The normaliser is fixed within a generation, so that all of its policies are
+    evaluated alike, and is then updated with their observations.
 
     Args:
         xml: The robot as MJCF text.
         env: The task.
         agent: The agent's block.
-        seed: Of the sampling and of the start states.
-        num_threads: Threads that play; results do not depend on it.
+        seed: Seed of the sampling and of the start states.
+        num_threads: Threads that run episodes; results do not depend on it.
     """
 
     def __init__(
         self, xml: str, env: EnvParams, agent: EvolutionParams, seed: int, num_threads: int = 1
     ) -> None:
-        logging.getLogger("evotorch").setLevel(logging.WARNING)  # it describes every problem
+        logging.getLogger("evotorch").setLevel(logging.WARNING)  # it logs every problem
         anatomy = Anatomy.of(robot.load(xml))
         self._shape = (anatomy.num_motors, anatomy.num_observations)
         super().__init__(
@@ -64,7 +64,7 @@ class JumpProblem(Problem):
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
         self.fitness: NDArray[np.float64] = np.zeros(agent.population_size)
-        # A thread plays its share of the population from start to end: none waits for another.
+        # Each thread runs its share of the population from start to end: no thread waits.
         shares = np.array_split(np.arange(agent.population_size), num_threads)
         self._shares = [share for share in shares if len(share)]
         self._envs = [
@@ -84,11 +84,11 @@ class JumpProblem(Problem):
         self._pool = ThreadPoolExecutor(len(self._shares))
 
     def policy(self, center: torch.Tensor, spread: torch.Tensor) -> LinearPolicy:
-        """Return the policy at a distribution's centre, with the normaliser as it stands.
+        """Return the policy at a distribution's centre, with the current normaliser.
 
         Args:
             center: A solution, shape (solution_length,).
-            spread: Deviation of the distribution, shape (solution_length,).
+            spread: Standard deviation of the distribution, shape (solution_length,).
         """
         weight, bias = self._unflatten(center)
         mean, stdev = self._moments()
@@ -104,7 +104,7 @@ class JumpProblem(Problem):
         )
 
     def save_state(self) -> dict[str, Any]:
-        """Return all that later generations depend on: arrays, and what JSON can express."""
+        """Return the state that later generations depend on: arrays and JSON-compatible values."""
         norm = self.normalizer
         seen = {"sum": norm._sum, "sum_of_squares": norm._sum_of_squares} if norm.count else {}
         return {
@@ -116,7 +116,7 @@ class JumpProblem(Problem):
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Resume from a state."""
+        """Restore a state from `save_state`."""
         self.env_steps = state["env_steps"]
         self.generator.set_state(torch.from_numpy(state["generator"]))
         for generator, own in zip(self._env_generators(), state["envs"], strict=True):
@@ -126,7 +126,7 @@ class JumpProblem(Problem):
             setattr(self.normalizer, f"_{name}", torch.from_numpy(array))
 
     def _env_generators(self) -> list[np.random.Generator]:
-        """Return those of all policies' environments, in their order."""
+        """Return the random generators of all policies' environments, in their order."""
         return [generator for envs in self._envs for generator in envs.generators]
 
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
@@ -147,7 +147,7 @@ class JumpProblem(Problem):
         batch.set_evals(torch.as_tensor(self.fitness, dtype=torch.float32))
 
     def _play(self, envs: RobotVectorEnv, networks: Sequence[Network]) -> "_Episodes":
-        """Play an episode of each policy, side by side."""
+        """Run an episode of each policy, as one batch."""
         decisions = -(-self.agent.episode_steps // self.actions.hold)
         num_motors, num_observations = self._shape
         episodes = _Episodes.empty(decisions, len(networks), num_observations)
@@ -157,7 +157,7 @@ class JumpProblem(Problem):
         episodes.alive[0] = alive = np.ones(len(networks), dtype=np.bool_)
         for step in range(decisions):
             normalized = (torch.from_numpy(episodes.observations[step]) - mean) / stdev
-            # Row by row, as GymNE does: all in one product would be rounded differently.
+            # Row by row, as GymNE does: a single product of all rows would round differently.
             for row, (weight, bias), out in zip(normalized, networks, torques, strict=True):
                 torch.addmv(bias, weight, row, out=out)
             observations, rewards, terminated, truncated, _ = envs.step(
@@ -177,7 +177,7 @@ class JumpProblem(Problem):
         return weight.reshape(self._shape), bias
 
     def _moments(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the normaliser's mean and deviation; 0 and 1 before it saw anything."""
+        """Return the normaliser's mean and standard deviation; 0 and 1 before its first update."""
         if self.normalizer.count == 0:
             return torch.zeros(self._shape[1]), torch.ones(self._shape[1])
         return self.normalizer.mean, self.normalizer.stdev
@@ -185,12 +185,12 @@ class JumpProblem(Problem):
 
 @dataclass(frozen=True)
 class _Episodes:
-    """Episodes of n policies, of T decisions or fewer.
+    """Episodes of n policies, of at most T decisions.
 
     Attributes:
         observations: At the start and after each decision, shape (T + 1, n, num_observations).
         alive: Whether a policy took that decision, true at the start, shape (T + 1, n).
-        returns: Shape (n,).
+        returns: Return of each policy's episode, shape (n,).
     """
 
     observations: NDArray[np.float32]
@@ -199,6 +199,6 @@ class _Episodes:
 
     @classmethod
     def empty(cls, steps: int, size: int, num_observations: int) -> "_Episodes":
-        """Return episodes that have not begun."""
+        """Return zero-filled episodes that have not started."""
         observations = np.zeros((steps + 1, size, num_observations), np.float32)
         return cls(observations, np.zeros((steps + 1, size), np.bool_), np.zeros(size))

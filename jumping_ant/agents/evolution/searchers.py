@@ -7,9 +7,9 @@ from jumping_ant.agents.evolution.algorithms import GaussianParams, PGPEParams, 
 
 
 def pgpe(problem: Problem, agent: PGPEParams) -> PGPE:
-    """Return policy gradients with parameter-based exploration, following ClipUp.
+    """Return policy gradients with parameter-based exploration, with the ClipUp optimiser.
 
-    Sehnke et al. 2010, "Parameter-exploring policy gradients"; ClipUp is that of Toklu et al. 2020.
+    Sehnke et al. 2010, "Parameter-exploring policy gradients"; ClipUp is from Toklu et al. 2020.
     """
     clipup = {"max_speed": agent.max_speed, "momentum": agent.momentum}
     return PGPE(problem, **_common(agent), optimizer="clipup", optimizer_config=clipup)
@@ -19,7 +19,7 @@ def snes(problem: Problem, agent: SNESParams) -> SNES:
     """Return separable natural evolution strategies.
 
     Schaul, Glasmachers and Schmidhuber 2011, "High dimensions and heavy tails for natural evolution
-    strategies". EvoTorch multiplies the width's rate by the default of that paper.
+    strategies". EvoTorch multiplies the width's learning rate by that paper's default.
     """
     return SNES(problem, **_common(agent))
 

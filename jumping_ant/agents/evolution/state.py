@@ -1,4 +1,4 @@
-"""All that a search resumes from: last generation, distribution, optimiser and problem."""
+"""State that a search resumes from: last generation, distribution, optimiser and problem."""
 
 import numpy as np
 import torch
@@ -30,7 +30,7 @@ def restore(searcher: GaussianSearchAlgorithm, problem: JumpProblem, content: by
     """Put a fresh search into a captured state.
 
     Args:
-        searcher: Made with the same parameters.
+        searcher: A searcher created with the same parameters.
         problem: Its problem.
         content: What `capture` returned.
     """
@@ -53,7 +53,7 @@ def restore(searcher: GaussianSearchAlgorithm, problem: JumpProblem, content: by
 
 
 def _velocity(searcher: GaussianSearchAlgorithm) -> NDArray[np.float32] | None:
-    """Return where ClipUp is heading, None where there is no optimiser."""
+    """Return ClipUp's velocity, None if there is no optimiser."""
     if searcher.optimizer is None:
         return None
     velocity: NDArray[np.float32] = searcher.optimizer._velocity.as_subclass(torch.Tensor).numpy()

@@ -16,11 +16,11 @@ from jumping_ant.agents.job import Job, resolve
 
 
 def train(job: Job[EvolutionParams]) -> Iterator[Event]:
-    """Evolve a linear policy; a row of the curve is a generation.
+    """Evolve a linear policy; each row of the curve is a generation.
 
     Yields:
         Progress (with the best return, fitnesses, the centre's norm and the mean stdev), snapshots
-        of the centre's policy, checkpoints when due, and at last that policy.
+        of the centre's policy, checkpoints when due, and finally that policy.
     """
     agent = job.agent
     problem = JumpProblem(job.xml, job.env, agent, job.seed, job.num_threads)
@@ -46,13 +46,13 @@ def train(job: Job[EvolutionParams]) -> Iterator[Event]:
             },
         )
         if generation * job.evaluations % agent.generations < job.evaluations:
-            yield Snapshot(problem.env_steps, _policy_file(searcher, problem))
+            yield Snapshot(problem.env_steps, _policy_bytes(searcher, problem))
         if job.is_checkpoint_due():
             yield Checkpoint(problem.env_steps, state.capture(searcher, problem))
-    yield Finished(problem.env_steps, _policy_file(searcher, problem))
+    yield Finished(problem.env_steps, _policy_bytes(searcher, problem))
 
 
-def _policy_file(searcher: GaussianSearchAlgorithm, problem: JumpProblem) -> bytes:
+def _policy_bytes(searcher: GaussianSearchAlgorithm, problem: JumpProblem) -> bytes:
     """Return the policy at the distribution's centre, as a policy file."""
     status = (searcher.status[name].as_subclass(torch.Tensor) for name in ("center", "stdev"))
     return problem.policy(*status).to_bytes()

@@ -1,8 +1,8 @@
-"""Off-policy algorithms of Stable-Baselines3: their settings, and how each is built.
+"""Off-policy algorithms of Stable-Baselines3: their settings and learners.
 
 A learner is Stable-Baselines3's own class, or one of `jumping_ant.agents.off_policy.lean`, which
-computes the same with fewer operations. Settings that its constructor knows are handed to it under
-their names.
+computes the same with fewer operations. Settings that are parameters of its constructor are passed
+to it by name.
 """
 
 from typing import Annotated, Literal, Self
@@ -20,55 +20,55 @@ from jumping_ant.params.blocks import (
     TorqueParams,
 )
 
-TIMED_UPDATES = 64  # gradient steps in a unit of work that is timed
+TIMED_UPDATES = 64  # gradient steps per timed unit of work
 
 
 class OffPolicyParams(AgentBlock):
-    """What off-policy algorithms have in common, named as in Stable-Baselines3.
+    """Settings shared by the off-policy algorithms, named as in Stable-Baselines3.
 
-    A transition is a decision: with actions held for several control steps it takes as many.
+    A transition is a decision; if actions are held for several control steps, it spans as many.
     """
 
     trainer: Literal["off_policy"]
     """Package of jumping_ant/agents/ that trains the agent."""
     actions: ActionParams
-    """What the agent chooses from."""
+    """Actions that the agent chooses from."""
     total_steps: Count
     """[control steps] Training budget of a seed."""
     episode_steps: Count | None
-    """[control steps] Training episodes are cut here; null never cuts them."""
+    """[control steps] Training episodes are truncated here; null never truncates them."""
     long_episodes: Fraction
     """[-] Share of the environments whose episodes last for `env.max_episode_steps` instead."""
     tumbled_starts: Fraction
     """[-] Share of the training episodes that start in the air, in any orientation."""
     num_envs: Count
-    """[-] Simulations stepped at once."""
+    """[-] Simulations stepped in parallel."""
     learning_rate: Positive
-    """[-] Of Adam, at the start."""
+    """[-] Initial learning rate of Adam."""
     final_learning_rate: NonNegative
-    """[-] Of Adam, at the end; linear in between."""
+    """[-] Final learning rate of Adam; linear in between."""
     buffer_size: Count
-    """[transitions] Replay memory."""
+    """[transitions] Capacity of the replay buffer."""
     learning_starts: Annotated[int, Field(ge=0)]
     """[transitions] Random actions before the first update."""
     batch_size: Count
-    """[transitions] In a gradient step."""
+    """[transitions] Batch size of a gradient step."""
     tau: Fraction
-    """[-] Share of the online networks in an update of the target networks."""
+    """[-] Weight of the online networks in an update of the target networks."""
     gamma: Fraction
-    """[-] Discount of a reward one decision later."""
+    """[-] Discount factor per decision."""
     n_steps: Count
-    """[decisions] Of real reward before the bootstrap."""
+    """[decisions] Number of rewards before the bootstrap."""
     train_freq: Count
-    """[decisions of each environment] From one round of updates to the next."""
+    """[decisions of each environment] Interval between rounds of updates."""
     gradient_steps: Count
-    """[-] Gradient steps in a round of updates."""
+    """[-] Gradient steps per round of updates."""
     net_arch: Annotated[list[Count], Field(min_length=1)]
-    """[units] Hidden layers."""
+    """[units] Sizes of the hidden layers."""
     velocity_scale: Positive
     """[-] Factor on the velocities that the agent observes."""
     log_interval: Count
-    """[transitions] From one row of the learning curve to the next."""
+    """[transitions] Interval between rows of the learning curve."""
 
     @property
     def max_env_steps(self) -> int:
@@ -76,7 +76,7 @@ class OffPolicyParams(AgentBlock):
         return self.total_steps
 
     def for_timing(self) -> Self:
-        """Return settings whose rows of the curve are some rounds with updates, from the second."""
+        """Return settings whose rows, from the second on, are a few rounds with updates."""
         round_size = self.num_envs * self.train_freq
         rounds = -(-TIMED_UPDATES // self.gradient_steps)
         return self.model_copy(
@@ -112,17 +112,17 @@ class DQNParams(OffPolicyParams):
     """Deep Q-network on discrete commands (Mnih et al. 2015)."""
 
     algorithm: Literal["dqn"]
-    """What is trained."""
+    """Algorithm that the trainer runs."""
     actions: CommandParams
-    """What the agent chooses from: commands."""
+    """Actions that the agent chooses from: commands."""
     target_update_interval: Count
-    """[transitions] From one target update to the next."""
+    """[transitions] Interval between target updates."""
     exploration_fraction: Annotated[float, Field(gt=0, le=1)]
     """[-] Share of the budget over which exploration decays."""
     exploration_initial_eps: Fraction
-    """[-] Chance of a random command at the start."""
+    """[-] Initial probability of a random command."""
     exploration_final_eps: Fraction
-    """[-] Chance of a random command after the decay."""
+    """[-] Probability of a random command after the decay."""
     max_grad_norm: Positive
     """[-] Gradients are clipped to this norm."""
 
@@ -131,9 +131,9 @@ class SACParams(OffPolicyParams):
     """Soft actor-critic on continuous torques (Haarnoja et al. 2018)."""
 
     algorithm: Literal["sac"]
-    """What is trained."""
+    """Algorithm that the trainer runs."""
     actions: TorqueParams
-    """What the agent chooses from: torques."""
+    """Actions that the agent chooses from: torques."""
     ent_coef: Positive | Literal["auto"]
     """[-] Weight of the policy's entropy, or `auto` to learn it."""
 
@@ -142,17 +142,17 @@ class TD3Params(OffPolicyParams):
     """Twin delayed deterministic policy gradients on continuous torques (Fujimoto et al. 2018)."""
 
     algorithm: Literal["td3"]
-    """What is trained."""
+    """Algorithm that the trainer runs."""
     actions: TorqueParams
-    """What the agent chooses from: torques."""
+    """Actions that the agent chooses from: torques."""
     action_noise: NonNegative
-    """[-] Deviation of the Gaussian noise on the torques that it explores with."""
+    """[-] Standard deviation of the Gaussian exploration noise on the torques."""
     policy_delay: Count
-    """[gradient steps] Of the critics from one of the actor to the next."""
+    """[gradient steps] Critic updates per actor update."""
     target_policy_noise: NonNegative
-    """[-] Deviation of the noise on the target policy's torques."""
+    """[-] Standard deviation of the noise on the target policy's torques."""
     target_noise_clip: NonNegative
-    """[-] Largest noise there."""
+    """[-] Limit to which that noise is clipped."""
 
 
 _LEAN = "jumping_ant.agents.off_policy.lean.learners"

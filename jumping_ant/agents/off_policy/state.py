@@ -1,7 +1,7 @@
-"""All that an off-policy training resumes from: the state of the model and of its world.
+"""State that off-policy training resumes from: that of the model and of its environments.
 
-Networks, optimisers, replay memory, counters, simulations, and every generator of random numbers
-that is drawn from.
+It consists of networks, optimisers, replay buffer, counters, simulations, and every random number
+generator in use.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,19 +16,19 @@ from torch import Tensor
 from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
 from jumping_ant.base.archive import pack_state, unpack_state
 
-# Numbers that Stable-Baselines3's loop keeps.
+# Counters of Stable-Baselines3's training loop.
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
-# Columns of its replay memory.
+# Arrays of its replay buffer.
 COLUMNS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 def capture(model: OffPolicyAlgorithm, counters: Sequence[str], own: Any) -> bytes:
-    """Return the state of a model that is between two rounds of `learn`.
+    """Return the state of a model between two rounds of `learn`.
 
     Args:
         model: The model; its environments are a `SB3VecEnv`.
-        counters: Numbers that it keeps beside those of Stable-Baselines3's loop, by attribute.
-        own: What its trainer keeps beside it, as JSON can express it.
+        counters: Attributes of its counters in addition to those of Stable-Baselines3's loop.
+        own: The trainer's own state, as JSON-compatible values.
     """
     return pack_state(
         {
@@ -53,12 +53,12 @@ def restore(model: OffPolicyAlgorithm, counters: Sequence[str], content: bytes) 
     """Put a fresh model into a captured state.
 
     Args:
-        model: Made with the same parameters, and set up to learn.
+        model: A model created with the same parameters, and set up to learn.
         counters: As for `capture`.
         content: What `capture` returned.
 
     Returns:
-        What its trainer kept beside it.
+        The trainer's own state.
     """
     state = unpack_state(content)
     for name, vector in _vectors(model).items():
@@ -79,10 +79,10 @@ def restore(model: OffPolicyAlgorithm, counters: Sequence[str], content: bytes) 
 
 
 def _vectors(model: OffPolicyAlgorithm) -> dict[str, Tensor]:
-    """Return all tensors that learning writes, by name, where they lie.
+    """Return all tensors that learning modifies, by name; they are not copied.
 
-    A lean learner names its own. Of another these are the parameters that Stable-Baselines3 saves
-    and the means of its optimisers, which are all Adam.
+    A lean learner names its own. For other learners these are the parameters that Stable-Baselines3
+    saves and the moments of its optimisers, which are all Adam.
     """
     if hasattr(model, "vectors"):
         own: dict[str, Tensor] = model.vectors
@@ -103,7 +103,7 @@ def _optimizers(model: OffPolicyAlgorithm) -> Iterator[tuple[str, torch.optim.Op
 
 
 def _attribute(model: OffPolicyAlgorithm, name: str) -> Any:
-    """Return what lies at a name with dots."""
+    """Return the attribute with a dotted name."""
     part: Any = model
     for key in name.split("."):
         part = getattr(part, key)
@@ -111,7 +111,7 @@ def _attribute(model: OffPolicyAlgorithm, name: str) -> Any:
 
 
 def _means(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """Return what an Adam keeps of each parameter; before its first step, that is zero."""
+    """Return Adam's state for each parameter, which is zero before the first step."""
     means: dict[str, Tensor] = {}
     parameters = [each for group in optimizer.param_groups for each in group["params"]]
     for number, parameter in enumerate(parameters):
@@ -124,13 +124,13 @@ def _means(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
 
 
 def _save_replay(replay: ReplayBuffer) -> dict[str, Any]:
-    """Return the transitions in memory, and where the next one goes."""
+    """Return the stored transitions, and the position of the next one."""
     size = replay.buffer_size if replay.full else replay.pos
     return {"position": replay.pos} | {name: getattr(replay, name)[:size] for name in COLUMNS}
 
 
 def _load_replay(replay: ReplayBuffer, state: dict[str, Any]) -> None:
-    """Take transitions over into an empty memory of the same size."""
+    """Load transitions into an empty buffer of the same size."""
     for name in COLUMNS:
         getattr(replay, name)[: len(state[name])] = state[name]
     replay.pos = state["position"]

@@ -1,7 +1,7 @@
 """Off-policy algorithms, on Stable-Baselines3.
 
 Algorithms and networks are Stable-Baselines3's, some of them with leaner gradient steps (see the
-catalogue); the loop around them does what its `learn()` does, and yields in between.
+catalogue); the training loop does what its `learn()` does, and yields events in between.
 """
 
 import inspect
@@ -34,11 +34,11 @@ from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
 from jumping_ant.base.archive import pack, unpack
 from jumping_ant.base.seeding import derive, derive_all
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies import Interface, network_entries
+from jumping_ant.policies.policy import Interface, header_entries
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.vector import RobotVectorEnv
 
-# State of the run rather than of the policy, and so not in a policy file: times, and the last
+# State of the run rather than of the policy, and so excluded from policy files: times, and the last
 # observations and episodes.
 RUN_STATE = (
     "start_time",
@@ -52,12 +52,12 @@ RUN_STATE = (
 
 
 class ScaledObservations(BaseFeaturesExtractor):
-    """Multiplies velocities by a factor, so that the networks see numbers of like size.
+    """Multiplies velocities by a factor, so that network inputs have similar magnitudes.
 
     Args:
         observation_space: The space of one observation.
         velocity_scale: The factor.
-        first_velocity: The observation that is the first velocity; positions stand before it.
+        first_velocity: Index of the first velocity; positions come before it.
     """
 
     def __init__(
@@ -78,9 +78,10 @@ def make_model(envs: VecEnv, agent: OffPolicyParams, seed: int) -> OffPolicyAlgo
     """Return the untrained Stable-Baselines3 model of an agent.
 
     Args:
-        envs: Where it will learn.
-        agent: The agent's block; settings that the model's class knows are given under their names.
-        seed: Determines the run.
+        envs: Environments to learn in.
+        agent: The agent's block; settings that are parameters of the model's class are passed by
+            name.
+        seed: Seed that determines the run.
     """
     learner = resolve(row(agent).learner)
     known = inspect.signature(learner).parameters
@@ -110,8 +111,8 @@ def make_model(envs: VecEnv, agent: OffPolicyParams, seed: int) -> OffPolicyAlgo
         device="cpu",
         **settings,
     )
-    # SB3 seeds everything alike; the networks' weights and noise keep that seed.
-    np.random.seed(derive(seed, "replay", bits=32))  # draws transitions, and explores
+    # SB3 seeds all generators alike; the networks' weights and noise keep that seed.
+    np.random.seed(derive(seed, "replay", bits=32))  # for replay sampling and exploration
     model.action_space.seed(derive(seed, "actions"))
     return model
 
@@ -121,13 +122,13 @@ def make_envs(
 ) -> VecEnv:
     """Return the environments that an agent learns in.
 
-    Their episodes are cut as the agent's block says, which learners treat as the time limit it is.
+    Episodes are truncated as the agent's block specifies; learners treat this as a time limit.
 
     Args:
         xml: The robot as MJCF text.
         env: The task.
         agent: The agent's block.
-        seed: Of the start states.
+        seed: Seed of the start states.
         num_threads: Threads that step the simulations; results do not depend on it.
     """
     episode_steps = np.full(agent.num_envs, agent.episode_steps or np.inf)
@@ -149,7 +150,7 @@ def train(job: Job[OffPolicyParams]) -> Iterator[Event]:
 
     Yields:
         Progress every `log_interval` transitions (with what the learner logs), snapshots of the
-        policy, checkpoints when due, and at last the policy.
+        policy, checkpoints when due, and finally the policy.
     """
     agent = job.agent
     envs = make_envs(job.xml, job.env, agent, job.seed, job.num_threads)
@@ -157,7 +158,7 @@ def train(job: Job[OffPolicyParams]) -> Iterator[Event]:
     model.set_logger(Logger(folder=None, output_formats=[]))
     actions = ActionSet.of(agent.actions, job.env.commands)
     hold = actions.hold
-    budget = -(-agent.total_steps // hold)  # decisions, as SB3 counts
+    budget = -(-agent.total_steps // hold)  # in decisions, as SB3 counts
     _, callback = model._setup_learn(budget, CallbackList([]))
     episodes, counters = _EpisodeReturns(model), row(agent).counters
     if job.checkpoint is not None:
@@ -170,23 +171,23 @@ def train(job: Job[OffPolicyParams]) -> Iterator[Event]:
         if is_evaluated or _crossed(before, model.num_timesteps, agent.log_interval):
             yield _progress(model, agent, episodes)
         if is_evaluated:
-            yield Snapshot(model.num_timesteps * hold, policy_file(model, agent, actions))
+            yield Snapshot(model.num_timesteps * hold, policy_bytes(model, agent, actions))
         if job.is_checkpoint_due():
             content = state.capture(model, counters, [episodes.count, episodes.returns])
             yield Checkpoint(model.num_timesteps * hold, content)
-    yield Finished(model.num_timesteps * hold, policy_file(model, agent, actions))
+    yield Finished(model.num_timesteps * hold, policy_bytes(model, agent, actions))
 
 
-def policy_file(model: OffPolicyAlgorithm, agent: OffPolicyParams, actions: ActionSet) -> bytes:
-    """Return a policy file that `SAC.load` or `DQN.load` reads as well.
+def policy_bytes(model: OffPolicyAlgorithm, agent: OffPolicyParams, actions: ActionSet) -> bytes:
+    """Return a policy file that `SAC.load` or `DQN.load` can also read.
 
-    Stable-Baselines3 dates its archive and keeps the state of the run in it; this one holds the
-    policy alone, and is the same bytes for the same run.
+    Stable-Baselines3's archive contains dates and the state of the run; this one contains only the
+    policy, and has the same bytes for the same run.
 
     Args:
         model: The model.
         agent: The agent's block.
-        actions: What it chooses from.
+        actions: Actions that it chooses from.
     """
     buffer = io.BytesIO()
     model.save(buffer, exclude=RUN_STATE)
@@ -195,7 +196,7 @@ def policy_file(model: OffPolicyAlgorithm, agent: OffPolicyParams, actions: Acti
     entries["data"] = json.dumps(_without_addresses(json.loads(entries["data"]))).encode()
     anatomy = _task(model.env).anatomy
     interface = Interface(actions, anatomy.num_observations, anatomy.num_motors)
-    return pack(network_entries(agent.algorithm, interface) | entries)
+    return pack(header_entries(agent.algorithm, interface) | entries)
 
 
 def _task(envs: VecEnv | None) -> Task:
@@ -230,11 +231,11 @@ def _learn_once(model: OffPolicyAlgorithm, callback: Any) -> None:
 
 
 class _EpisodeReturns:
-    """Returns of the training episodes, as SB3 notes them.
+    """Returns of the training episodes, as SB3 records them.
 
     Attributes:
-        count: Of the episodes so far.
-        returns: Of those since the last row.
+        count: Number of episodes so far.
+        returns: Returns of the episodes since the last row.
     """
 
     def __init__(self, model: OffPolicyAlgorithm) -> None:
@@ -243,14 +244,14 @@ class _EpisodeReturns:
         self._model = model
 
     def collect(self) -> None:
-        """Take over the episodes that ended since the last call."""
+        """Collect the episodes that ended since the last call."""
         buffer = cast(deque[dict[str, float]], self._model.ep_info_buffer)
         self.returns += [info["r"] for info in buffer]
         self.count += len(buffer)
         buffer.clear()
 
     def take(self) -> tuple[float, float]:
-        """Return mean and deviation since the last call, NaN where no episode ended."""
+        """Return mean and standard deviation since the last call, NaN if no episode ended."""
         returns, self.returns = self.returns, []
         if not returns:
             return float("nan"), float("nan")
@@ -273,5 +274,5 @@ def _progress(
 
 
 def _crossed(before: int, after: int, interval: float) -> bool:
-    """Tell whether a multiple of the interval lies in (before, after]."""
+    """Return whether a multiple of the interval lies in (before, after]."""
     return int(before / interval + 1e-9) < int(after / interval + 1e-9)

@@ -1,4 +1,4 @@
-"""The batched environment as Stable-Baselines3 wants it."""
+"""An adapter of the batched environment to Stable-Baselines3's interface."""
 
 from collections.abc import Sequence
 from typing import Any, cast
@@ -15,11 +15,11 @@ from jumping_ant.sim.vector import RobotVectorEnv
 class SB3VecEnv(VecEnv):
     """Adapter of a Gymnasium vector environment with SAME_STEP autoreset to SB3's `VecEnv`.
 
-    Observations become float32, which is what the networks compute with: replay memory halves.
+    Observations become float32, which the networks compute with; this halves the replay buffer.
 
     Args:
         envs: The environments; their actions may be torques or discrete commands.
-        starts: Seed of each environment's start states, at the first reset; SB3's own seeds,
+        starts: Seed of each environment's start states, used at the first reset; SB3's own seeds,
             `seed + i`, would be shared with neighbouring runs.
     """
 
@@ -43,7 +43,7 @@ class SB3VecEnv(VecEnv):
         return observations.astype(np.float32)
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions for `step_wait`."""
+        """Store the actions for `step_wait`."""
         self._actions = actions
 
     def step_wait(
@@ -72,7 +72,7 @@ class SB3VecEnv(VecEnv):
         return observations.astype(np.float32), rewards.astype(np.float32), dones, infos
 
     def save_state(self) -> dict[str, Any]:
-        """Return all that later steps depend on: arrays, and what JSON can express."""
+        """Return the state that later steps depend on: arrays and JSON-compatible values."""
         return {
             "returns": self._returns.copy(),
             "lengths": self._lengths.copy(),
@@ -80,7 +80,7 @@ class SB3VecEnv(VecEnv):
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Resume from a state of as many environments."""
+        """Restore a state of the same number of environments."""
         self._returns[:] = state["returns"]
         self._lengths[:] = state["lengths"]
         cast(RobotVectorEnv, self.envs.unwrapped).load_state(state["envs"])
@@ -94,15 +94,15 @@ class SB3VecEnv(VecEnv):
         return [getattr(self.envs, attr_name, None) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Refuse: the environments are one batch."""
+        """Raise an error: the environments are one batch."""
         raise AttributeError(f"{attr_name} cannot be set on single environments of a batch")
 
     def env_method(
         self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
     ) -> list[Any]:
-        """Refuse: the environments are one batch."""
+        """Raise an error: the environments are one batch."""
         raise AttributeError(f"{method_name} cannot be called on single environments of a batch")
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
-        """Tell for each environment whether it is wrapped: never, it is one batch."""
+        """Return False for each environment: the batch is never wrapped."""
         return [False for _ in self._get_indices(indices)]

@@ -9,27 +9,27 @@ from jumping_ant.params.blocks import Count, EnvParams
 
 
 class OpenLoopParams(AgentBlock):
-    """The sceptic's baseline: a round of commands, blind to the state."""
+    """The sceptic's baseline: a cycle of commands that ignores the state."""
 
     is_baseline = True
 
     trainer: Literal["open_loop"]
     """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["open_loop"]
-    """What it trains."""
+    """Algorithm that the trainer runs."""
     amplitude: Annotated[float, Field(gt=0, le=1)]
     """[-] Factor on the torques of the commands; the article's have 0.5."""
     commands: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
-    """[-] Rows of `env.commands` that it plays by turns, counted from 0."""
+    """[-] Rows of `env.commands` that it cycles through, counted from 0."""
     half_periods: Annotated[list[Count], Field(min_length=1)]
     """[control steps] Rhythms to try: how long each command is held."""
     episodes: Count
-    """[-] Episodes that each rhythm is tried for."""
+    """[-] Episodes per rhythm."""
     episode_steps: Count
-    """[control steps] Of each of them."""
+    """[control steps] Length of each episode."""
 
     def fault(self, env: EnvParams) -> str | None:
-        """Return which command is not in the task's table."""
+        """Return which command is not in the task's table, or None if all are."""
         last = len(env.commands) - 1
         for number in self.commands:
             if number > last:

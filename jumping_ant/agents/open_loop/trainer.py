@@ -1,8 +1,8 @@
-"""The best open-loop rhythm: a metronome that knows nothing of the state.
+"""The best open-loop rhythm: a metronome that ignores the state.
 
-It plays a few commands in a round, by default all feet down and all feet up, and holds each for as
-many control steps. Trying a handful of rhythms is all of its training. A learner that does
-not return more has not learned to use what it observes.
+It cycles through a few commands, by default all feet down and all feet up, and holds each for the
+same number of control steps. Its training only tries a handful of rhythms. A learner that does not
+achieve a higher return has not learned to use its observations.
 """
 
 from collections.abc import Iterator
@@ -16,17 +16,17 @@ from jumping_ant.agents.job import Job
 from jumping_ant.agents.open_loop.algorithms import OpenLoopParams
 from jumping_ant.base.seeding import derive_all
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies import OpenLoopPolicy
+from jumping_ant.policies.blind import OpenLoopPolicy
 from jumping_ant.sim.vector import RobotVectorEnv
 
 
 def train(job: Job[OpenLoopParams]) -> Iterator[Event]:
-    """Try each rhythm on the same start states, and keep the one of the highest mean return.
+    """Try each rhythm on the same start states, and keep the one with the highest mean return.
 
-    The search takes seconds: it has no checkpoints, and one snapshot at its end.
+    The search takes seconds: it yields no checkpoints, and one snapshot at its end.
 
     Yields:
-        Progress for each rhythm (with its half-period), and at last the best policy.
+        Progress for each rhythm (with its half-period), and finally the best policy.
     """
     agent = job.agent
     envs = RobotVectorEnv(
@@ -58,11 +58,11 @@ def train(job: Job[OpenLoopParams]) -> Iterator[Event]:
 
 
 def metronome(agent: OpenLoopParams, env: EnvParams, half_period: int) -> OpenLoopPolicy:
-    """Return the policy that plays an agent's commands by turns.
+    """Return the policy that cycles through an agent's commands.
 
     Args:
         agent: The agent's block.
-        env: The task, which has the commands.
+        env: The task, which defines the commands.
         half_period: Control steps that each command is held for.
     """
     table = np.float32(agent.amplitude) * np.array(env.commands, dtype=np.float32)[agent.commands]
@@ -72,7 +72,7 @@ def metronome(agent: OpenLoopParams, env: EnvParams, half_period: int) -> OpenLo
 def _play(
     envs: RobotVectorEnv, policy: OpenLoopPolicy, starts: list[int], num_steps: int
 ) -> tuple[np.ndarray, int]:
-    """Play an episode from each start; return the returns, (num_envs,), and the control steps."""
+    """Run an episode from each start; return the returns, (num_envs,), and the control steps."""
     observations, _ = envs.reset(seed=starts)
     policy.start(starts)
     returns, alive = np.zeros(envs.num_envs), np.ones(envs.num_envs, dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""The settings of the agent that acts at random."""
+"""The settings of the random agent."""
 
 from typing import Literal
 
@@ -7,16 +7,16 @@ from jumping_ant.params.blocks import ActionParams
 
 
 class RandomAgentParams(AgentBlock):
-    """The baseline that draws an action at every decision and learns nothing."""
+    """The baseline that draws a random action at every decision and learns nothing."""
 
     is_baseline = True
 
     trainer: Literal["random"]
     """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["random"]
-    """What it trains."""
+    """Algorithm that the trainer runs."""
     actions: ActionParams
-    """What it draws from."""
+    """Actions that it draws from."""
 
     @property
     def max_env_steps(self) -> int:

@@ -1,4 +1,4 @@
-"""Who competes: the agents of a run by what they run, and what the claims measure of them."""
+"""The agents of a run by algorithm, and the measurements that the claims compare."""
 
 from collections.abc import Sequence
 from itertools import permutations
@@ -9,11 +9,11 @@ import numpy as np
 from jumping_ant.judging.claims.findings import Sample
 from jumping_ant.judging.results import AgentResults
 
-LUCK = 5.0  # [standard errors] above the mean of random episodes, where no luck gets
+LUCK = 5.0  # [standard errors] above the mean of random episodes, which luck does not reach
 
 
 class Field:
-    """The agents of a run, by what they run."""
+    """The agents of a run, by algorithm."""
 
     def __init__(self, agents: Sequence[AgentResults], evaluation_episodes: int) -> None:
         self.all = [agent for agent in agents if robot_of(agent) == "edited"]
@@ -25,7 +25,7 @@ class Field:
         self.constants = [
             (agent, other) for agent, other in permutations(pgpe, 2) if lacks_constant(agent, other)
         ]
-        # An agent that is there to be compared with its like stands for nothing else.
+        # An agent that only serves this comparison does not represent its algorithm.
         self.pgpe = [
             agent for agent in pgpe if all(agent is not plain for _, plain in self.constants)
         ]
@@ -35,7 +35,7 @@ class Field:
 
     @property
     def learners(self) -> list[AgentResults]:
-        """Return those that stand for an algorithm that learns."""
+        """Return the agents that represent an algorithm that learns."""
         return [*self.dqn, *self.sac, *self.pgpe]
 
     def metronome(self, learner: AgentResults) -> AgentResults | None:
@@ -53,7 +53,7 @@ def robot_of(agent: AgentResults) -> str:
 
 
 def lacks_constant(agent: AgentResults, other: AgentResults) -> bool:
-    """Return whether the other is the same PGPE but that it takes nothing off the reward."""
+    """Return whether the other is the same PGPE with nothing subtracted from the reward."""
     (own, own_rest), (others, others_rest) = (
         _apart(each, "decrease_rewards_by") for each in (agent, other)
     )
@@ -61,7 +61,7 @@ def lacks_constant(agent: AgentResults, other: AgentResults) -> bool:
 
 
 def differs_by_robot(agent: AgentResults, other: AgentResults) -> bool:
-    """Return whether the other is the same agent but on the unedited robot."""
+    """Return whether the other is the same agent on the unedited robot."""
     (_, own), (_, others) = _apart(agent, "robot"), _apart(other, "robot")
     return (robot_of(agent), robot_of(other)) == ("edited", "unedited") and own == others
 
@@ -73,21 +73,22 @@ def amplitude(agent: AgentResults) -> float:
 
 
 def out_of_luck(random: AgentResults, num_episodes: int) -> float:
-    """Return the mean return of so many episodes that a random policy does not reach by luck."""
+    """Return the mean return over `num_episodes` that a random policy does not reach by luck."""
     returns = random.episode_returns
     return float(returns.mean() + LUCK * returns.std() / np.sqrt(num_episodes))
 
 
 def effort(agent: AgentResults, unit: Literal["env_steps", "seconds"], threshold: float) -> Sample:
-    """Return what each seed needed until all its evaluations lay above a threshold.
+    """Return the effort of each seed until all its evaluations exceeded a threshold.
 
     Args:
         agent: The agent.
-        unit: What to count.
-        threshold: The return.
+        unit: Unit of the effort.
+        threshold: Return to exceed.
 
     Returns:
-        The effort up to that evaluation; the whole budget, as a lower bound, where there is none.
+        The effort up to the first of these evaluations; the whole budget, as a lower bound, if
+        there is none.
     """
     rows = [curve.sustained(threshold) for curve in agent.curves.values()]
     values = [
@@ -98,18 +99,18 @@ def effort(agent: AgentResults, unit: Literal["env_steps", "seconds"], threshold
 
 
 def speed_up(agent: AgentResults) -> Sample:
-    """Return how many times as fast each seed trains on all cores; NaN where there is but one."""
+    """Return how many times as fast each seed trains on all cores; NaN if there is only one."""
     cores = max(agent.step_seconds)
     one, every = agent.step_seconds[1], agent.step_seconds[cores]
     return Sample(agent.label, one / every if cores > 1 else np.full(len(one), np.nan))
 
 
 def drawn_actions(agent: AgentResults) -> str:
-    """Return what a random agent draws: `torques`, unless its block says `commands`."""
+    """Return which actions a random agent draws: `torques`, unless its block says `commands`."""
     return str(getattr(getattr(agent.block, "actions", None), "kind", "torques"))
 
 
 def _apart(agent: AgentResults, key: str) -> tuple[Any, dict[str, Any]]:
-    """Return one setting of an agent's block, None where it has none, and the others."""
+    """Return one setting of an agent's block, None if it is absent, and the others."""
     rest = agent.block.model_dump()
     return rest.pop(key, None), rest

@@ -1,7 +1,8 @@
-"""What the data say of one claim, before claims are corrected for their number.
+"""The evidence on one claim, before the correction for the number of claims.
 
-Each function here makes one kind of comparison and puts it in words: two agents, a policy and its
-variant, two spreads, two efforts of which some are only bounds, several of these at once.
+Each function here makes one kind of comparison and describes it in words: of two agents, a policy
+and its variant, two spreads, two efforts of which some are only bounds, or several of these at
+once.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -40,17 +41,18 @@ UNDECIDED = Significance("none", 1.0, 1.0)
 
 @dataclass(frozen=True)
 class Finding:
-    """An effect, how sure it is, and what to show of it.
+    """An effect, its significance, and the data to plot.
 
     Attributes:
-        evidence: The numbers, in words.
-        name: What the effect is.
-        effect: The effect with its interval; None where there is nothing to compare.
-        no_effect: Its value where the claim would be neither right nor wrong; right is above.
+        evidence: The numbers, as text.
+        name: Description of the effect.
+        effect: The effect with its interval; None if there is nothing to compare.
+        no_effect: Value at which the claim would be neither right nor wrong; it is right above.
         tested: The test of no effect.
         num_seeds: Seeds of the smaller sample.
-        seeds_needed: Number of seeds to decide it, by level and power; None if there are too many.
-        plot: `axis`, what is measured, and `values`, a list of one number a seed by label.
+        seeds_needed: Returns the number of seeds that decide the claim at a level and power; None
+            if it is too large.
+        plot: `axis`, what is measured, and `values`, a list of one number per seed by label.
     """
 
     evidence: str
@@ -64,16 +66,16 @@ class Finding:
 
     @property
     def side(self) -> float:
-        """Return above 0 where the effect lies on the claimed side, below where on the other."""
+        """Return a value above 0 if the effect lies on the claimed side, below 0 if opposite."""
         return float(self.effect.value - self.no_effect) if self.effect else 0.0
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One number a seed, and whose.
+    """One number per seed, and the label of the agent.
 
     Attributes:
-        label: Of the agent, or of the version of its policy.
+        label: Label of the agent, or of the version of its policy.
         values: Shape (num_seeds,); NaN where a seed has none.
         is_exact: Whether each is a value rather than a lower bound, (num_seeds,); None if all are.
     """
@@ -93,7 +95,7 @@ def independent(
 ) -> Finding:
     """Compare two agents: does a seed of the first exceed `factor` times one of the second?
 
-    Seeds that all agree, as those of a search that finds the same policy every time, are no more
+    Seeds that all agree, such as those of a search that always finds the same policy, are no more
     evidence than one: the other agent's seeds are then compared with a constant.
     """
     x, y = first.known, factor * second.known
@@ -122,7 +124,7 @@ def independent(
 
 
 def paired(quantity: str, first: Sample, second: Sample, params: CompareParams) -> Finding:
-    """Compare two versions of the same seeds: is the first one larger, in the mean over seeds?"""
+    """Compare two versions of the same seeds: is the first one larger on average over seeds?"""
     differences = first.values - second.values
     differences = differences[~np.isnan(differences)]
     plot = {**_plot(quantity, first, second), "paired": True}
@@ -148,7 +150,7 @@ def paired(quantity: str, first: Sample, second: Sample, params: CompareParams) 
 def _with_a_constant(
     quantity: str, one: tuple[Sample, Array], other: tuple[Sample, Array], params: CompareParams
 ) -> Finding:
-    """Compare two agents of which one, or each, has the same value in every seed."""
+    """Compare two agents of which at least one has the same value in every seed."""
     (first, x), (second, y) = one, other
     varies = [values for values in (x, y) if np.ptp(values) > 0]
     differences = x - y[0] if np.ptp(y) == 0 else x[0] - y
@@ -173,7 +175,7 @@ def _with_a_constant(
 
 
 def less_spread(quantity: str, first: Sample, second: Sample, params: CompareParams) -> Finding:
-    """Compare the spread over seeds, relative to the median: has the first one less?"""
+    """Compare the spread over seeds, relative to the median: does the first one have less?"""
     x, y = first.values, second.values
 
     def excess(own: Array, other: Array, axis: int = -1) -> Array:
@@ -229,9 +231,9 @@ def more_effort(quantity: str, first: Sample, second: Sample, params: ComparePar
 
 
 def both(findings: Sequence[Finding]) -> Finding:
-    """Return the finding on a claim that holds only if all of several do.
+    """Return the finding on a claim that holds only if all of several findings do.
 
-    Its effect is that of the least sure of them. Where they lie on different sides, nothing is
+    Its effect is that of the least significant finding. If they lie on different sides, nothing is
     decided.
     """
     tested = joint([finding.tested for finding in findings])
@@ -255,7 +257,7 @@ def _nothing(quantity: str, plot: Mapping[str, Any]) -> Finding:
 
 
 def _plot(axis: str, *samples: Sample) -> dict[str, Any]:
-    """Return what to draw; a seed without a value is None, so that seeds keep their places."""
+    """Return the plot data; a seed without a value is None, so that seeds keep their positions."""
     values = {
         sample.label: [None if np.isnan(value) else float(value) for value in sample.values]
         for sample in samples

@@ -1,9 +1,9 @@
 """The claims, each fixed beforehand in docs/claims.md.
 
 A claim is a text, the number of the article's statement that it tests (None for claims of a
-sceptic), and a function that compares the agents. An agent stands for its algorithm, whatever its
+sceptic), and a function that compares the agents. An agent represents its algorithm, whatever its
 name: with two SAC agents there are two claims on SAC and DQN. A claim whose agents or variants are
-not there is left out.
+missing is left out.
 """
 
 from collections.abc import Callable, Iterator
@@ -40,7 +40,7 @@ class Claim:
 
 
 def claims(field: Field) -> Iterator[Claim]:
-    """Yield all claims on the agents there are."""
+    """Yield all claims that the available agents can test."""
     by_commands = [agent for agent in field.random if drawn_actions(agent) == "commands"]
     for dqn, random in product(field.dqn, (by_commands or field.random)[:1]):
         yield _learns_to_jump(dqn, random)

@@ -1,4 +1,4 @@
-"""What the source article says of its agents, held against the data.
+"""Verdicts on the source article's claims about its agents.
 
 One rule gives every verdict. A claim is an effect and an exact two-sided test of no effect. All p
 values of a run are corrected together (Holm 1979). A claim is *supported* where the corrected p
@@ -25,14 +25,14 @@ def check(
     """Return a verdict on each claim, with the numbers behind it.
 
     Args:
-        results: What `results.load` returns.
+        results: Results from `results.load`.
         params: Confidence, power, number of resamples and seed.
-        evaluation_episodes: Episodes in an evaluation while training.
+        evaluation_episodes: Episodes per evaluation during training.
 
     Returns:
         For each claim `text`, `statement` (its number in the article, or None), `verdict`
         (supported, refuted or inconclusive), `evidence`, `effect`, `test`, `p`, `p_holm`,
-        `seeds_needed` (of inconclusive claims alone) and `plot`.
+        `seeds_needed` (only of inconclusive claims) and `plot`.
     """
     asked = list(claims(Field(list(results.values()), evaluation_episodes)))
     found = [claim.find(params) for claim in asked]
@@ -49,12 +49,12 @@ def check(
 
 
 def verdict(side: float, p_holm: float, confidence: float) -> str:
-    """Return what a claim comes to.
+    """Return the verdict on a claim.
 
     Args:
-        side: Above 0 where the effect lies on the claimed side, below where on the other.
+        side: Above 0 if the effect lies on the claimed side, below 0 if on the other.
         p_holm: The corrected p value.
-        confidence: 1 less the level of the test.
+        confidence: 1 minus the level of the test.
     """
     if p_holm > 1 - confidence + ROUNDING or side == 0:
         return "inconclusive"
@@ -77,7 +77,7 @@ def _entry(
     if outcome == "inconclusive":
         level = (1 - params.confidence) / num_open
         number = finding.seeds_needed(level, params.power)
-        # The formulas are for large samples: what has not been decided needs one more at least.
+        # The formulas are for large samples: an undecided claim needs at least one seed more.
         number = None if number is None else max(number, finding.num_seeds + 1)
         needed = {"seeds_needed": number if number and number <= MOST_SEEDS else None}
         basis += f"; {_advice(finding, needed['seeds_needed'], params)}"

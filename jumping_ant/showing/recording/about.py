@@ -1,4 +1,4 @@
-"""The pages of text in recordings, as Markdown: what one sees, and how to move about."""
+"""Text pages of recordings, as Markdown: what they show, and how to navigate."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,23 +15,23 @@ from jumping_ant.words import looks
 LEG_COLOR_NAMES = ("coral", "yellow", "green", "violet")  # of `LEG_COLORS`
 
 BASELINES = {
-    "random": "a baseline, which acts at random",
-    "open_loop": "a baseline, which moves to a beat and does not look at the robot",
+    "random": "a baseline that acts at random",
+    "open_loop": "a baseline that moves to a fixed beat and ignores observations",
 }
 
 MOVING_ABOUT = """\
-**Moving about.** Drag in the bar below, or click into a plot, to choose a time; space pauses, and
-the loop button lets everything play. Where a robot is, drag to turn, right-drag to shift, scroll to
-come closer; the camera follows the torso. Click a shape or a line for its values."""
+**Navigation.** Drag in the bar below, or click in a plot, to choose a time; space pauses, and the
+loop button plays everything. In the view of a robot, drag to rotate, right-drag to pan, scroll to
+zoom; the camera follows the torso. Click a shape or a line for its values."""
 
 
 @dataclass(frozen=True)
 class Opening:
-    """What plays at first.
+    """The part that plays first.
 
     Attributes:
         peak: Time of the highest jump [s].
-        end: It is the highest up to here [s].
+        end: End of the part in which it is the highest [s].
     """
 
     peak: float
@@ -47,13 +47,13 @@ def log_page(stream: rr.RecordingStream, text: str) -> None:
 def episode_page(
     model: mujoco.MjModel, trajectory: Trajectory, story: Story, opening: Opening
 ) -> str:
-    """Tell of one episode.
+    """Describe one episode.
 
     Args:
         model: The robot.
         trajectory: The episode.
-        story: What is known of it.
-        opening: What plays at first; it ends with the film.
+        story: What is known about it.
+        opening: The part that plays first; it ends with the film.
     """
     measures = story.measures
     seconds = len(trajectory.torques) * trajectory.frame_skip * trajectory.timestep
@@ -67,13 +67,13 @@ def episode_page(
 {measures["airborne_seconds"]:.1f} of {seconds:.1f} s |
 
 The median of the held-out episodes of `{story.agent}`: {_algorithm(story)}.{_robot(story)}
-What plays again and again is the highest jump of the {opening.end:g} s that are filmed, at
+The recording loops over the highest jump of the {opening.end:g} s that are filmed, at
 {opening.peak:.1f} s.
 
-**What to look at.** Arrows are the forces of the ground on each limb ({arrow}): long where the
-robot pushes off and lands, none while it flies. The blue trail is the torso's way.
+**What to look at.** Arrows are the forces of the ground on each limb ({arrow}): long when the
+robot pushes off and lands, absent while it flies. The blue trail is the torso's path.
 {_reward(trajectory)}
-Of the learning curves the blue one is this seed's, the grey ones are the other seeds'.
+The blue learning curve is this seed's, the grey ones are the other seeds'.
 
 **Colours.** {_legend(model)}; the same for shapes, arrows, torques and forces.
 
@@ -84,12 +84,12 @@ Of the learning curves the blue one is this seed's, the grey ones are the other 
 def lineup_page(
     stories: Mapping[str, Story], trajectories: Mapping[str, Trajectory], opening: Opening
 ) -> str:
-    """Tell of all agents' episodes side by side.
+    """Describe all agents' episodes side by side.
 
     Args:
-        stories: What is known of each agent's episode.
+        stories: What is known about each agent's episode.
         trajectories: The episodes.
-        opening: What plays at first.
+        opening: The part that plays first.
     """
     rows = "\n".join(
         f"| **{story.label}**{_remark(story)} | {trajectories[agent].seed} | "
@@ -100,15 +100,15 @@ def lineup_page(
     return f"""\
 ## The agents side by side
 
-Each agent's median held-out episode, all begun at the same time.
+Each agent's median held-out episode, all started at the same time.
 
 | agent | seed | return | mean return | peak | jumps |
 |---|---|---|---|---|---|
 {rows}
 
-A baseline learns nothing. The mean is over all seeds and held-out episodes. An agent has one
-colour: of its torso, of the trail behind it, and of its height in the plot; baselines are grey.
-Arrows are the forces of the ground. What plays again and again is the
+A baseline learns nothing. The mean is over all seeds and held-out episodes. Each agent has one
+colour, for its torso, its trail and its height in the plot; baselines are grey.
+Arrows are the forces of the ground. The recording loops over the
 highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
 
 {MOVING_ABOUT}
@@ -116,20 +116,20 @@ highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
 
 
 def _algorithm(story: Story) -> str:
-    """Say what an agent runs."""
+    """Return what an agent runs, in words."""
     return BASELINES.get(story.algorithm, story.algorithm.upper())
 
 
 def _robot(story: Story) -> str:
-    return " Its robot is without the edits." if story.robot == "unedited" else ""
+    return " Its robot is unedited." if story.robot == "unedited" else ""
 
 
 def _reward(trajectory: Trajectory) -> str:
-    """Say what the reward follows."""
+    """Return what the reward depends on, in words."""
     if list(trajectory.terms) == ["torso_height"]:
         return (
-            "The reward follows the torso's height and saturates, so that higher jumps earn by "
-            "lasting longer."
+            "The reward increases with the torso's height and saturates, so higher jumps earn "
+            "more only by lasting longer."
         )
     return f"The reward is the sum of {', '.join(map('`{}`'.format, trajectory.terms))}."
 

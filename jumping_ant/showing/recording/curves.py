@@ -1,8 +1,8 @@
-"""An agent's learning curves as a drawing, which shows at any time.
+"""An agent's learning curves as a drawing, which is visible at any time.
 
-A plot of Rerun's runs along the time line that is chosen, and steps of training lie on another one
-than the episode. So the curves are lines in 2-D, in their own units, under a transform that fits
-them into the picture.
+A Rerun plot runs along the selected timeline, and training steps are on a different timeline than
+the episode. So the curves are 2-D lines in their own units, under a transform that fits them into
+the picture.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from jumping_ant.showing.recording.scene import TRAIL_COLOR
 Array = NDArray[np.float64]
 
 PATH = "learning/curves"
-WIDTH, HEIGHT = 16.0, 5.0  # of the picture, in the view's units
+WIDTH, HEIGHT = 16.0, 5.0  # size of the picture, in the view's units
 OWN_COLOR: Color = TRAIL_COLOR
 OTHERS_COLOR: Color = (120, 130, 145)
 GRID_COLOR: Color = (62, 68, 78)
@@ -57,7 +57,7 @@ def view() -> rrb.Spatial2DView:
 
 
 def ticks(high: float, most: int = 4) -> Array:
-    """Return round numbers from zero up to a value, at most so many beside zero."""
+    """Return round numbers from zero up to a value, at most `most` of them besides zero."""
     magnitude = 10.0 ** np.floor(np.log10(high / most))
     step = next(step for step in magnitude * np.array([1, 2, 5, 10]) if high / step <= most)
     return np.arange(0.0, high * (1 + 1e-9), step)
@@ -74,7 +74,7 @@ def _log_curve(stream: rr.RecordingStream, seed: int, points: Array, is_own: boo
     marks = rr.Points2D(
         points, colors=[color], radii=rr.Radius.ui_points(2 * radius), draw_order=order
     )
-    stream.log(f"{path}/marks", marks, static=True)  # two chunks of one come in no certain order
+    stream.log(f"{path}/marks", marks, static=True)  # chunks of one entity have no fixed order
 
 
 def _log_grid(stream: rr.RecordingStream, right: float, top: float) -> None:

@@ -1,12 +1,12 @@
 """An agent's episode as a recording: the robot in 3-D beside everything it did.
 
-Entities, over `sim_time` [s] and, but for the film, `control_step`:
+Entities, over `sim_time` [s] and, except for the film, `control_step`:
 
 | path | what | unit |
 |---|---|---|
 | /world/<body>/<geom> | the robot's shapes, moved with their bodies | m |
 | /trail | the torso's path | m |
-| /contact_arrow/<limb> | force of its contacts on a limb, from their mean point | 100 N/m |
+| /contact_arrow/<limb> | contact force on a limb, drawn from the mean contact point | 100 N/m |
 | /height/torso | height of the torso's centre | m |
 | /reward/<term> | what a term adds to the reward of each control step, at its end | |
 | /reward/total | their sum, where there are several | |
@@ -32,16 +32,16 @@ from jumping_ant.sim.trajectory import Trajectory
 def record(xml: str, trajectory: Trajectory, story: Story, mp4: bytes) -> bytes:
     """Return an episode as the content of an `.rrd` file (see `file.write`).
 
-    It plays the highest jump of its film again and again.
+    It loops over the highest jump of its film.
 
     Args:
         xml: The robot.
         trajectory: The episode; it is recorded whole, at the simulation's rate.
-        story: What is told of it.
-        mp4: Its film, from its start on, perhaps not to its end.
+        story: What is shown about it.
+        mp4: Its film, which starts with the episode and may end before it.
 
     Raises:
-        InputError: The XML is not the robot, or has a shape that is not drawn, or the film is no
+        InputError: The XML is not the robot, or has an unsupported shape, or the film is not an
             MP4.
     """
     model = robot.load(xml)

@@ -22,13 +22,13 @@ def write(
     numbers its chunks by the clock.
 
     Args:
-        name: What identifies the recording.
-        title: What the viewer calls it.
-        layout: How it opens.
-        log: Logs everything that is in it.
+        name: Identifier of the recording.
+        title: Its title in the viewer.
+        layout: The layout it opens in.
+        log: Logs all of its content.
     """
     was_strict = rr.strict_mode()
-    rr.set_strict_mode(True)  # else Rerun leaves out what it cannot take, with a warning
+    rr.set_strict_mode(True)  # otherwise Rerun skips invalid data with a warning
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "recording.rrd"

@@ -1,4 +1,4 @@
-"""The episode's film, in step with everything else that is recorded."""
+"""The episode's film, synchronized with everything else that is recorded."""
 
 import numpy as np
 import rerun as rr
@@ -28,15 +28,15 @@ class Film:
         try:
             self.times: NDArray[np.int64] = self._video.read_frame_timestamps_nanos()
         except RuntimeError as error:
-            raise InputError(f"film: given {len(mp4)} bytes that are no MP4: {error}") from error
+            raise InputError(f"film: given {len(mp4)} bytes that are not MP4: {error}") from error
 
     def log(self, stream: rr.RecordingStream) -> None:
-        """Log each frame at its time; after the last one the picture goes."""
+        """Log each frame at its time, and clear the picture after the last one."""
         stream.log(FRAMES, self._video, static=True)
         frames = rr.VideoFrameReference.columns_nanos(self.times)
         stream.send_columns(FRAMES, [_column(self.times)], frames)
         end = self.times[-1:] + np.diff(self.times[-2:], prepend=self.times[-1])[-1:]
-        # At an entity of its own: two chunks of one come in no certain order.
+        # On a separate entity: chunks of one entity have no fixed order.
         stream.send_columns("film", [_column(end)], rr.Clear.columns(is_recursive=[True]))
 
 

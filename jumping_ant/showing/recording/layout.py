@@ -1,4 +1,4 @@
-"""How recordings open: what is shown where, which camera follows, and what plays."""
+"""Layouts that recordings open in: the views, the camera that follows, and what plays."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ from jumping_ant.showing.recording.states import TIMELINE
 BACKGROUND = (24, 28, 36)
 GRID_COLOR = (140, 156, 176, 90)
 TRAIL_SECONDS = 3.0
-EYE = (4.5, -4.5, 2.7)  # [m] where the camera begins; it keeps its distance from the torso
+EYE = (4.5, -4.5, 2.7)  # [m] initial camera position; it keeps its distance from the torso
 LOOK_TARGET = (0.0, 0.0, 0.75)
 MOMENT_SECONDS = 2.0  # played before and after the highest point
 
@@ -22,7 +22,7 @@ Moment = tuple[int, int]  # first and last time [ns]
 
 
 def around(peak: int, end: int) -> Moment:
-    """Return the moment around a time [ns] of a recording that ends at another [ns]."""
+    """Return the moment around `peak` [ns] in a recording that ends at `end` [ns]."""
     margin = int(MOMENT_SECONDS * 1e9)
     return max(0, peak - margin), min(end, peak + margin)
 
@@ -32,8 +32,8 @@ def episode_layout(model: mujoco.MjModel, moment: Moment, film_end: int) -> rrb.
 
     Args:
         model: The robot.
-        moment: What plays again and again.
-        film_end: Until when it is filmed [ns].
+        moment: The part that plays in a loop.
+        film_end: End of its film [ns].
     """
     film = rrb.Spatial2DView(origin="film", name=f"Film of the first {film_end / 1e9:g} s")
     left = rrb.Vertical(
@@ -49,7 +49,7 @@ def episode_layout(model: mujoco.MjModel, moment: Moment, film_end: int) -> rrb.
 
 
 def live_layout(model: mujoco.MjModel) -> rrb.Blueprint:
-    """Arrange an episode while it happens: the robot beside the last seconds of the series."""
+    """Arrange a live episode: the robot beside the last seconds of the series."""
     recent = rrb.TimeAxis(view_range=_around(before=10.0))
     plots = rrb.Vertical(*_plots(model, recent), row_shares=[4, 3, 3, 7])
     panel = rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following")
@@ -67,8 +67,8 @@ def lineup_layout(
 
     Args:
         models: Each agent's robot.
-        labels: What the views are called, by agent.
-        moment: What plays again and again.
+        labels: Titles of the views, by agent.
+        moment: The part that plays in a loop.
     """
     views = [scene_view(models[agent], label, f"{agent}/") for agent, label in labels.items()]
     scenes = rrb.Grid(*views, grid_columns=int(np.ceil(np.sqrt(len(views)))))
@@ -148,7 +148,7 @@ def _close_up(name: str, paths: list[str]) -> rrb.TimeSeriesView:
 
 
 def _repeat(moment: Moment) -> rrb.TimePanel:
-    """Play a moment again and again; the viewer begins at the start and plays up to it."""
+    """Play a moment in a loop; the viewer begins at the start and plays up to it."""
     first, last = (rr.encodings.TimeInt(nanos=time) for time in moment)
     return rrb.TimePanel(
         timeline=TIMELINE,

@@ -25,8 +25,8 @@ from jumping_ant.sim import robot
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.words import looks
 
-STRIDE = 2  # simulation steps from one recorded state to the next; all would double the file
-OPENING_SECONDS = 20.0  # the highest jump up to here plays at first
+STRIDE = 2  # simulation steps between recorded states; all of them would double the file
+OPENING_SECONDS = 20.0  # the highest jump up to here plays first
 
 
 def record(
@@ -36,15 +36,15 @@ def record(
 ) -> bytes:
     """Return the agents' episodes as the content of one `.rrd` file (see `file.write`).
 
-    It plays the highest jump of the first seconds again and again.
+    It loops over the highest jump of the first seconds.
 
     Args:
         robots: Each agent's robot, as MJCF text.
         trajectories: An episode of each agent.
-        stories: What is told of each.
+        stories: What is shown about each.
 
     Raises:
-        InputError: The XML is not the robot, or has a shape that is not drawn.
+        InputError: The XML is not the robot, or has an unsupported shape.
     """
     models = {agent: robot.load(xml) for agent, xml in robots.items()}
     colors = _colors(stories)
@@ -75,7 +75,7 @@ def record(
 def _time_of_peak(
     models: Mapping[str, mujoco.MjModel], episodes: Mapping[str, States], until: int
 ) -> int:
-    """Return when the highest of all torsos is highest [ns], up to a time [ns]."""
+    """Return the time of the highest point of any torso [ns], up to a time [ns]."""
     peaks = []
     for agent, own in episodes.items():
         time = time_of_peak(models[agent], own, until)
@@ -84,6 +84,6 @@ def _time_of_peak(
 
 
 def _colors(stories: Mapping[str, Story]) -> dict[str, Color]:
-    """Return each agent's colour, that of the figures."""
+    """Return each agent's colour, as in the figures."""
     drawn = looks.looks({agent: story.is_baseline for agent, story in stories.items()})
     return {agent: tuple(bytes.fromhex(look.colour[1:])) for agent, look in drawn.items()}

@@ -1,7 +1,7 @@
-"""Episodes as they happen, as a recording that grows.
+"""A recording of live episodes, which grows while they are played.
 
-Scene and series are those of `jumping_ant.showing.recording.episode`, one episode after the other
-on one time line.
+Scene and series are those of `jumping_ant.showing.recording.episode`; episodes follow each other on
+one timeline.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Step:
         qpos: Positions at its start, shape (num_positions,).
         qvel: Velocities at its start, shape (num_velocities,).
         torques: Torques over peak torques, shape (num_motors,).
-        reward: What it earned.
+        reward: Its reward.
         terms: What each term of the reward added to it.
     """
 
@@ -37,12 +37,12 @@ class Step:
 
 
 class LiveRecording:
-    """A recording that grows by a control step at a time.
+    """A recording that grows by one control step at a time.
 
     Args:
-        stream: Where it goes.
+        stream: The stream to log to.
         model: The robot.
-        frame_skip: Simulation steps of a control step.
+        frame_skip: Simulation steps per control step.
     """
 
     def __init__(self, stream: rr.RecordingStream, model: mujoco.MjModel, frame_skip: int) -> None:
@@ -53,7 +53,7 @@ class LiveRecording:
         self._scene.log_shapes()
 
     def show(self, step: Step) -> None:
-        """Record a control step; one that breaks off is left out."""
+        """Record a control step; an incomplete one is left out."""
         trajectory = self._simulate(step)
         rows, first = trajectory.rows(), self._num_steps
         self._num_steps += 1
@@ -64,7 +64,7 @@ class LiveRecording:
             series.log_control(self._stream, self._model, trajectory, len(rows), first)
         if first == 0:
             series.log_styles(self._stream, self._model, list(series.reward_series(trajectory)))
-            # Not earlier: a camera can turn only to what is there.
+            # Not earlier: a camera can only follow an entity that exists.
             self._stream.flush()
             self._stream.send_blueprint(layout.live_layout(self._model))
 

@@ -1,4 +1,4 @@
-"""The robot's parts in a recording: what they are called, what belongs together, its colours."""
+"""The robot's parts in a recording: their names, limbs and colours."""
 
 import mujoco
 import numpy as np
@@ -10,12 +10,12 @@ Color = tuple[int, ...]
 
 FLOOR_COLOR: Color = (52, 62, 76)
 TORSO_COLOR: Color = (232, 222, 204)
-# One colour a leg, in the order of the bodies; the legs' shapes, arrows and series share it.
+# One colour per leg, in the order of the bodies; the legs' shapes, arrows and series share it.
 LEG_COLORS: tuple[Color, ...] = ((240, 120, 90), (250, 195, 80), (90, 190, 170), (130, 140, 245))
 
 
 def body_names(model: mujoco.MjModel) -> list[str]:
-    """Return the bodies' names; a nameless one, the tip of a leg, is its parent's foot."""
+    """Return the bodies' names; an unnamed one, the tip of a leg, is its parent's foot."""
     names = [model.body(index).name for index in range(model.nbody)]
     for index, name in enumerate(names):
         if not name:
@@ -24,7 +24,7 @@ def body_names(model: mujoco.MjModel) -> list[str]:
 
 
 def geom_paths(model: mujoco.MjModel) -> list[str]:
-    """Return the entity path of every geom; a nameless one is numbered."""
+    """Return the entity path of every geom; an unnamed one is numbered."""
     bodies = body_names(model)
     paths = []
     for index in range(model.ngeom):
@@ -46,7 +46,7 @@ def limb_color(limb: int) -> Color:
 
 
 def limbs_of_bodies(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Return the number of each body's limb, -1 for the world's, shape (num_bodies,)."""
+    """Return the number of each body's limb, -1 for the world, shape (num_bodies,)."""
     roots = _limb_roots(model)
     limbs = np.full(model.nbody, -1)
     for body in range(1, model.nbody):  # a parent comes before its children

@@ -1,4 +1,4 @@
-"""The robot in 3-D: its shapes, where its bodies are, the torso's trail, the contact forces."""
+"""The robot in 3-D: its shapes, the poses of its bodies, the torso's trail, the contact forces."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ from jumping_ant.showing.recording.states import States, indexes
 from jumping_ant.sim.anatomy import Anatomy
 
 TRAIL_COLOR: Color = (120, 200, 255)
-CAMERA_REACH = 1.4  # [m] from the torso's centre, what the camera is to see around it
+CAMERA_REACH = 1.4  # [m] from the torso's centre, which the camera should show
 METRES_PER_NEWTON = 0.01  # length of the arrows of contact forces
 
 
@@ -33,9 +33,9 @@ class Scene:
     Attributes:
         stream: The recording.
         model: The robot.
-        root: What its entity paths begin with: nothing, or a name and a slash.
-        torso_color: Of the torso's shape and arrow.
-        trail_color: Of the torso's trail.
+        root: Prefix of its entity paths: empty, or a name and a slash.
+        torso_color: Colour of the torso's shape and arrow.
+        trail_color: Colour of the torso's trail.
     """
 
     stream: rr.RecordingStream
@@ -45,17 +45,17 @@ class Scene:
     trail_color: Color = TRAIL_COLOR
 
     def log_shapes(self) -> None:
-        """Log what does not move: every geom in the frame of its body, and how things are drawn.
+        """Log static data: every geom in the frame of its body, and the drawing styles.
 
         Raises:
-            InputError: The robot has a shape that is not drawn.
+            InputError: The robot has an unsupported shape.
         """
         self.stream.log(self.root or "/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         limbs = limbs_of_bodies(self.model)[self.model.geom_bodyid]
         for geom, path in enumerate(geom_paths(self.model)):
             color = FLOOR_COLOR if limbs[geom] < 0 else self._color(limbs[geom])
             self.stream.log(self.root + path, _shape(self.model, geom, color), static=True)
-        # A camera follows what is drawn, from as far away as it takes to see it: points of no size.
+        # A camera follows a drawn entity, at a distance that shows all of it: points of zero size.
         reach = [[-CAMERA_REACH] * 3, [CAMERA_REACH] * 3]
         points = rr.Points3D(reach, radii=rr.Radius.ui_points(0.0))
         self.stream.log(self.root + camera_path(self.model), points, static=True)
@@ -66,7 +66,7 @@ class Scene:
             self.stream.log(f"{self.root}contact_arrow/{name}", arrow, static=True)
 
     def log_states(self, states: States) -> None:
-        """Log where every body is, the torso's trail, and the contact forces as arrows."""
+        """Log the poses of all bodies, the torso's trail, and the contact forces as arrows."""
         columns = indexes(states.times, states.steps)
         for body, name in enumerate(body_names(self.model)):
             if body == 0:
@@ -77,7 +77,7 @@ class Scene:
             self.stream.send_columns(f"{self.root}world/{name}", columns, poses)
         self._log_trail(states)
         for limb, name in enumerate(limb_names(self.model)):
-            # A row without contact has no arrow, which takes the last one away.
+            # A row without contact has no arrow, which clears the last one.
             touches = states.limb_contacts[:, limb] > 0
             arrows = rr.Arrows3D.columns(
                 vectors=METRES_PER_NEWTON * states.contact_forces[touches, limb],
@@ -86,7 +86,7 @@ class Scene:
             self.stream.send_columns(f"{self.root}contact_arrow/{name}", columns, arrows)
 
     def _log_trail(self, states: States) -> None:
-        """Log the way of the torso from each state to the next, at the latter's time."""
+        """Log the torso's path from each state to the next, at the latter's time."""
         torso = states.positions[:, Anatomy.of(self.model).torso]
         ways = np.stack([torso[:-1], torso[1:]], axis=1).astype(np.float32)
         columns = indexes(states.times[1:], states.steps[1:])
@@ -97,7 +97,7 @@ class Scene:
 
 
 def camera_path(model: mujoco.MjModel) -> str:
-    """Return the entity path of what the camera follows."""
+    """Return the path of the entity that the camera follows."""
     return f"world/{body_names(model)[Anatomy.of(model).torso]}/camera"
 
 

@@ -1,4 +1,4 @@
-"""What is plotted over time: height, contacts, torques, reward, and the phases of a jump."""
+"""The series plotted over time: height, contacts, torques, reward, and the phases of a jump."""
 
 from collections.abc import Sequence
 
@@ -57,7 +57,7 @@ def log_style(
 
 
 def log_states(stream: rr.RecordingStream, model: mujoco.MjModel, states: States) -> None:
-    """Log what has a value in every state: height and contacts."""
+    """Log the series that have a value in every state: height and contacts."""
     log_line(stream, "height/torso", states, torso_heights(model, states))
     log_line(stream, "contacts", states, states.contacts)
     for limb, name in enumerate(limb_names(model)):
@@ -83,13 +83,13 @@ def log_control(
     num_rows: int,
     first_step: int = 0,
 ) -> None:
-    """Log what has a value in every control step: torques at its start, reward at its end.
+    """Log the series with a value per control step: torques at its start, reward at its end.
 
     Args:
         stream: The recording.
         model: The robot.
         trajectory: The episode, or a part of one.
-        num_rows: Its states that are recorded; a step that they do not end earned nothing.
+        num_rows: Number of its recorded states; a step that they do not complete has no reward.
         first_step: Number of the trajectory's first control step in the recording.
     """
     skip, last = trajectory.frame_skip, num_rows - 1

@@ -1,8 +1,8 @@
-"""A Rerun viewer for browsers on this machine, and on this machine alone.
+"""A Rerun viewer for browsers on this machine only.
 
 Rerun's Python functions would listen on every network, so its command serves, bound to the loopback
-address. Its page would report home and fetch fonts from elsewhere; it is handed on with a content
-security policy, under which browsers reach nothing but the two servers here.
+address. Its page would send telemetry and fetch fonts from elsewhere, so a proxy serves it with a
+content security policy that lets browsers reach only the two servers here.
 """
 
 import http.server
@@ -28,19 +28,19 @@ from jumping_ant.base.errors import WorkerError
 from jumping_ant.showing.recording.file import APPLICATION_ID
 
 HOST = "127.0.0.1"
-START_SECONDS = 30.0  # the server's start may take
-MEMORY = "512MiB"  # of history that the server keeps for browsers that come late
+START_SECONDS = 30.0  # limit for the start of the server
+MEMORY = "512MiB"  # of history that the server keeps for browsers that connect late
 
 
 @contextmanager
 def serve(name: str) -> Iterator[tuple[rr.RecordingStream, str]]:
-    """Serve a recording as long as the context lasts.
+    """Serve a recording while the context is open.
 
     Args:
-        name: What the viewer calls it.
+        name: Its name in the viewer.
 
     Yields:
-        The recording, to log to, and the address to open.
+        The recording to log to, and the address to open.
 
     Raises:
         WorkerError: The server does not start.
@@ -64,7 +64,7 @@ def serve(name: str) -> Iterator[tuple[rr.RecordingStream, str]]:
 
 @contextmanager
 def _rerun(data_port: int, viewer_port: int) -> Iterator[None]:
-    """Run Rerun's server, which hands what is logged on to browsers, and serves the viewer."""
+    """Run Rerun's server, which forwards logged data to browsers and serves the viewer."""
     command = [
         str(Path(sys.executable).with_name("rerun")),
         "--serve-web",
@@ -73,11 +73,11 @@ def _rerun(data_port: int, viewer_port: int) -> Iterator[None]:
     ]
     process = subprocess.Popen(
         command,
-        env=os.environ | {"CI": "1"},  # keeps Rerun from reporting home
+        env=os.environ | {"CI": "1"},  # disables Rerun's telemetry
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        start_new_session=True,  # Ctrl-C reaches this process alone, which ends the server
+        start_new_session=True,  # Ctrl-C reaches only this process, which stops the server
     )
     try:
         _await_ports(process, data_port, viewer_port)
@@ -90,13 +90,13 @@ def _rerun(data_port: int, viewer_port: int) -> Iterator[None]:
 
 @contextmanager
 def _guarded(viewer_port: int, data_port: int) -> Iterator[str]:
-    """Hand the viewer's page on with a policy; yields the page's address."""
+    """Serve the viewer's page with the policy; yields the page's address."""
     places = f"'self' blob: data: http://{HOST}:{data_port}"
     policy = f"default-src {places} 'unsafe-inline' 'unsafe-eval'"
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # of this machine: direct
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # local, so no proxy
 
     class Handler(http.server.BaseHTTPRequestHandler):
-        def do_GET(self) -> None:  # noqa: N802  (the base class calls it so)
+        def do_GET(self) -> None:  # noqa: N802  (the base class's name)
             if not self.path.startswith("/"):  # could name another host
                 self.send_error(HTTPStatus.BAD_REQUEST)
                 return
@@ -108,7 +108,7 @@ def _guarded(viewer_port: int, data_port: int) -> Iterator[str]:
             except urllib.error.URLError:
                 self.send_error(HTTPStatus.BAD_GATEWAY)
                 return
-            with answer, suppress(ConnectionError):  # of browsers that went away
+            with answer, suppress(ConnectionError):  # the browser has disconnected
                 self.send_response(200)
                 self.send_header("Content-Type", answer.headers["Content-Type"])
                 self.send_header("Content-Security-Policy", policy)
@@ -116,7 +116,7 @@ def _guarded(viewer_port: int, data_port: int) -> Iterator[str]:
                 shutil.copyfileobj(answer, self.wfile)
 
         def log_message(self, format: str, *args: object) -> None:
-            """Say nothing."""
+            """Log nothing."""
 
     with http.server.ThreadingHTTPServer((HOST, 0), Handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()

@@ -1,4 +1,4 @@
-"""What is recorded of a trajectory's states, worked out by the simulator: poses and contacts."""
+"""Poses and contacts in a trajectory's states, computed by the simulator."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ TIMELINE = "sim_time"
 
 @dataclass(frozen=True)
 class States:
-    """States of a trajectory, one a row.
+    """States of a trajectory, one per row.
 
     Attributes:
         rows: Their row numbers in the trajectory, (num_rows,).
@@ -28,7 +28,7 @@ class States:
         contact_forces: Sum of the forces that act on each limb at its contacts, friction
             included, in the world frame [N], (num_rows, num_limbs, 3).
         contact_points: Mean position of these contacts [m], (num_rows, num_limbs, 3).
-        limb_contacts: Their number, (num_rows, num_limbs).
+        limb_contacts: Number of these contacts, (num_rows, num_limbs).
         contacts: Number of contacts of the whole robot, (num_rows,).
     """
 
@@ -47,16 +47,16 @@ class States:
 def derive(
     model: mujoco.MjModel, trajectory: Trajectory, rows: NDArray[np.int64], first_step: int = 0
 ) -> States:
-    """Work out poses and contacts.
+    """Compute poses and contacts.
 
     Args:
         model: The robot.
         trajectory: The episode, or a part of one.
-        rows: Which of its states.
+        rows: Row numbers of its states.
         first_step: Number of the trajectory's first control step in the recording.
 
     Raises:
-        InputError: The trajectory is of another robot.
+        InputError: The trajectory belongs to another robot.
     """
     trajectory.check(model)
     skip, num_rows = trajectory.frame_skip, len(rows)
@@ -108,7 +108,7 @@ def _add_contacts(
     states: States,
     index: int,
 ) -> None:
-    """Sum up a state's contacts limb by limb, the contact points too."""
+    """Sum up a state's contacts per limb, including the contact points."""
     force = np.empty(6)
     for number, contact in enumerate(data.contact):
         mujoco.mj_contactForce(model, data, number, force)

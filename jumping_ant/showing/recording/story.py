@@ -1,4 +1,4 @@
-"""What is told of a recorded episode beside the episode itself."""
+"""What a recording shows about its agent and episode besides the episode itself."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,11 +26,11 @@ class Story:
 
     Attributes:
         agent: The agent's name.
-        algorithm: What it runs.
+        algorithm: The algorithm it runs.
         is_baseline: Whether it learns nothing.
         robot: Which robot it moves, `edited` or `unedited`.
         measures: The episode's `MEASURES` (see `jumping_ant.judging.evaluation`).
-        mean_return: Of all the agent's held-out episodes.
+        mean_return: Mean over all the agent's held-out episodes.
         curves: Each seed's learning curve: the control steps at which its policy was evaluated,
             and the returns there, both of shape (num_evaluations,).
     """
@@ -45,12 +45,12 @@ class Story:
 
     @property
     def label(self) -> str:
-        """Return the agent's name to print."""
+        """Return the agent's display name."""
         return looks.label(self.agent, self.algorithm, self.is_baseline)
 
 
 def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Story:
-    """Read what is known of an episode.
+    """Read what is known about an episode.
 
     Args:
         root: The project folder.

@@ -1,7 +1,7 @@
 """The report's interactive charts, as Plotly figures.
 
-Agents keep the colours and markers of all other figures (see `jumping_ant.words.looks`). What a
-chart shows is what `results/` holds: nothing is smoothed.
+Agents keep the colours and markers of all other figures (see `jumping_ant.words.looks`). Charts
+show exactly what `results/` holds: nothing is smoothed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 GRID = "#E6E8EC"
-# Markers and lines of `jumping_ant.words.looks` in Plotly's words.
+# Markers and lines of `jumping_ant.words.looks` in Plotly's terms.
 SYMBOLS = {
     "o": "circle",
     "s": "square",
@@ -43,15 +43,15 @@ TORQUE_SECONDS = 4.0  # shown of each film, around its highest moment
 
 @dataclass(frozen=True)
 class FilmedEpisode:
-    """What happens in an agent's film.
+    """The content of an agent's film.
 
     Attributes:
         seed: The agent's seed.
         episode: Number of the episode among that seed's.
         episode_return: Sum of the rewards of the whole episode.
-        times: Of the simulation steps [s], (num_steps + 1,).
-        heights: Of the torso's centre at those times [m], (num_steps + 1,).
-        torques: Over peak torques, held in each control step, (num_control_steps, 8).
+        times: Times of the simulation steps [s], (num_steps + 1,).
+        heights: Heights of the torso's centre at those times [m], (num_steps + 1,).
+        torques: Torques over peak torques, held in each control step, (num_control_steps, 8).
         step_seconds: Duration of a control step [s].
     """
 
@@ -197,7 +197,7 @@ def torques(
     films: Mapping[str, FilmedEpisode],
     motors: Sequence[str],
 ) -> go.Figure:
-    """Draw each motor's torque over the seconds around the highest moment, a panel an agent."""
+    """Draw each motor's torque over the seconds around the highest moment, one panel per agent."""
     labels = [agent.label for agent in results.values()]
     figure = make_subplots(
         rows=len(results), cols=1, subplot_titles=labels, vertical_spacing=0.22 / len(results)

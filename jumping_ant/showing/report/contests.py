@@ -13,7 +13,7 @@ from jumping_ant.words.looks import Look
 from jumping_ant.words.wording import interval, number
 
 CLAIM_HEIGHT = 215  # [pixels]
-PAIR = "#B0B4BC"  # of the lines between values of the same seed
+PAIR = "#B0B4BC"  # colour of the lines between values of the same seed
 
 
 def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> go.Figure:
@@ -43,7 +43,7 @@ def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any])
 
 
 def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
-    """Draw what a claim was judged by: a point for each seed of each sample.
+    """Draw the evidence that a claim was judged by: a point for each seed of each sample.
 
     Args:
         entry: An entry of `claims` in `results/comparison.json`.
@@ -87,7 +87,7 @@ def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[i
 
 
 def _symbols(look: Look, reached: Sequence[bool]) -> list[str]:
-    """Return a marker for each seed, hollow where its value is but a bound."""
+    """Return a marker for each seed, hollow where its value is only a bound."""
     filled = SYMBOLS[look.marker]
     hollow = f"{filled.removesuffix('-open')}-open"
     return [filled if there else hollow for there in reached]

@@ -18,7 +18,7 @@ SIGNS = {"supported": "\u2713", "refuted": "\u2717", "inconclusive": "?"}
 
 @dataclass(frozen=True)
 class Cell:
-    """A number of a table, as text; `interval` is empty where there is none."""
+    """A number in a table, as text; `interval` is empty where there is none."""
 
     value: str = "\u2013"
     interval: str = ""
@@ -42,10 +42,10 @@ def returns(
     Args:
         results: What `results.load` returns.
         summary: `agents` of `results/comparison.json`.
-        confidence: Of the intervals.
+        confidence: Confidence level of the intervals.
 
     Returns:
-        Of each agent the interquartile mean, the mean and the worst seed of the published
+        For each agent the interquartile mean, the mean and the worst seed of the published
         policies, then interquartile means of the final policies, and after equal budgets if any
         agent learns.
     """
@@ -66,12 +66,12 @@ def returns(
 
 
 def behaviour(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> list[Row]:
-    """Return how each agent jumps, and what its training took; arguments as in `returns`."""
+    """Return how each agent jumps, and what its training cost; arguments as in `returns`."""
 
     def cells(name: str) -> Iterator[Cell]:
         for measure in BEHAVIOUR:
             yield _cell(results, summary, name, measure)
-        for cost in COSTS:  # follow from the budget given: none is best
+        for cost in COSTS:  # follow from the given budget: none is best
             yield Cell(number(summary[name][cost]))
 
     return [_row(agent, list(cells(name))) for name, agent in results.items()]
@@ -82,7 +82,7 @@ def terms(
 ) -> tuple[list[str], list[Row]]:
     """Return the terms of the reward, and what each adds to an agent's return.
 
-    There are none where the reward has one alone; arguments as in `returns`.
+    There are none if the reward has a single term; arguments as in `returns`.
     """
     first = next(iter(results.values())).quantities
     names = [name for name in first if name.startswith(TERM)]
@@ -99,7 +99,7 @@ def claims(entries: Sequence[Mapping[str, Any]], num_seeds: int) -> list[dict[st
 
     Args:
         entries: `claims` of `results/comparison.json`.
-        num_seeds: Of each agent.
+        num_seeds: Number of seeds of each agent.
     """
     return [
         {
@@ -153,7 +153,7 @@ def _effect(effect: Mapping[str, Any], num_seeds: int) -> str:
 
 
 def _needed(entry: Mapping[str, Any]) -> str:
-    """Return how many seeds would decide an open claim; nothing of one that is decided."""
+    """Return how many seeds would decide an open claim; empty for one that is decided."""
     if entry["verdict"] != "inconclusive":
         return ""
     needed = entry["seeds_needed"]

@@ -1,7 +1,7 @@
 """The comparison as one page: `results/report.html`.
 
-It opens from disk without a network: charts, their library, styles and pictures stand in the file,
-and the films and recordings are those of `media/` beside it.
+It opens from disk without a network: charts, their library, styles and pictures are embedded in the
+file, and the films and recordings are those in `media/` beside it.
 """
 
 import hashlib
@@ -32,9 +32,9 @@ from jumping_ant.words.measures import MEASURES
 from jumping_ant.words.wording import estimate, number
 
 FOLDER = Path(__file__).parent
-# What `jumping_ant.tracking` writes, and where `make ui` serves it unless told otherwise.
+# The default address at which `make ui` serves what `jumping_ant.tracking` writes.
 MLFLOW = "http://127.0.0.1:5000"
-# The first experiment beside MLflow's own is the project's, in a database that it made itself.
+# In a database that the project created, its experiment is the first besides MLflow's own.
 RUNS = f"{MLFLOW}/#/experiments/1/runs?workflowType=machine_learning"
 MODEL, POLICY_DIGEST = "jumping-ant-", "policy_digest"
 
@@ -47,7 +47,7 @@ def build(root: Path, params: Params) -> str:
         params: All parameters.
 
     Raises:
-        InputError: A file is missing or damaged, or nothing draws on this machine.
+        InputError: A file is missing or damaged, or this machine cannot render.
     """
     results = load(root, params)
     summary = read_json(Paths(root).comparison, "compare")
@@ -98,7 +98,7 @@ def _charts(
     summary: Mapping[str, Any],
     films: Mapping[str, FilmedEpisode],
 ) -> dict[str, Any]:
-    """Return each chart's JSON by its place in the template, which leaves out what has none."""
+    """Return each chart's JSON by its place in the template, which skips missing charts."""
     curves = comparison.learning_curves(results, params.compare)
     tables = {name: read_episodes(root, name, params.seeds) for name in results}
     model = robot.load(robot.read(root))
@@ -124,7 +124,7 @@ def _charts(
 def _agents(
     root: Path, results: Mapping[str, AgentResults], films: Mapping[str, FilmedEpisode]
 ) -> list[dict[str, Any]]:
-    """Return what stands with each agent's film."""
+    """Return what is shown with each agent's film."""
     drawn = looks({name: agent.is_baseline for name, agent in results.items()})
     shown = []
     for name, agent in results.items():
@@ -153,25 +153,25 @@ def _learners(results: Mapping[str, AgentResults]) -> list[str]:
 
 
 def _robot_name(params: Params) -> str:
-    """Return what the robot is called: Ant, Half cheetah, or the name of its file."""
+    """Return the robot's display name: Ant, Half cheetah, or the name of its file."""
     return Path(params.robot.source).stem.replace("_", " ").capitalize()
 
 
 def _aim(params: Params) -> str:
-    """Return what the reward asks for most, in a word."""
+    """Return the main aim of the reward, in one word."""
     words = {"torso_height": "jump", "forward_velocity": "run"}
     return next((words[name] for name in active(params.env.reward) if name in words), "move")
 
 
 def _title(params: Params, results: Mapping[str, AgentResults]) -> str:
-    """Return the page's title, which names those that learn, or else all."""
+    """Return the page's title, which names the learners, or all agents if none learns."""
     *others, last = [results[name].label for name in _learners(results) or results]
     names = f"{', '.join(others)} and {last} compared" if others else last
     return f"{_robot_name(params)}: {names}"
 
 
 def _budget(value: float | None) -> str:
-    """Return the smallest budget among those that learn, in words; nothing if none does."""
+    """Return the smallest budget among the learners, as text; empty if there are none."""
     return "" if value is None else number(value)
 
 
@@ -187,13 +187,13 @@ def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> st
     pair = summary["probability_of_improvement"][f"{best}>{others[0]}"]
     chance = estimate(pair["p"], pair["low"], pair["high"], num_seeds)
     return (
-        f"{results[best].label}{aside} returns most: {most}. A seed of it beats one of "
+        f"{results[best].label}{aside} returns most: {most}. One of its seeds beats one of "
         f"{results[others[0]].label}, which comes second, with probability {chance}."
     )
 
 
 def _robot(root: Path) -> dict[str, Any]:
-    """Return the robot before and after its edits: figures and pictures."""
+    """Return the robot before and after its edits: numbers and pictures."""
     facts = read_json(Paths(root).physique, "build")
     before, after = facts["before"], facts["after"]
 
@@ -265,7 +265,7 @@ def _params_text(params: Params) -> str:
 
 
 def _filmed(root: Path, params: Params, name: str) -> FilmedEpisode:
-    """Return what happens in an agent's film."""
+    """Return the content of an agent's film."""
     episode = trajectory.load(Paths(root).agent(name).trajectory)
     rows = episode.rows(seconds=params.record.seconds)
     model = robot.load(robot.read(root, params.agent(name).robot))

@@ -1,4 +1,4 @@
-"""The report's pictures, small enough to stand in the page itself."""
+"""The report's pictures, small enough to embed in the page."""
 
 import base64
 import io
@@ -15,7 +15,7 @@ from jumping_ant.showing import drawing, rendering
 from jumping_ant.showing.drawing import Shots
 
 SIZE = 360  # [pixels] side of a robot's picture
-SHADOW_SIZE = 2048  # [pixels] of its shadow map
+SHADOW_SIZE = 2048  # [pixels] side of its shadow map
 CAMERA = {"distance": 3.4, "azimuth": 112.0, "elevation": -20.0}
 JPEG_QUALITY = 85
 
@@ -27,7 +27,7 @@ def portrait(xml: str) -> str:
         xml: The robot as MJCF text.
 
     Raises:
-        InputError: The XML is not such a robot, or nothing draws on this machine.
+        InputError: The XML is not such a robot, or this machine cannot render.
     """
     model = rendering.scene(xml, SHADOW_SIZE)
     data = mujoco.MjData(model)
@@ -37,7 +37,7 @@ def portrait(xml: str) -> str:
 
 
 def still(film: Path, seconds: float) -> str:
-    """Return a film's picture at a time, as a data URI.
+    """Return a film's frame at a given time, as a data URI.
 
     Args:
         film: An MP4 file.

@@ -1,20 +1,20 @@
 "use strict";
 
-// Charts: each is drawn into the element that bears its name.
+// Each chart is drawn into the element whose id is its name.
 const charts = JSON.parse(document.getElementById("data").textContent);
 const config = { responsive: true, displayModeBar: false };
 for (const [name, chart] of Object.entries(charts)) {
   Plotly.newPlot(name, chart.data, chart.layout, config);
 }
 
-// Films: they play together. The longest that is ready gives the time, shorter ones hold their last
-// picture until all begin again, and the chart of heights shows the time.
+// Films play together. The longest one that is ready sets the time, shorter ones hold their last
+// frame until all restart, and the chart of heights shows the time.
 const videos = [...document.querySelectorAll("video")];
 const play = document.getElementById("play");
 const slider = document.getElementById("time");
 const clock = document.getElementById("clock");
 const speed = document.getElementById("speed");
-const TOLERANCE = 0.06; // [s] that films may be apart
+const TOLERANCE = 0.06; // [s] that films may drift apart
 const CURSOR_PERIOD = 100; // [ms] between moves of the chart's cursor
 let isPlaying = false;
 let time = 0; // [s] in the films
@@ -66,7 +66,7 @@ function setPlaying(wanted) {
   }
 }
 
-// A browser may forbid films to play by themselves; a film that is paused early is no matter.
+// A browser may block autoplay; a film that is paused early does no harm.
 function stopIfForbidden(error) {
   if (error.name === "NotAllowedError") setPlaying(false);
 }

@@ -7,14 +7,14 @@ import torch
 from torch import Tensor, nn
 from torch.optim.adam import adam
 
-ALIGNMENT = 16  # [floats] every parameter starts at a multiple of it: a cache line
+ALIGNMENT = 16  # [floats] a cache line; every parameter starts at a multiple of it
 
 
 class FlatAdam:
-    """Adam (Kingma and Ba 2015) on the one vector that an optimiser's parameters are parts of.
+    """Adam (Kingma and Ba 2015) on a single vector that holds all parameters of an optimiser.
 
-    Parameters, gradients and the optimiser's state become views of vectors: modules and state
-    dictionaries show at any time what is computed here.
+    Parameters, gradients and the optimiser's state become views of vectors, so modules and state
+    dictionaries always show the current values.
 
     Args:
         optimizer: An Adam of one parameter group that has not stepped yet; its learning rate is
@@ -22,7 +22,7 @@ class FlatAdam:
 
     Attributes:
         values: All parameters, shape (n,).
-        gradient: The loss's derivatives by them, shape (n,), which `step` goes along.
+        gradient: Gradient of the loss with respect to them, shape (n,), which `step` uses.
     """
 
     def __init__(self, optimizer: torch.optim.Adam) -> None:
@@ -44,7 +44,7 @@ class FlatAdam:
 
     @property
     def vectors(self) -> dict[str, Tensor]:
-        """All that `step` writes, by name."""
+        """All tensors that `step` modifies, by name."""
         return {
             "values": self.values,
             "mean": self._mean,
@@ -53,13 +53,13 @@ class FlatAdam:
         }
 
     def clip(self, max_norm: float) -> None:
-        """Shorten the gradient to a norm, if it is longer."""
+        """Clip the gradient to a maximum norm."""
         norm = torch.linalg.vector_norm(self.gradient).item()
         if norm > max_norm:
             self.gradient.mul_(max_norm / norm)
 
     def step(self) -> None:
-        """Move the parameters."""
+        """Update the parameters."""
         beta1, beta2 = self._group["betas"]
         adam(
             [self.values],
@@ -81,12 +81,12 @@ class FlatAdam:
 
 @contextmanager
 def denormals_flushed() -> Iterator[None]:
-    """Round numbers too small for a float's normal form to zero, on this thread.
+    """Flush denormal numbers to zero on this thread.
 
-    The gradients of a ReLU that has fallen silent are zero, so Adam's means of them shrink until
-    they are such numbers, and stay it: the smallest one times 0.9 is rounded to itself. Processors
-    take up to a hundred times as long over them, and Adam then takes longer than a network's pass.
-    Where a processor cannot flush them, nothing changes.
+    The gradients of a dead ReLU are zero, so Adam's moments of them shrink until they are denormal,
+    and stay denormal: the smallest one times 0.9 is rounded to itself. Processors take up to a
+    hundred times as long to compute with them, and Adam then takes longer than a network's pass.
+    On a processor that cannot flush them, nothing changes.
     """
     torch.set_flush_denormal(True)
     try:
@@ -105,7 +105,7 @@ def flatten(parameters: Sequence[nn.Parameter]) -> Tensor:
 
 
 def _parts(vector: Tensor, parameters: Sequence[nn.Parameter]) -> list[Tensor]:
-    """Return the part of a vector that stands for each parameter, in the parameter's shape."""
+    """Return the part of a vector that belongs to each parameter, in the parameter's shape."""
     parts = vector.split(_padded_sizes(parameters))
     pairs = zip(parts, parameters, strict=True)
     return [part[: parameter.numel()].view(parameter.shape) for part, parameter in pairs]

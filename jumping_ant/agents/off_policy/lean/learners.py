@@ -1,7 +1,7 @@
 """Stable-Baselines3's DQN and SAC with leaner updates: the same mathematics, fewer operations.
 
-Each class replaces `train`, the gradient steps, and nothing else. The weights are SB3's up to the
-rounding of floats, as a test shows. What is left out is work whose result nobody uses: gradients of
+Each class replaces `train`, the gradient steps, and nothing else. The weights equal SB3's up to
+floating-point rounding, as a test shows. The classes omit work whose result is unused: gradients of
 networks that a loss does not train, the critic's backward pass where it is not the smaller of the
 two, features computed once per network, copies, and bookkeeping per tensor.
 
@@ -35,7 +35,7 @@ LOG_SQRT_2PI = 0.5 * math.log(2 * math.pi)
 
 
 class LeanDQN(DQN):
-    """DQN (Mnih et al. 2015), learning as SB3's does."""
+    """DQN (Mnih et al. 2015) that learns as SB3's does."""
 
     replay_buffer: BatchedReplayBuffer
 
@@ -55,7 +55,7 @@ class LeanDQN(DQN):
 
     @property
     def vectors(self) -> dict[str, Tensor]:
-        """All that learning writes, by name."""
+        """All tensors that learning modifies, by name."""
         return {"target": self._target_values, **self._adam.vectors}
 
     @torch.no_grad()
@@ -68,14 +68,14 @@ class LeanDQN(DQN):
     ) -> tuple[NDArray[np.int64], tuple[NDArray[Any], ...] | None]:
         """Choose a command for each environment, epsilon-greedily while exploring.
 
-        SB3 tosses one coin for all environments; here each has its own. With one environment the
-        two choose alike.
+        SB3 decides once for all environments whether to explore; here this is decided for each
+        environment. With one environment the two choose alike.
 
         Args:
             observation: Shape (n, num_observations).
             state: Unused.
             episode_start: Unused.
-            deterministic: Whether to leave out the exploration.
+            deterministic: Whether to disable exploration.
 
         Returns:
             Commands, shape (n,), and `state`.
@@ -100,12 +100,12 @@ class LeanDQN(DQN):
         """Take gradient steps on the Huber loss of the temporal differences.
 
         Args:
-            gradient_steps: How many.
-            batch_size: Transitions in each.
+            gradient_steps: Number of gradient steps.
+            batch_size: Transitions per gradient step.
         """
         self._update_learning_rate(self.policy.optimizer)
         batches = _draw(self, self.q_net, gradient_steps, batch_size)
-        # The target network stands still between these steps: one pass serves them all.
+        # The target network is constant during these steps: one pass serves them all.
         next_values = self._target.forward(batches.next_observations, self._target_pass)
         next_values = next_values.amax(1, keepdim=True)
         targets = batches.rewards + batches.discounts * next_values
@@ -114,7 +114,7 @@ class LeanDQN(DQN):
         for batch, target, error in zip(*steps, strict=True):
             values = self._online.forward(batch.observations, self._learning_pass)
             torch.sub(values.gather(1, batch.actions), target, out=error)
-            slopes = error.clamp(-1, 1).div_(batch_size)  # of the Huber loss
+            slopes = error.clamp(-1, 1).div_(batch_size)  # derivatives of the Huber loss
             gradient = torch.zeros_like(values).scatter_(1, batch.actions, slopes)
             self._online.backward(gradient, self._learning_pass)
             self._adam.clip(self.max_grad_norm)
@@ -127,7 +127,7 @@ class LeanDQN(DQN):
 
 
 class LeanSAC(SAC):
-    """SAC (Haarnoja et al. 2018), learning as SB3's does."""
+    """SAC (Haarnoja et al. 2018) that learns as SB3's does."""
 
     replay_buffer: BatchedReplayBuffer
 
@@ -154,7 +154,7 @@ class LeanSAC(SAC):
 
     @property
     def vectors(self) -> dict[str, Tensor]:
-        """All that learning writes, by name."""
+        """All tensors that learning modifies, by name."""
         adams = {"actor": self._actor_adam, "critic": self._critic_adam}
         if self._entropy_adam is not None:
             adams["entropy"] = self._entropy_adam
@@ -169,8 +169,8 @@ class LeanSAC(SAC):
         """Take gradient steps: entropy coefficient, critics, actor, target critics.
 
         Args:
-            gradient_steps: How many.
-            batch_size: Transitions in each.
+            gradient_steps: Number of gradient steps.
+            batch_size: Transitions per gradient step.
         """
         optimizers = [self.actor.optimizer, self.critic.optimizer, self.ent_coef_optimizer]
         self._update_learning_rate([each for each in optimizers if each is not None])
@@ -204,7 +204,7 @@ class LeanSAC(SAC):
             self.logger.record(f"train/{name}", np.mean(values))
 
     def _entropy_step(self, log_prob: Tensor) -> float:
-        """Return the entropy coefficient; where it is learned, move it on for the next step."""
+        """Return the entropy coefficient; if it is learned, update it for the next step."""
         if self._entropy_adam is None:
             return self.ent_coef_tensor.item()
         assert self.log_ent_coef is not None and isinstance(self.target_entropy, float)
@@ -214,7 +214,7 @@ class LeanSAC(SAC):
         return ent_coef
 
     def _critic_step(self, inputs: Tensor, targets: Tensor) -> float:
-        """Step along half the mean squared errors' gradient, and return their sum."""
+        """Take a gradient step on half the sum of the mean squared errors, and return that."""
         loss = 0.0
         for critic, kept in zip(self._critics, self._critic_passes, strict=True):
             errors = critic.forward(inputs, kept) - targets
@@ -224,7 +224,7 @@ class LeanSAC(SAC):
         return loss
 
     def _actor_step(self, features: Tensor, sample: "Sample", ent_coef: float) -> float:
-        """Step along the gradient of the mean of `ent_coef * log_prob - min(Q)`, and return it."""
+        """Take a gradient step on the mean of `ent_coef * log_prob - min(Q)`, and return that."""
         inputs = torch.cat([features, sample.actions], 1)
         critics = list(zip(self._critics, self._critic_passes, strict=True))
         values = torch.stack([critic.forward(inputs, kept) for critic, kept in critics])
@@ -249,14 +249,14 @@ class ActorPass:
 
 @dataclass(frozen=True)
 class Sample:
-    """Actions drawn from the stochastic policy, and what their backward pass needs.
+    """Actions drawn from the stochastic policy, and the values that the backward pass needs.
 
     Attributes:
         actions: In (-1, 1), shape (n, actions).
         log_prob: Their log-probabilities, shape (n, 1).
-        slope: Of tanh at each, shape (n, actions).
-        deviation: From the Gaussian's mean, shape (n, actions).
-        is_within: Whether the logarithm of the deviation was not clipped, shape (n, actions).
+        slope: Derivative of tanh at each, shape (n, actions).
+        deviation: Deviation from the Gaussian's mean, shape (n, actions).
+        is_within: Whether the log standard deviation was not clipped, shape (n, actions).
         kept: The networks' passes.
     """
 
@@ -269,10 +269,10 @@ class Sample:
 
 
 class _SquashedGaussian:
-    """SAC's stochastic policy: a Gaussian, its sample squashed by tanh.
+    """SAC's stochastic policy: a Gaussian whose samples are squashed by tanh.
 
     Args:
-        actor: The networks of its mean and of the logarithm of its deviation.
+        actor: The networks of its mean and of its log standard deviation.
     """
 
     def __init__(self, actor: Actor) -> None:
@@ -285,8 +285,8 @@ class _SquashedGaussian:
 
         Args:
             features: Shape (n, features).
-            noise: Standard normal, shape (n, actions).
-            kept: Takes what the backward pass needs of the networks.
+            noise: Standard normal noise, shape (n, actions).
+            kept: Stores what the backward pass needs of the networks.
         """
         latent = self._latent.forward(features, kept.latent)
         free = self._log_std.forward(latent, kept.log_std)
@@ -299,15 +299,15 @@ class _SquashedGaussian:
         return Sample(actions, log_prob, slope, deviation, free == log_std, kept)
 
     def backward(self, sample: Sample, by_actions: Tensor, by_log_prob: float) -> None:
-        """Write the gradient of a loss by all parameters.
+        """Write the gradient of a loss with respect to all parameters.
 
-        A deviation moves the action and, but for the correction of tanh, only the normaliser of the
-        log-probability: the noise is given.
+        The noise is fixed, so the standard deviation affects the action and, apart from the tanh
+        correction, only the normaliser of the log-probability.
 
         Args:
-            sample: What the loss is of.
-            by_actions: The loss's derivatives by the actions, shape (n, actions).
-            by_log_prob: Its derivative by each log-probability.
+            sample: The sample that the loss was computed from.
+            by_actions: Gradient of the loss with respect to the actions, shape (n, actions).
+            by_log_prob: Its derivative with respect to each log-probability.
         """
         correction = 2 * sample.actions * sample.slope / (sample.slope + TANH_EPSILON)
         by_mean = by_actions * sample.slope + by_log_prob * correction
@@ -333,7 +333,7 @@ def _replay_buffer(model: OffPolicyAlgorithm) -> BatchedReplayBuffer:
 def _draw(
     model: LeanDQN | LeanSAC, network: BaseModel, num_batches: int, batch_size: int
 ) -> Batches:
-    """Draw batches, observations as the networks see them (the same for all of a model)."""
+    """Draw batches whose observations are features (the same for all networks of a model)."""
     batches = model.replay_buffer.draw(num_batches, batch_size)
     extractor = cast(BaseFeaturesExtractor, network.features_extractor)
     return dataclasses.replace(

@@ -1,7 +1,7 @@
 """Fully connected networks and their gradients, without a graph of operations.
 
-PyTorch's autograd records every operation and allocates whatever it computes; for networks this
-small that takes a third of the time. Here the same products are written out.
+PyTorch's autograd records every operation and allocates every result; for networks this small that
+takes a third of the time. This module computes the same products explicitly.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ _relu_backward = torch.ops.aten.threshold_backward.grad_input
 
 @dataclass
 class Pass:
-    """What a forward pass leaves for the backward passes that belong to it.
+    """Intermediate results of a forward pass, which its backward passes need.
 
-    Whoever computes holds one for each use of a network, and hands it to both. Its memory serves
-    the next forward pass of as many rows again, which overwrites what it holds.
+    The caller keeps one for each use of a network, and passes it to both. The next forward pass
+    with the same number of rows reuses and overwrites its memory.
 
     Attributes:
         activations: Inputs, and the outputs of each layer, shape (n, units) each.
@@ -27,7 +27,7 @@ class Pass:
     activations: list[Tensor] = field(default_factory=list)
 
     def begin(self, inputs: Tensor, widths: Sequence[int]) -> list[Tensor]:
-        """Return memory for the outputs of layers of such widths, shape (n, width) each."""
+        """Return buffers for the outputs of layers of these widths, shape (n, width) each."""
         buffers = self.activations[1:]
         if not buffers or len(buffers[0]) != len(inputs):
             buffers = [inputs.new_empty(len(inputs), width) for width in widths]
@@ -38,7 +38,7 @@ class Pass:
 class MLP:
     """Linear layers with ReLU between them: what `nn.Sequential` computes, and its gradients.
 
-    It works on the layers' own parameters where they lie; they must not move in memory afterwards.
+    It uses the layers' own parameters in place; they must not move in memory afterwards.
 
     Args:
         layers: The linear layers, first to last.
@@ -58,7 +58,7 @@ class MLP:
 
         Args:
             inputs: Shape (n, inputs).
-            kept: Takes what the backward passes need.
+            kept: Stores what the backward passes need.
 
         Returns:
             Shape (n, outputs), in the memory of `kept`.
@@ -69,15 +69,17 @@ class MLP:
         return inputs
 
     def backward(self, gradient: Tensor, kept: Pass, to_inputs: bool = False) -> Tensor:
-        """Write the loss's gradient by every parameter into its `grad`.
+        """Write the loss's gradient with respect to every parameter into its `grad`.
 
         Args:
-            gradient: By the outputs of a forward pass, shape (n, outputs); may be overwritten.
-            kept: What that pass left.
-            to_inputs: Whether the gradient by the inputs is wanted too.
+            gradient: Gradient with respect to the outputs of a forward pass, shape (n, outputs);
+                may be overwritten.
+            kept: Intermediate results of that pass.
+            to_inputs: Whether to compute the gradient with respect to the inputs, too.
 
         Returns:
-            The gradient by the inputs, shape (n, inputs), if wanted, else by the first layer.
+            The gradient with respect to the inputs, shape (n, inputs), if requested, else with
+            respect to the first layer's outputs.
         """
         for index in reversed(range(len(self._weights))):
             if self._has_relu[index]:
@@ -90,13 +92,13 @@ class MLP:
         return gradient
 
     def input_gradient(self, gradient: Tensor, kept: Pass, first: int = 0) -> Tensor:
-        """Return the loss's gradient by the inputs alone, as if the parameters were constant.
+        """Return the loss's gradient with respect to the inputs only.
 
         Args:
-            gradient: By the outputs of a forward pass, shape (n, outputs). Rows of zeros cost
-                nothing.
-            kept: What that pass left.
-            first: The gradient is returned by the inputs from this one on.
+            gradient: Gradient with respect to the outputs of a forward pass, shape (n, outputs).
+                Rows of zeros cost nothing.
+            kept: Intermediate results of that pass.
+            first: First input to return the gradient for.
 
         Returns:
             Shape (n, inputs - first).

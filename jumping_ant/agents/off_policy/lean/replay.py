@@ -13,14 +13,14 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Batches:
-    """Several batches of n-step transitions, one after the other, of n rows in all.
+    """Several batches of n-step transitions, one after the other, of n rows in total.
 
     Attributes:
         observations: Shape (n, observation).
         actions: Shape (n, action).
         rewards: Discounted sum of the steps' rewards, shape (n, 1).
-        next_observations: After the last of the steps, shape (n, observation).
-        discounts: Of the value of the next observation, zero where the episode ended, (n, 1).
+        next_observations: Observations after the last of the steps, shape (n, observation).
+        discounts: Discount of the next observation's value, zero where the episode ended, (n, 1).
     """
 
     observations: Tensor
@@ -38,7 +38,7 @@ class Batches:
 class BatchedReplayBuffer(NStepReplayBuffer):
     """Stable-Baselines3's n-step replay buffer, drawing several batches in one pass.
 
-    The transitions drawn, from the same random numbers, are those of as many calls of `sample`, of
+    With the same random numbers it draws the same transitions as that many calls of `sample`, of
     this class or, for one step, of SB3's `ReplayBuffer`.
     """
 
@@ -46,11 +46,11 @@ class BatchedReplayBuffer(NStepReplayBuffer):
         """Draw batches uniformly, with replacement.
 
         Args:
-            num_batches: How many.
-            batch_size: Transitions in each.
+            num_batches: Number of batches.
+            batch_size: Transitions per batch.
 
         Returns:
-            Batches of num_batches * batch_size rows in all.
+            Batches of num_batches * batch_size rows in total.
         """
         starts = np.concatenate([self._draw_indices(batch_size) for _ in range(num_batches)])
         steps = starts[:, None] + np.arange(self.n_steps) * self.n_envs
@@ -72,7 +72,7 @@ class BatchedReplayBuffer(NStepReplayBuffer):
         )
 
     def _draw_indices(self, batch_size: int) -> NDArray[np.int64]:
-        """Draw transitions as SB3 does; return their places among all environments' rows."""
+        """Draw transitions as SB3 does; return their indices among all environments' rows."""
         rows = np.random.randint(0, self.buffer_size if self.full else self.pos, size=batch_size)
         envs = np.random.randint(0, self.n_envs, size=batch_size)
         return rows * self.n_envs + envs

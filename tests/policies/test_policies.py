@@ -14,19 +14,15 @@ import torch
 from commands import COMMAND_SIGNS
 from stable_baselines3 import DQN, SAC
 
-from jumping_ant import policies
 from jumping_ant.actions import ActionSet
-from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_file
+from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_bytes
 from jumping_ant.base.archive import pack, unpack
 from jumping_ant.base.errors import InputError
 from jumping_ant.experiment.models import Params
-from jumping_ant.policies import (
-    GaussianActor,
-    GreedyCommands,
-    LinearPolicy,
-    OpenLoopPolicy,
-    UniformPolicy,
-)
+from jumping_ant.policies import policy_file
+from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
+from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.networks import GaussianActor, GreedyCommands
 from jumping_ant.sim.env import Decisions, RobotEnv
 
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
@@ -56,7 +52,7 @@ def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params
     agent = agent.model_copy(update=small | {"actions": actions})
     chosen = ActionSet.of(actions, known_params.env.commands)
     model = make_model(make_envs(robot_xml, known_params.env, agent, seed=5), agent, seed=5)
-    files = [policy_file(model, agent, chosen) for _ in range(2)]
+    files = [policy_bytes(model, agent, chosen) for _ in range(2)]
     return request.param, model, *files
 
 
@@ -67,7 +63,7 @@ def sb3_torques(algorithm: str, model: Any) -> np.ndarray:
 
 def test_networks_act_as_in_stable_baselines3(network: Any) -> None:
     algorithm, model, content, _ = network
-    policy = policies.load(content)
+    policy = policy_file.parse(content)
     assert isinstance(policy, SB3[algorithm][1])
     assert policy.actions.hold == 2
     torques = policy.act(OBSERVATIONS)
@@ -88,7 +84,10 @@ def test_stable_baselines3_plays_a_policy_file_as_the_project_does(
 ) -> None:
     """`SAC.load` and `DQN.load`, in an environment whose steps are the agent's decisions."""
     algorithm, _, content, _ = network
-    ours, theirs = policies.load(content), SB3[algorithm][0].load(io.BytesIO(content), device="cpu")
+    ours, theirs = (
+        policy_file.parse(content),
+        SB3[algorithm][0].load(io.BytesIO(content), device="cpu"),
+    )
     env = RobotEnv(robot_xml, known_params.env)
     decisions = Decisions(env, ours.actions)
     assert decisions.action_space == theirs.action_space
@@ -121,7 +120,7 @@ NUMBERS = {
 def test_files_are_the_same_bytes_and_act_the_same(policy: Any, tmp_path: Path) -> None:
     content = policy.to_bytes()
     (tmp_path / "policy.zip").write_bytes(content)
-    loaded: Any = policies.load_file(tmp_path / "policy.zip")
+    loaded: Any = policy_file.load(tmp_path / "policy.zip")
     assert type(loaded) is type(policy)
     assert loaded.to_bytes() == content == policy.to_bytes()
     mine, read = policy.actions, loaded.actions
@@ -186,7 +185,7 @@ def test_neighbours_are_drawn_around_the_centre() -> None:
 
 
 def test_velocities_are_scaled_and_positions_are_not(network: Any) -> None:
-    factors = policies.load(network[2]).factors
+    factors = policy_file.parse(network[2]).factors
     assert factors[:13].tolist() == [1.0] * 13
     np.testing.assert_allclose(factors[13:], [0.3] * 14, rtol=1e-6)
 
@@ -196,15 +195,15 @@ def test_the_interface_is_read_without_the_policy(network: Any, tmp_path: Path) 
         ("network", network[2]),
         *((k, p.to_bytes()) for k, p in NUMBERS.items()),
     ):
-        policy = policies.load(content)
+        policy = policy_file.parse(content)
         (tmp_path / name).write_bytes(content)
-        found = policies.read_interface(tmp_path / name)
+        found = policy_file.read_interface(tmp_path / name)
         assert (found.num_observations, found.num_motors) == (policy.num_observations, 8)
         assert found.actions.hold == policy.actions.hold
-    assert policies.load(network[2]).num_observations == 27
+    assert policy_file.parse(network[2]).num_observations == 27
     (tmp_path / "torn").write_bytes(network[2][:-9])
     with pytest.raises(InputError, match="torn: not a policy file .*; `dvc repro` trains it"):
-        policies.read_interface(tmp_path / "torn")
+        policy_file.read_interface(tmp_path / "torn")
 
 
 SIZES = {"num_observations": 27, "num_motors": 8}
@@ -289,7 +288,7 @@ DAMAGED = {
 @pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED.keys())
 def test_damaged_and_foreign_files_are_refused(content: bytes) -> None:
     with pytest.raises(InputError, match="policy file: .*allowed: ") as caught:
-        policies.load(content)
+        policy_file.parse(content)
     assert "\n" not in str(caught.value)
 
 
@@ -302,7 +301,7 @@ def test_the_damage_is_all_that_is_wrong() -> None:
         with_amplitude(0.5),
         pack(OPEN_LOOP),
     ):
-        assert policies.load(content).actions.hold >= 1
+        assert policy_file.parse(content).actions.hold >= 1
 
 
 class Payload:
@@ -330,7 +329,7 @@ def test_pickled_code_is_not_run(tmp_path: Path) -> None:
     ]
     for content in files:
         with pytest.raises(InputError, match="policy file: "):
-            policies.load(content)
+            policy_file.parse(content)
         assert not planted.exists()
     pickle.loads(files[-1])
     assert planted.exists()  # the payload would have worked
@@ -338,4 +337,4 @@ def test_pickled_code_is_not_run(tmp_path: Path) -> None:
 
 def test_a_missing_file_names_what_writes_it(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"policy.zip: No such file .*; `dvc repro` trains it"):
-        policies.load_file(tmp_path / "policy.zip")
+        policy_file.load(tmp_path / "policy.zip")

@@ -1,0 +1,80 @@
+"""Linear policies, and the distribution over them that evolution maintains."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.base.archive import from_array, pack, to_array
+from jumping_ant.policies.policy import Array, Entries, Header, action_set, header_entries
+
+
+@dataclass(frozen=True)
+class LinearPolicy:
+    """A linear map of normalised observations, clipped to the torques' range.
+
+    Attributes:
+        weight: Shape (num_motors, num_observations).
+        bias: Shape (num_motors,).
+        mean: Subtracted from observations, shape (num_observations,).
+        stdev: Observations are then divided by it, shape (num_observations,).
+        weight_spread: Standard deviation of each weight in the distribution that the policy is
+            the centre of, same shape as the weight.
+        bias_spread: Standard deviation of each bias in it, shape (num_motors,).
+        actions: The action set that the outputs, clipped to [-1, 1], choose from.
+    """
+
+    weight: NDArray[np.float32]
+    bias: NDArray[np.float32]
+    mean: NDArray[np.float32]
+    stdev: NDArray[np.float32]
+    weight_spread: NDArray[np.float32]
+    bias_spread: NDArray[np.float32]
+    actions: ActionSet
+
+    ARRAYS: ClassVar = ("weight", "bias", "mean", "stdev", "weight_spread", "bias_spread")
+
+    @property
+    def num_observations(self) -> int:
+        """Number of values in an observation."""
+        return self.weight.shape[1]
+
+    @property
+    def num_motors(self) -> int:
+        """Number of torques that the policy returns."""
+        return self.weight.shape[0]
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed; this policy has no state."""
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, shape (n, num_motors)."""
+        normalized = (observations.astype(np.float32) - self.mean) / self.stdev
+        choices = np.clip(normalized @ self.weight.T + self.bias, -1.0, 1.0)
+        return self.actions.torques(choices.astype(np.float64))
+
+    def sample(self, generator: np.random.Generator) -> "LinearPolicy":
+        """Draw another policy from the distribution that this one is the centre of."""
+
+        def around(center: NDArray[np.float32], spread: NDArray[np.float32]) -> Any:
+            return center + spread * generator.standard_normal(center.shape, np.float32)
+
+        return replace(
+            self,
+            weight=around(self.weight, self.weight_spread),
+            bias=around(self.bias, self.bias_spread),
+        )
+
+    def to_bytes(self) -> bytes:
+        """Return the policy file's content."""
+        arrays = {f"{name}.npy": from_array(getattr(self, name)) for name in self.ARRAYS}
+        return pack(header_entries("linear", self) | arrays)
+
+    @classmethod
+    def from_entries(cls, header: Header, entries: Entries) -> "LinearPolicy":
+        """Build the policy from a policy file's entries."""
+        arrays = {name: to_array(entries[f"{name}.npy"]) for name in cls.ARRAYS}
+        return cls(**arrays, actions=action_set(header, entries))

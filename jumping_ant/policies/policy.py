@@ -1,0 +1,107 @@
+"""The interface of policies, and the header of policy files.
+
+A policy file is a zip archive. Its entry `policy.json` says which kind of policy it is; the arrays
+are stored next to it, as `.npy` entries or, for agents of Stable-Baselines3, in the entries that
+Stable-Baselines3 itself writes (so that `SAC.load` and `DQN.load` read the same file). Only numbers
+are read from it: the structure comes from this package's classes. Equal policies give equal bytes.
+
+A policy decides every `hold` control steps; its torques are held in between. The code that
+steps the simulation handles this.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.base.archive import from_array, to_array
+
+HEADER = "policy.json"
+_TABLE = "commands.npy"
+
+Array = NDArray[np.float64]
+Header = Mapping[str, Any]
+Entries = Mapping[str, bytes]
+
+
+class Policy(Protocol):
+    """The policy of any agent, regardless of what trained it."""
+
+    @property
+    def actions(self) -> ActionSet:
+        """The set of actions to choose from, and how many control steps a choice is held."""
+
+    @property
+    def num_observations(self) -> int | None:
+        """Number of values in an observation; None if the policy ignores observations."""
+
+    @property
+    def num_motors(self) -> int:
+        """Number of torques that the policy returns."""
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed; row `i` of later observations belongs to seed `i`."""
+
+    def act(self, observations: Array) -> Array:
+        """Return torques in [-1, 1], (n, num_motors), for observations (n, num_observations)."""
+
+
+@dataclass(frozen=True)
+class Interface:
+    """The inputs and outputs of a policy, as its file's header states them.
+
+    Attributes:
+        actions: The set of actions to choose from, and how many control steps a choice is held.
+        num_observations: Number of values in an observation; None if the policy ignores them.
+        num_motors: Number of torques that the policy returns.
+    """
+
+    actions: ActionSet
+    num_observations: int | None
+    num_motors: int
+
+
+def header_entries(kind: str, interface: Interface | Policy, **fields: int) -> dict[str, bytes]:
+    """Return the header of a policy file, and the table of commands if there is one."""
+    actions = interface.actions
+    header = {
+        "format": 3,
+        "kind": kind,
+        "hold": actions.hold,
+        "amplitude": actions.amplitude,
+        "num_observations": interface.num_observations,
+        "num_motors": interface.num_motors,
+        **fields,
+    }
+    entries = {HEADER: json.dumps(header).encode()}
+    return entries if actions.table is None else entries | {_TABLE: from_array(actions.table)}
+
+
+def interface_of(entries: Entries) -> Interface:
+    """Read the inputs and outputs of a policy from a policy file's entries."""
+    header = json.loads(entries[HEADER])
+    observations = header["num_observations"]
+    return Interface(
+        action_set(header, entries),
+        None if observations is None else int(observations),
+        int(header["num_motors"]),
+    )
+
+
+def action_set(header: Header, entries: Entries) -> ActionSet:
+    """Read an action set from a policy file's entries."""
+    table = to_array(entries[_TABLE]) if _TABLE in entries else None
+    if table is not None and (table.ndim != 2 or not table.size):
+        raise ValueError(f"a table of commands of shape {table.shape}")
+    if table is not None and not (np.abs(table) <= 1).all():  # NaN fails this too
+        raise ValueError("a table of commands above the peak torque")
+    hold, amplitude = int(header["hold"]), float(header["amplitude"])
+    if hold < 1:
+        raise ValueError(f"actions held for {hold} control steps")
+    if not 0 < amplitude <= 1:
+        raise ValueError(f"torques of {amplitude} times the peak torque")
+    return ActionSet(table, amplitude, hold)

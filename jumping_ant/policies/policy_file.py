@@ -1,0 +1,72 @@
+"""Read policy files of every kind."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jumping_ant.base.archive import unpack
+from jumping_ant.base.errors import InputError
+from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
+from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.networks import GaussianActor, GreedyCommands, TanhActor
+from jumping_ant.policies.policy import HEADER, Interface, Policy, interface_of
+
+KINDS: dict[str, Any] = {
+    "uniform": UniformPolicy,
+    "open_loop": OpenLoopPolicy,
+    "linear": LinearPolicy,
+    "sac": GaussianActor,
+    "td3": TanhActor,
+    "dqn": GreedyCommands,
+}
+
+
+def load(path: Path) -> Policy:
+    """Read a policy file.
+
+    Raises:
+        InputError: The file is missing or not a policy file.
+    """
+    try:
+        return parse(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; `dvc repro` trains it") from error
+
+
+def parse(content: bytes) -> Policy:
+    """Read a policy file's content.
+
+    Raises:
+        InputError: The content is not a policy file, or a damaged one.
+    """
+    try:
+        entries = unpack(content)
+        header = json.loads(entries[HEADER])
+        policy: Policy = KINDS[header["kind"]].from_entries(header, entries)
+        interface = interface_of(entries)
+        policy.start([0])
+        shape = policy.act(np.zeros((1, interface.num_observations or 1))).shape
+    except Exception as error:  # any error here means that the file is damaged
+        raise InputError(
+            f"policy file: given {len(content)} bytes that are not a policy "
+            f"({type(error).__name__}: {error}); allowed: a policy.zip that `dvc repro` trained"
+        ) from error
+    if shape != (1, interface.num_motors):
+        raise InputError(
+            f"policy file: given torques of shape {shape}, allowed: {(1, interface.num_motors)}"
+        )
+    return policy
+
+
+def read_interface(path: Path) -> Interface:
+    """Read the inputs and outputs of a policy, without reading the policy.
+
+    Raises:
+        InputError: The file is missing or not a policy file.
+    """
+    try:
+        return interface_of(unpack(path.read_bytes()))
+    except Exception as error:  # as in `load`
+        raise InputError(f"{path}: not a policy file ({error}); `dvc repro` trains it") from error
