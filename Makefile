@@ -90,7 +90,7 @@ endif
 view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
 
-watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=10)
+watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=20)
 	@python -m jumping_ant.showing.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
 
 deps: install ## renew the code dependencies of each stage in dvc.yaml

@@ -5,7 +5,7 @@ Usage: python scripts/publish.py PRESET
 Writes the section of that preset in docs/results.md. With the preset `default` it writes the
 pictures of the README as well: docs/images/, and README.md's table of claims. With `article` it
 reads the output of `make article` in .article/ and results/article.json, and also writes the table
-of printed values in docs/article.md.
+of printed values in docs/article.md. With `run` it writes SAC's returns beside published ones, too.
 """
 
 import argparse
@@ -16,10 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import imageio.v2 as imageio
+import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import descriptions
 from jumping_ant.words import looks, wording
@@ -31,7 +34,12 @@ FOLDERS = {
     "default": PROJECT_ROOT,
     "ablations": PROJECT_ROOT,
     "article": PROJECT_ROOT / ".article",
+    "run": PROJECT_ROOT,
+    "hopper": PROJECT_ROOT,
 }
+OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
+PUBLISHED = DOCS / "published" / "ant_sac.csv"
+PUBLISHED_STEPS = (100_000, 200_000)
 FIGURES = ("learning_curves", "final_return")
 SIDE = 300  # [pixels] side of an agent's film in the animation
 SECONDS = 6.0  # length of the animation
@@ -48,7 +56,8 @@ def main() -> None:
     results = json.loads((FOLDERS[preset] / "results" / "comparison.json").read_text())
     agents = "\n".join(descriptions.agent_table(results["agents"]))
     evidence = claim_table(results["claims"], with_evidence=True)
-    replace_section(DOCS / "results.md", preset, f"{agents}\n{evidence}")
+    parts = [agents] if preset in OTHER_TASKS else [agents, evidence]
+    replace_section(DOCS / "results.md", preset, "\n".join(parts))
     if preset == "default":
         replace_section(
             PROJECT_ROOT / "README.md",
@@ -62,6 +71,8 @@ def main() -> None:
     elif preset == "article":
         printed = json.loads((RESULTS / "article.json").read_text())["printed"]
         replace_section(DOCS / "article.md", "printed", printed_table(printed))
+    elif preset == "run":
+        replace_section(DOCS / "results.md", "published", published_table(PROJECT_ROOT))
 
 
 def replace_section(path: Path, name: str, content: str) -> None:
@@ -110,6 +121,40 @@ def printed_table(printed: dict[str, Any]) -> str:
     ]
     head = "| value | printed | ours, median of the seeds | of ours below it | reproduced |"
     return "\n".join([head, "|---|---|---|---|---|", *rows])
+
+
+def published_table(root: Path) -> str:
+    """Return SAC's returns in validation beside published ones, as Markdown.
+
+    Args:
+        root: The project's folder, with the models of `presets/run`.
+
+    Raises:
+        InputError: SAC was not validated at these numbers of control steps.
+    """
+    stage = "train@sac"
+    project = Paths(root)
+    paths = project.agent("sac")
+    curves = [
+        tables.read(paths.seed(seed).curve, ("env_steps", "evaluation_return_mean"), stage)
+        for seed in params_file.load(project.params).seeds
+    ]
+    published = tables.read(PUBLISHED, ("env_steps", "return"), stage)
+    lines = ["| control steps | SAC here | published |", "|---|---|---|"]
+    for steps in PUBLISHED_STEPS:
+        ours = [c["evaluation_return_mean"][c["env_steps"] == steps] for c in curves]
+        if not np.isfinite(np.concatenate(ours)).all() or not all(map(len, ours)):
+            raise InputError(f"{paths.models}: given no validation at {steps:,} control steps")
+        theirs = published["return"][published["env_steps"] == steps]
+        cells = [_median_of(np.concatenate(ours)), _median_of(theirs)]
+        lines.append(f"| {steps:,} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _median_of(returns: np.ndarray) -> str:
+    """Return the median of seeds' returns, and all of them in order."""
+    every = ", ".join(f"{value:,.0f}" for value in sorted(returns))
+    return f"**{np.median(returns):,.0f}** ({every})"
 
 
 def animation() -> bytes:

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import params_file
 from scripts import publish
 
 CLAIM = {"text": "A leads", "verdict": "refuted", "p_holm": 0.01234, "evidence": "Much (8 seeds)."}
@@ -49,3 +51,31 @@ def test_claims_are_a_table_with_or_without_evidence() -> None:
     ]
     last = publish.claim_table([CLAIM], with_evidence=True).splitlines()[-1]
     assert last == "| A leads | refuted | 0.012 | Much (8 seeds). |"
+
+
+@pytest.fixture
+def validated(tmp_path: Path) -> Path:
+    """A project in which SAC was validated at 100,000 and 200,000 control steps."""
+    (tmp_path / "params.yaml").write_text((publish.PROJECT_ROOT / "params.yaml").read_text())
+    paths = Paths(tmp_path).agent("sac")
+    for number, seed in enumerate(params_file.load().seeds):
+        curve = paths.seed(seed).curve
+        curve.parent.mkdir(parents=True)
+        rows = ["50000,", f"100000,{number}", "150000,", f"200000,{100 * number}"]
+        curve.write_text("\n".join(["env_steps,evaluation_return_mean", *rows]) + "\n")
+    return tmp_path
+
+
+def test_returns_stand_beside_published_ones(validated: Path) -> None:
+    rows = publish.published_table(validated).splitlines()[2:]
+    assert rows[0].startswith("| 100,000 | **4** (0, 1, 2, 3, 4, 5, 6, 7) | **533** (357, 359, ")
+    assert rows[1].startswith("| 200,000 | **350** (0, 100, ")
+    assert rows[1].endswith(", 2,256) |")
+
+
+def test_a_budget_without_these_steps_is_refused(validated: Path) -> None:
+    seed = params_file.load().seeds[0]
+    curve = Paths(validated).agent("sac").seed(seed).curve
+    curve.write_text("env_steps,evaluation_return_mean\n100000,1\n200000,\n")
+    with pytest.raises(InputError, match="given no validation at 200,000 control steps"):
+        publish.published_table(validated)
