@@ -32,7 +32,7 @@ def settings() -> Params:
     content = params_file.load().model_dump()
     content["seeds"] = SEEDS
     content["env"]["max_episode_steps"] = 200
-    content["training"]["evaluations"] = 3
+    content["training"] |= {"evaluations": 3, "evaluation_episodes": 4}
     content["compute"]["checkpoint_seconds"] = CHECKPOINT_SECONDS
     content["evaluate"]["episodes"] = 2
     for agent, budget in BUDGETS.items():

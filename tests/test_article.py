@@ -254,6 +254,7 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Params]:
             "agents": agents,
             "training": training,
             "env": params.env.model_copy(update={"max_episode_steps": 20}),
+            "compute": params.compute.model_copy(update={"workers": 1}),
         }
     )
     with (root / "params.yaml").open("w") as file:

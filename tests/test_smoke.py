@@ -21,6 +21,7 @@ from scripts.checkout import copy_project, with_tools
 
 ROOT = Path(__file__).resolve().parents[1]
 AGENTS = list(presets.load("smoke").agents)
+ONE_WORKER = {"workers": 1, "checkpoint_seconds": 30}
 
 
 class Project:
@@ -96,8 +97,12 @@ def digests(project: Project) -> dict[str, str]:
     }
 
 
-def test_a_forced_rerun_trains_anew_and_changes_no_byte(project: Project, tmp_path: Path) -> None:
+def test_a_forced_rerun_on_one_worker_changes_no_byte(project: Project, tmp_path: Path) -> None:
     before = digests(project)
+    params = project.folder / "params.yaml"
+    text = params.read_text()
+    with params.open("w") as file:
+        YAML().dump(YAML(typ="safe").load(text) | {"compute": ONE_WORKER}, file)
     assert len(before) > 5 * len(AGENTS)
     recordings = [f"{name}.rrd" for name in [*AGENTS, "lineup"]]
     for name in recordings:
@@ -105,6 +110,7 @@ def test_a_forced_rerun_trains_anew_and_changes_no_byte(project: Project, tmp_pa
     done = project.run("dvc", "repro", "--force")
     assert "sac seed 1: done, 600 steps" in done.stderr
     assert "trained before" not in done.stderr
+    params.write_text(text)
     assert digests(project) == before
     for name in recordings:
         new = project.folder / "media" / name

@@ -20,7 +20,7 @@ import pytest
 import small_agents
 
 from jumping_ant.agents.catalogue import row
-from jumping_ant.agents.events import Checkpoint, Snapshot
+from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError, StoppedError
@@ -29,7 +29,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
-from jumping_ant.training import driver
+from jumping_ant.training import compute, driver
 from jumping_ant.training.checkpoints import Saved
 
 AGENTS = {name: row(agent) for name, agent in small_agents.PARAMS.agents.items()}
@@ -78,14 +78,30 @@ def test_workers_change_no_byte(project: Path) -> None:
     """Inline and on Ray: models and curves are the same files."""
     runs = []
     for workers in (1, 2):
-        for agent in SMALL_OF_ALL:
-            driver.train(project, small_params(workers), agent)
+        driver.train(project, small_params(workers), "pgpe")
         runs.append(digests(project / "models"))
     assert runs[0] == runs[1]
     names = {"curve.csv", "final.zip", "machine.json", "policy.zip"}
-    assert set(runs[0]) == {
-        f"{agent}/seed-{seed}/{name}" for agent in SMALL_OF_ALL for seed in (0, 5) for name in names
-    }
+    assert set(runs[0]) == {f"pgpe/seed-{seed}/{name}" for seed in (0, 5) for name in names}
+
+
+def test_every_agent_reports_the_same_from_workers(robot_xml: str) -> None:
+    """Inline and on Ray, where each of two processes trains one agent after another."""
+    params = small_params(2)
+    keys = [(agent, seed) for agent in SMALL_OF_ALL for seed in params.seeds]
+
+    def start(key: tuple[str, int]) -> compute.Job:
+        agent = params.agent(key[0])
+        return partial(driver.train_seed, robot_xml, params.env, agent, params.training, key[1])
+
+    runs = []
+    for workers in (1, 2):
+        reports: dict[tuple[str, int], list[driver.Report]] = {key: [] for key in keys}
+        for key, report in compute.stream(start, keys, workers):
+            reports[key].append(replace(report, seconds=0.0))
+        runs.append(reports)
+    assert repr(runs[0]) == repr(runs[1])  # rows hold NaN, which equals nothing
+    assert all(isinstance(reports[-1].event, Finished) for reports in runs[0].values())
 
 
 def test_no_older_policy_stands_by_a_new_curve(
