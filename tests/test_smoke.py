@@ -121,7 +121,7 @@ def test_git_knows_only_small_things(project: Project) -> None:
     changed = project.run("git", "status", "--porcelain", "--untracked-files=all").stdout
     for line in changed.splitlines():
         path = project.folder / line[3:]
-        assert path.stat().st_size < 200_000, line  # dvc.lock grows with the agents
+        assert path.stat().st_size < 300_000, line  # dvc.lock grows with the agents
         assert path.suffix not in {".mp4", ".rrd", ".zip", ".npz", ".db"}, line
 
 
