@@ -64,7 +64,7 @@ make_venv() {
 get_torch() {
     local python=$1 action=$2 requirement=$3
     shift 3
-    "$python" -m pip "$action" --no-deps "$@" "$requirement" \
+    "$python" -m pip "$action" "$@" "$requirement" \
         ${TORCH_INDEX:+--index-url "$TORCH_INDEX" --retries 2 --timeout 30} ||
         stop "no torch from ${TORCH_INDEX:-the usual package index}. Try again, or take the usual" \
             "index's build, on Linux with CUDA: make install TORCH_INDEX="
@@ -128,7 +128,7 @@ renew_locks() {
     "$folder/bin/python" -m pip install -qq uv
     # Resolve against a build without CUDA, so that none of CUDA's packages is pulled in.
     get_torch "$folder/bin/python" download "$(grep -oE '"torch[^"]*"' pyproject.toml | tr -d '"')" \
-        -qq --dest "$folder/wheels" --python-version 3.11 --only-binary :all:
+        -qq --no-deps --dest "$folder/wheels" --python-version 3.11 --only-binary :all:
     version=$(basename "$folder"/wheels/torch-*.whl | cut -d- -f2)
     echo "torch==$version" >"$folder/torch.txt"
     {

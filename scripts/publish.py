@@ -144,7 +144,10 @@ def published_table(root: Path) -> str:
     for steps in PUBLISHED_STEPS:
         ours = [c["evaluation_return_mean"][c["env_steps"] == steps] for c in curves]
         if not np.isfinite(np.concatenate(ours)).all() or not all(map(len, ours)):
-            raise InputError(f"{paths.models}: given no validation at {steps:,} control steps")
+            raise InputError(
+                f"{paths.models}: given no validation at {steps:,} control steps; "
+                "run `dvc exp run $(cat presets/run)` first"
+            )
         theirs = published["return"][published["env_steps"] == steps]
         cells = [_median_of(np.concatenate(ours)), _median_of(theirs)]
         lines.append(f"| {steps:,} | {' | '.join(cells)} |")
