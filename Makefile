@@ -6,7 +6,6 @@ TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PORT ?= 5000
 MINUTES ?= 30
 AGENT ?= *
-MLFLOW_TRACKING_URI ?= sqlite:///$(CURDIR)/mlflow.db
 
 # Disable the telemetry of all tools.
 export DVC_NO_ANALYTICS := true
@@ -78,13 +77,7 @@ soak: install ## test the pipeline with kills, faults and bad input, into result
 	python -m soak --minutes $(MINUTES)
 
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
-	python -m stages.track --pages-at http://127.0.0.1:$(PORT)
-ifeq ($(filter http%,$(MLFLOW_TRACKING_URI)),)
-	@echo "as soon as MLflow's server is up; Ctrl-C ends it"
-	MLFLOW_SERVER_ENABLE_JOB_EXECUTION=false mlflow server --host 127.0.0.1 --port $(PORT) \
-		--workers 1 --backend-store-uri "$(MLFLOW_TRACKING_URI)" \
-		--artifacts-destination "$(CURDIR)/mlartifacts"
-endif
+	@python -m jumping_ant.tracking.ui --port $(PORT)
 
 # Rerun sends no telemetry if CI is set; its own switch for that changes the user's settings.
 view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)

@@ -67,7 +67,7 @@ def checkpoint_overhead() -> Row:
 
 def _train(agent: DQNParams, seed: int, stop: threading.Event) -> Iterator[Checkpoint | float]:
     """Fill the replay memory, then yield checkpoints, each with the seconds that it took."""
-    rounds = agent.total_steps // (agent.num_envs * agent.train_freq)
+    rounds = agent.total_steps // (agent.num_envs * agent.train_freq * agent.actions.hold)
     remaining = [rounds]
     asked = [0.0]
 

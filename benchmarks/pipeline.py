@@ -1,5 +1,6 @@
 """The pipeline in a throw-away copy of the project: its memory, and the cost of bookkeeping."""
 
+import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -79,11 +80,16 @@ def tracking_overhead(project: Checkout) -> Row:
     compute = settings.compute.model_copy(update={"workers": len(TRACKED_SEEDS)})
     updates = {"seeds": TRACKED_SEEDS, "compute": compute}
     project.write_params(shortened(settings, TRACKED_SHARES).model_copy(update=updates))
+
+    def seconds(command: list[str]) -> float:
+        shutil.rmtree(project.folder / ".checkpoints", ignore_errors=True)  # train from scratch
+        return project.seconds(*command)
+
     return compare(
         "tracking_overhead",
         "s",
-        partial(project.seconds, *TRAIN),
-        partial(project.seconds, *TRAIN_UNTRACKED),
+        partial(seconds, TRAIN),
+        partial(seconds, TRAIN_UNTRACKED),
         TRACKED_REPEATS,
     )
 

@@ -50,13 +50,17 @@ class Checkout:
             RuntimeError: The command failed.
         """
         started = time.perf_counter()
-        done = subprocess.run(
-            command, cwd=self.folder, env=self.environment, text=True, capture_output=True
-        )
+        done = self.run(*command)
         seconds = time.perf_counter() - started
         if done.returncode:
             raise RuntimeError(f"{shlex.join(command)} failed:\n{done.stdout}{done.stderr}")
         return seconds
+
+    def run(self, *command: str) -> subprocess.CompletedProcess[str]:
+        """Run a command in it; return its exit status and output, whatever they are."""
+        return subprocess.run(
+            command, cwd=self.folder, env=self.environment, text=True, capture_output=True
+        )
 
 
 def with_tools() -> dict[str, str]:

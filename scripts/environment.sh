@@ -27,8 +27,13 @@ as_root() {
 
 # Install Debian or Ubuntu packages; fail if that is not permitted or does not work.
 apt_install() {
-    command -v apt-get >/dev/null && as_root true 2>/dev/null || return 1
-    echo "install: apt-get install $*"
+    command -v apt-get >/dev/null || return 1
+    if [ "$(id -u)" -eq 0 ]; then
+        echo "install: apt-get install $*"
+    else
+        echo "install: sudo apt-get install $* (if sudo needs no password)"
+        sudo -n true 2>/dev/null || return 1
+    fi
     as_root apt-get update -qq &&
         as_root env DEBIAN_FRONTEND=noninteractive \
             apt-get install -qq --no-install-recommends "$@" >/dev/null

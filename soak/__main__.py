@@ -10,6 +10,7 @@ import argparse
 import itertools
 import json
 import random
+import sys
 import tempfile
 import time
 from dataclasses import asdict
@@ -19,16 +20,20 @@ from typing import Any
 
 from jumping_ant.base.files import PROJECT_ROOT, write_json
 from scripts.checkout import Checkout, checkout
-from soak import payloads
+from soak import mutations, payloads
 from soak import project as projects
 from soak.faults import AGENT, Faults
 from soak.inputs import Inputs
 from soak.kills import Killer
+from soak.operations import KINDS, Operations
 
 PATH = PROJECT_ROOT / "results" / "soak.json"
-PARTS = ("kills", "faults", "bad_inputs", "payloads")
+PARTS = ("kills", "faults", "bad_inputs", "payloads", "mutations", "operations")
 INPUTS_SHARE = 0.2  # share of the time for bad input, if other parts run, too
 LEAST_INPUTS = 300
+MUTATIONS = 500  # changed versions of each file
+DVC_OPERATIONS = 40  # interrupted, of each kind, anywhere among the first of a run
+LAST_DVC_OPERATION = 200
 
 Figures = dict[str, Any]
 
@@ -57,6 +62,10 @@ def main() -> None:
             share = INPUTS_SHARE if {"kills", "faults"} & set(parts) else 1.0
             inputs_deadline = started + 60 * share * arguments.minutes
             figures |= mislead(project, generator, inputs_deadline, troubles)
+        if "mutations" in parts:
+            figures |= mutate(project, arguments.seed, troubles)
+        if "operations" in parts:
+            figures |= interrupt(project, generator, troubles)
         figures |= hurt(project, generator, deadline, parts, troubles)
     minutes = (time.monotonic() - started) / 60
     figures = {"minutes": round(minutes, 1)} | {part: figures.get(part, {}) for part in PARTS}
@@ -101,6 +110,35 @@ def mislead(
             print(f"bad inputs: {asdict(inputs.count)}", flush=True)
     troubles += inputs.unclear
     return {"bad_inputs": asdict(inputs.count)}
+
+
+def mutate(project: Checkout, seed: int, troubles: list[str], each: int = MUTATIONS) -> Figures:
+    """Change bytes of every kind of file; add what is not answered clearly to the troubles."""
+    mutations.prepare(project)
+    command = ("soak.mutations", str(project.folder), "--seed", str(seed), "--each", str(each))
+    done = project.run(sys.executable, "-m", *command)
+    if done.returncode:
+        troubles.append(f"mutations ended with {done.returncode}: {done.stderr[-2000:]}")
+        return {}
+    counts = json.loads(done.stdout)
+    troubles += [f"{name}: {line}" for name, own in counts.items() for line in own["troubles"]]
+    print(f"mutations: {sum(own['tried'] for own in counts.values())}", flush=True)
+    kept = ("tried", "clear")
+    return {"mutations": {name: {key: own[key] for key in kept} for name, own in counts.items()}}
+
+
+def interrupt(project: Checkout, generator: random.Random, troubles: list[str]) -> Figures:
+    """Interrupt operations on files; add what was not survived to the troubles."""
+    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
+    operations = Operations(project, AGENT)
+    for kind in KINDS:
+        operations.stage(kind, "assets", "stages.build")
+        operations.stage(kind, f"results/agents/{AGENT}", "stages.evaluate", AGENT)
+        for _ in range(DVC_OPERATIONS):
+            operations.dvc(kind, generator.randrange(LAST_DVC_OPERATION))
+        print(f"operations: {kind}: {operations.counts[kind]}", flush=True)
+    troubles += operations.troubles
+    return {"operations": {kind: asdict(count) for kind, count in operations.counts.items()}}
 
 
 def hurt(

@@ -80,7 +80,7 @@ def _policy_files(payload: Payload) -> Iterator[bytes]:
     torch.save(payload, saved)
     pickled = pickle.dumps(payload)
     network = header_entries("sac", Interface(ActionSet(), 27, 8))
-    linear = archive.unpack(_linear())
+    linear = dict(archive.Archive(_linear()))
     yield pickled
     yield saved.getvalue()
     yield archive.pack({**network, "policy.pth": pickled})
@@ -89,7 +89,7 @@ def _policy_files(payload: Payload) -> Iterator[bytes]:
     yield archive.pack({**linear, "weight.npy": pickled})
     yield archive.pack({**linear, "weight.npy": _object_array(payload)})
     yield archive.pack(
-        {**archive.unpack(UniformPolicy(0, ActionSet(), 8).to_bytes()), "extra.pkl": pickled}
+        {**archive.Archive(UniformPolicy(0, ActionSet(), 8).to_bytes()), "extra.pkl": pickled}
     )
     yield archive.pack({HEADER: pickled})
 

@@ -51,6 +51,9 @@ def run(main: Callable[[], None]) -> None:
     try:
         with reported():
             main()
+    except KeyboardInterrupt:
+        print("stopped: nothing already computed is lost", file=sys.stderr)
+        sys.exit(130)
     except OSError as error:
-        print(f"error: {error}; existing files are unchanged", file=sys.stderr)
+        print(f"error: {error}; nothing already computed is lost", file=sys.stderr)
         sys.exit(1)

@@ -6,7 +6,7 @@ Writes: assets/edited.xml, assets/unedited.xml, assets/robot.json (masses and to
     after).
 """
 
-from jumping_ant.base.files import write_json, write_text
+from jumping_ant.base.files import to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
 from jumping_ant.sim.task import Task
@@ -22,9 +22,14 @@ def main() -> None:
     model = robot.load(xml)
     Task(model, settings.env)  # rejects a task that does not fit the robot, before any training
     frame_stride(float(model.opt.timestep), settings.record.fps)
-    write_text(Paths().assets / robot.FILES["edited"], xml)
-    write_text(Paths().assets / robot.FILES["unedited"], robot.unedited(settings.robot))
-    write_json(Paths().physique, robot.summarize(settings.robot, xml))
+    paths = Paths()
+    write_all(
+        {
+            paths.assets / robot.FILES["edited"]: xml,
+            paths.assets / robot.FILES["unedited"]: robot.unedited(settings.robot),
+            paths.physique: to_json(robot.summarize(settings.robot, xml)),
+        }
+    )
 
 
 if __name__ == "__main__":

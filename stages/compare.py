@@ -6,7 +6,7 @@ Reads:  params.yaml, models/<agent>/seed-<n>/curve.csv, results/agents/<agent>/ 
 Writes: results/comparison.json, results/figures/, results/plots/
 """
 
-from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.judging import comparison, results
 from jumping_ant.judging.claims import verdicts
@@ -23,13 +23,18 @@ def main() -> None:
     curves = comparison.learning_curves(agents, settings.compare)
     claims = verdicts.check(agents, settings.compare, settings.training.evaluation_episodes)
 
-    paths = Paths()
-    write_json(paths.comparison, summary | {"claims": claims})
-    curve_table = comparison.to_csv(comparison.curve_rows(curves))
-    write_text(paths.plots / "learning_curves.csv", curve_table)
-    write_text(paths.plots / "seeds.csv", comparison.to_csv(comparison.seed_rows(agents)))
     drawn = figures.draw(agents, curves, summary, claims, settings.compare.confidence)
-    figures.write(paths.figures, drawn)
+
+    paths = Paths()
+    curve_table = comparison.to_csv(comparison.curve_rows(curves))
+    write_all(
+        {
+            paths.comparison: to_json(summary | {"claims": claims}),
+            paths.plots / "learning_curves.csv": curve_table,
+            paths.plots / "seeds.csv": comparison.to_csv(comparison.seed_rows(agents)),
+            **{paths.figures / name: content for name, content in figures.files(drawn).items()},
+        }
+    )
 
 
 if __name__ == "__main__":

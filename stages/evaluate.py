@@ -9,7 +9,7 @@ Writes: results/agents/AGENT/ (episodes.csv, metrics.json, trajectory.npz, seeds
 import filecmp
 
 from jumping_ant.base import machine
-from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.judging import evaluation, variants
 from jumping_ant.policies import policy_file
@@ -48,11 +48,15 @@ def main() -> None:
     }
     table = evaluation.evaluate_variants(xml, settings, (trained, episodes), others, num_threads)
     means = evaluation.seed_means(episodes)
-    write_text(paths.episodes, episodes.to_csv(index=False, lineterminator="\n"))
-    write_text(paths.seed_means, means.to_csv(index=False, lineterminator="\n"))
-    write_text(paths.variants, table.to_csv(index=False, lineterminator="\n"))
-    write_json(paths.metrics, evaluation.summarize(episodes))
-    median.save(paths.trajectory)
+    write_all(
+        {
+            paths.episodes: episodes.to_csv(index=False, lineterminator="\n"),
+            paths.seed_means: means.to_csv(index=False, lineterminator="\n"),
+            paths.variants: table.to_csv(index=False, lineterminator="\n"),
+            paths.metrics: to_json(evaluation.summarize(episodes)),
+            paths.trajectory: median.to_bytes(),
+        }
+    )
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ Reads: params `record`, `seeds`, `agents.AGENT.algorithm`; the robot in assets/,
 Writes: media/AGENT.mp4, media/AGENT.rrd.
 """
 
-from jumping_ant.base.files import PROJECT_ROOT, write_bytes
+from jumping_ant.base.files import PROJECT_ROOT, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.showing import rendering
 from jumping_ant.showing.recording import episode, story
@@ -23,8 +23,8 @@ def main() -> None:
     states = trajectory.load(paths.trajectory)
     told = story.read(PROJECT_ROOT, settings, agent, states)
     film = rendering.film(xml, states, settings.record)
-    write_bytes(paths.film, film)
-    write_bytes(paths.recording, episode.record(xml, states, told, film))
+    recording = episode.record(xml, states, told, film)
+    write_all({paths.film: film, paths.recording: recording})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Bring MLflow up to date with the files; entries that it already has are left unchanged.
 
-Usage: python -m stages.track [--pages-at ADDRESS]
+Usage: python -m stages.track
 Reads: params.yaml; assets/robot.json, models/, media/, results/.
 Writes: no file; runs, models and artifacts go to `MLFLOW_TRACKING_URI`, by default to mlflow.db and
 mlartifacts/ in the project folder.
@@ -15,9 +15,8 @@ from . import run
 
 def main() -> None:
     """Run the stage."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pages-at", metavar="ADDRESS", help="MLflow's address, to print a link")
-    track(pages_at=parser.parse_args().pages_at)
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    track()
 
 
 if __name__ == "__main__":

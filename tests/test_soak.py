@@ -11,10 +11,11 @@ from jumping_ant.experiment import params_file
 from scripts.checkout import Checkout, checkout
 from soak import inputs, payloads
 from soak import project as projects
-from soak.__main__ import added
+from soak.__main__ import added, mutate
 from soak.faults import AGENT, Faults
 from soak.inputs import Inputs
 from soak.kills import Killer
+from soak.operations import KINDS, Operations
 
 # The others are at home in the tests of their parts.
 FAULTS = ["disk_full", "run_left_running", "diverging_simulation"]
@@ -58,6 +59,23 @@ def test_bad_input_is_answered_clearly(project: Checkout, faults: Faults) -> Non
         assert given.try_params()
     assert given.count.tried == 13
     assert given.unclear == [] and given.count.clear == given.count.tried
+
+
+def test_changed_bytes_are_read_or_refused(project: Checkout, faults: Faults) -> None:
+    troubles: list[str] = []
+    counts = mutate(project, 1, troubles, each=30)["mutations"]
+    assert troubles == []
+    assert len(counts) > 10 and all(own == {"tried": 30, "clear": 30} for own in counts.values())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_interrupted_operations_are_survived(project: Checkout, faults: Faults, kind: str) -> None:
+    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
+    operations = Operations(project, AGENT)
+    operations.stage(kind, "assets", "stages.build", step=6)
+    operations.dvc(kind, 30)
+    assert operations.troubles == []
+    assert operations.counts[kind].interrupted > 3
 
 
 def test_there_is_something_wrong_with_every_fault() -> None:

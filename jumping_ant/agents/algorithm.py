@@ -27,6 +27,10 @@ class AgentBlock(Block):
         """Return what does not fit the task (key, given, allowed), or None if the block fits."""
         return None
 
+    def memory(self, num_observations: int, num_motors: int) -> int:
+        """Return about how much memory training a seed takes, beyond the program's own [bytes]."""
+        return 0
+
     def for_timing(self) -> Self | None:
         """Return settings with which each row of the learning curve is one unit of work.
 

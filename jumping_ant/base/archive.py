@@ -2,11 +2,13 @@
 
 import io
 import json
+import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
@@ -14,6 +16,7 @@ Array = NDArray[Any]
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip entry can carry
 _VALUES = "values.json"
 _ARRAY_SUFFIX = ".npy"
+_NPY_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 def pack(entries: Mapping[str, bytes]) -> bytes:
@@ -25,14 +28,42 @@ def pack(entries: Mapping[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def unpack(content: bytes) -> dict[str, bytes]:
-    """Return the entries of a zip archive.
+class Archive(Mapping[str, bytes]):
+    """The entries of a zip archive, each read when it is asked for.
+
+    Entries must be stored as they are, without compression: then none takes more memory than the
+    archive itself, whatever its author intended.
+
+    Args:
+        content: The archive.
 
     Raises:
-        zipfile.BadZipFile: The content is not a zip archive, or an entry is damaged.
+        zipfile.BadZipFile: The content is not a zip archive; from any method, an entry is damaged.
+        ValueError: From any method, an entry is compressed or not as large as it says.
     """
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        return {name: archive.read(name) for name in archive.namelist()}
+
+    def __init__(self, content: bytes) -> None:
+        self._size = len(content)
+        self._archive = zipfile.ZipFile(io.BytesIO(content))
+
+    def __getitem__(self, name: str) -> bytes:
+        self.size(name)
+        return self._archive.read(name)
+
+    def size(self, name: str) -> int:
+        """Return the size of an entry [bytes]."""
+        entry = self._archive.getinfo(name)
+        if entry.compress_type != zipfile.ZIP_STORED:
+            raise ValueError(f"{name}: compressed")
+        if entry.file_size != entry.compress_size or entry.file_size > self._size:
+            raise ValueError(f"{name}: not of its declared size")
+        return entry.file_size
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._archive.namelist())
+
+    def __len__(self) -> int:
+        return len(self._archive.namelist())
 
 
 def from_array(array: Array) -> bytes:
@@ -52,6 +83,16 @@ def to_array(content: bytes) -> Array:
     Raises:
         ValueError: The file holds objects, which only pickle could read, or is damaged.
     """
+    file = io.BytesIO(content)
+    read_header = _NPY_HEADERS.get(npy.read_magic(file))
+    if read_header is None:
+        raise ValueError("an .npy file of an unknown version")
+    shape, _, kind = read_header(file)
+    if kind.hasobject:
+        raise ValueError("an .npy file of objects, which only pickle could read")
+    size = math.prod(shape) * kind.itemsize
+    if size != len(content) - file.tell():  # NumPy would first allocate what the header says
+        raise ValueError(f"an .npy file of {len(content)} bytes, with {size} bytes of numbers")
     array: Array = np.load(io.BytesIO(content), allow_pickle=False)
     return array
 
@@ -74,12 +115,14 @@ def pack_state(state: Mapping[str, Any]) -> bytes:
 
 def unpack_state(content: bytes) -> dict[str, Any]:
     """Return the state that `pack_state` packed."""
-    entries = unpack(content)
-    state: dict[str, Any] = json.loads(entries.pop(_VALUES))
-    for path, array in entries.items():
+    archive = Archive(content)
+    state: dict[str, Any] = json.loads(archive[_VALUES])
+    for path in archive:
+        if path == _VALUES:
+            continue
         _, *parents, name = path.removesuffix(_ARRAY_SUFFIX).split("/")
         node = state
         for parent in parents:
             node = node[parent]
-        node[name] = to_array(array)
+        node[name] = to_array(archive[path])
     return state

@@ -1,11 +1,15 @@
 """Atomic writes, reads of stage outputs, and digests of files."""
 
+import glob
 import hashlib
 import json
 import os
-import tempfile
+import re
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from jumping_ant.base.errors import InputError
 
@@ -15,29 +19,83 @@ CODE_ROOT = Path(__file__).resolve().parents[2]  # the folder that contains the 
 PROJECT_ROOT = CODE_ROOT if (CODE_ROOT / "pyproject.toml").is_file() else Path.cwd()
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file atomically: a reader sees the old content or the new, never a mix.
+def write_all(contents: Mapping[Path, bytes | str]) -> None:
+    """Write files together: if one of them cannot be written, all stay as they were.
+
+    Every file is written in full next to its path before the first one is put in place, so a
+    reader sees the old content or the new, never a mix. A symbolic link is replaced, not followed:
+    DVC may have linked the path to its cache. What a killed process left behind is removed.
 
     Args:
-        path: Path of the file; missing parent folders are created.
-        content: The whole content.
+        contents: The whole content of each file, text as UTF-8; missing folders are created.
 
     Raises:
-        OSError: The folder cannot be written to, or the disk is full; `path` is then untouched.
+        OSError: A folder cannot be written to, or the disk is full; no file has changed.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    for path in contents:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _remove_litter(path)
+    with ExitStack() as undo:
+        for path, content in contents.items():
+            undo.callback(_beside(path, "new").unlink, missing_ok=True)
+            _write_beside(path, content.encode() if isinstance(content, str) else content)
+        for path in contents:
+            undo.callback(_keep_old(path))
+            os.replace(_beside(path, "new"), path)
+        for folder in {path.parent for path in contents}:
+            _sync_folder(folder)
+        undo.pop_all()
+    for path in contents:
+        with suppress(OSError):  # the next write removes it
+            _beside(path, "old").unlink(missing_ok=True)
+
+
+def _write_beside(path: Path, content: bytes) -> None:
+    """Write a file's new content next to it, and flush it to disk."""
+    _beside(path, "new").unlink(missing_ok=True)
+    with _beside(path, "new").open("xb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _keep_old(path: Path) -> Callable[[], None]:
+    """Keep a file under a second name; return a function that restores the present state."""
+    old = _beside(path, "old")
+    old.unlink(missing_ok=True)
     try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o644)  # mkstemp makes files that only their owner may read
-        os.replace(name, path)
-        _sync_folder(path.parent)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+        os.link(path, old, follow_symlinks=False)
+    except FileNotFoundError:
+        return partial(path.unlink, missing_ok=True)
+
+    def restore() -> None:
+        os.replace(old, path)
+        old.unlink(missing_ok=True)  # where the path was still this file, replacing does nothing
+
+    return restore
+
+
+def _beside(path: Path, kind: Literal["new", "old"]) -> Path:
+    """Return a name next to a file that only this process uses; `.dvcignore` has its pattern."""
+    return path.with_name(f".{path.name}.{os.getpid()}.{kind}.tmp")
+
+
+def _remove_litter(path: Path) -> None:
+    """Remove what processes that were killed while they wrote a file left next to it."""
+    for litter in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
+        match = re.search(r"\.(\d+)\.(new|old)\.tmp$", litter.name)
+        if match and not _is_running(int(match[1])):
+            litter.unlink(missing_ok=True)
+
+
+def _is_running(process_id: int) -> bool:
+    try:
+        os.kill(process_id, 0)  # sends nothing
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass  # it is another user's
+    return True
 
 
 def _sync_folder(folder: Path) -> None:
@@ -49,24 +107,41 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file (see `write_all`)."""
+    write_all({path: content})
+
+
 def write_text(path: Path, content: str) -> None:
-    """Write a UTF-8 text file atomically (see `write_bytes`)."""
-    write_bytes(path, content.encode())
+    """Write a UTF-8 text file (see `write_all`)."""
+    write_all({path: content})
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write JSON atomically, indented, keys in the order given, ending in a newline.
+    """Write JSON (see `write_all` and `to_json`)."""
+    write_all({path: to_json(content)})
+
+
+def to_json(content: Any) -> str:
+    """Return JSON as files have it: indented, keys in the order given, ending in a newline.
 
     Raises:
         ValueError: The content holds a number that JSON cannot express (NaN or infinity).
     """
-    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
 def digest(path: Path) -> str:
     """Return the SHA-256 of a file's content in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def folder_digest(folder: Path) -> str:
+    """Return the SHA-256 of a folder's files, names and contents, without Python's caches."""
+    files = sorted(path for path in folder.rglob("*") if "__pycache__" not in path.parts)
+    listed = {str(path.relative_to(folder)): digest(path) for path in files if path.is_file()}
+    return hashlib.sha256(json.dumps(listed).encode()).hexdigest()
 
 
 def read_bytes(path: Path, stage: str) -> bytes:

@@ -6,6 +6,7 @@ amplifies the differences. Other versions of MuJoCo, NumPy and torch differ more
 """
 
 import importlib.metadata
+import math
 import os
 import platform
 from contextlib import suppress
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 PACKAGES = ("evotorch", "gymnasium", "mujoco", "numpy", "stable-baselines3", "torch")
+CONTROL_GROUP = Path("/sys/fs/cgroup")
 BLAS_THREADS = 1  # per worker; simulations may use more, which does not affect results
 
 
@@ -32,6 +34,22 @@ def num_cores() -> int:
     if hasattr(os, "sched_getaffinity"):  # not on macOS
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def available_memory() -> float:
+    """Return how much memory this process may still take [bytes]; infinity if Linux does not say.
+
+    A container may have less than the machine.
+    """
+    available = math.inf
+    with suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        line = next(line for line in lines if line.startswith("MemAvailable:"))
+        available = 1024 * int(line.split()[1])
+    with suppress(OSError, ValueError):  # the limit may be the word "max"
+        limit = int((CONTROL_GROUP / "memory.max").read_text())
+        available = min(available, limit - int((CONTROL_GROUP / "memory.current").read_text()))
+    return available
 
 
 def processor() -> str:

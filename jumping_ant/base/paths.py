@@ -6,6 +6,18 @@ from pathlib import Path
 from jumping_ant.base.files import PROJECT_ROOT
 
 
+def home(root: Path) -> Path:
+    """Return the project folder, also from a folder where DVC runs an experiment.
+
+    `dvc exp run --temp` and `--queue` run in `.dvc/tmp/exps/` and delete that folder afterwards.
+    """
+    root = root.resolve()
+    for parent in root.parents:
+        if parent.parts[-3:] == (".dvc", "tmp", "exps"):
+            return parent.parents[2]
+    return root
+
+
 @dataclass(frozen=True)
 class SeedPaths:
     """The files that training one seed of an agent writes.
@@ -126,6 +138,11 @@ class Paths:
     def params(self) -> Path:
         """The parameters."""
         return self.root / "params.yaml"
+
+    @property
+    def lock(self) -> Path:
+        """DVC's record of what the stages read and wrote."""
+        return self.root / "dvc.lock"
 
     @property
     def assets(self) -> Path:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import read_bytes
 
 
 def read(
@@ -41,7 +42,7 @@ def read(
             for name in found
             if name not in text
         }
-    except (TypeError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
 
 
@@ -53,9 +54,27 @@ def read_rows(path: Path, stage: str) -> list[dict[str, str]]:
         stage: The stage that writes it, for the message.
 
     Raises:
-        InputError: The file is missing.
+        InputError: The file is missing or is not a table; the message says what to run.
     """
     try:
-        return list(csv.DictReader(path.read_text().splitlines()))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; run `dvc repro {stage}`") from error
+        text = read_bytes(path, stage).decode()
+        return parse_rows(text)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
+
+
+def parse_rows(text: str) -> list[dict[str, str]]:
+    """Read the rows of a CSV file's text.
+
+    Raises:
+        ValueError: A row has more or fewer cells than the header, or the text is not CSV.
+    """
+    try:
+        header, *rows = [row for row in csv.reader(text.splitlines()) if row] or [[]]
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
+    if any(len(row) != len(header) for row in rows):
+        raise ValueError(f"a row has more or fewer cells than the header's {len(header)}")
+    return [dict(zip(header, row, strict=True)) for row in rows]

@@ -26,6 +26,8 @@ DEFAULTS = CODE_ROOT / "params.yaml"
 if not DEFAULTS.is_file():
     DEFAULTS = CODE_ROOT / "jumping_ant" / "defaults" / "params.yaml"
 
+MOST_VALUES = 100_000  # of a params file; the default has some 300
+
 # What is allowed, for errors where pydantic's own message addresses programmers.
 ALLOWED = {
     "bool_type": "true or false",
@@ -46,12 +48,28 @@ def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
         InputError: The file is missing, is not YAML, or does not fit the models; a line per error.
     """
     try:
-        content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+        content: Any = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+        num_values = _num_values(content, {})
     except OSError as error:
         raise InputError(f"{path.name}: {error.strerror}: {path}") from error
     except (YAMLError, ValueError, RecursionError) as error:  # the last two: odd scalars, depth
         raise InputError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
+    if num_values > MOST_VALUES:
+        raise InputError(
+            f"{path.name}: given {num_values:.3g} values, allowed: {MOST_VALUES:,}; each alias of "
+            "an anchor counts as all that the anchor holds"
+        )
     return check(content, path.name)
+
+
+def _num_values(content: Any, known: dict[int, int]) -> int:
+    """Count the values of nested lists and dictionaries, shared ones as often as they occur."""
+    if not isinstance(content, dict | list):
+        return 1
+    if id(content) not in known:
+        inside = content.values() if isinstance(content, dict) else content
+        known[id(content)] = 1 + sum(_num_values(value, known) for value in inside)
+    return known[id(content)]
 
 
 def check(content: Any, where: str = "params.yaml") -> Params:

@@ -16,10 +16,13 @@ from pydantic import (
     field_validator,
 )
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
+# Upper bounds keep physics and memory finite; they are far beyond what is useful.
+Number = Annotated[float, Field(ge=-1e6, le=1e6)]
+Positive = Annotated[float, Field(gt=0, le=1e6)]
+NonNegative = Annotated[float, Field(ge=0, le=1e6)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=1)]
+Count = Annotated[int, Field(ge=1, le=10**6)]
+Steps = Annotated[int, Field(ge=1, le=10**10)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
 
 
@@ -78,14 +81,14 @@ class RobotParams(Block):
 class TermParams(Block):
     """A term of the reward."""
 
-    weight: float
+    weight: Number
     """[1/step] Factor on the term; 0 switches it off."""
 
 
 class TorsoHeightParams(TermParams):
     """The term for the torso's height: clip((height - floor) / span, 0, 1)."""
 
-    floor: float
+    floor: Number
     """[m] Torso height up to which the term is 0."""
     span: Positive
     """[m] Height above the floor at which the term saturates."""
@@ -123,9 +126,9 @@ class EnvParams(Block):
     """[m] Height of the torso at starts in any orientation; no part may reach the floor."""
     max_episode_steps: Count
     """[control steps] Length at which an episode is truncated."""
-    min_torso_height: float | None
+    min_torso_height: Number | None
     """[m] An episode ends if the torso is below this height."""
-    max_torso_height: float | None
+    max_torso_height: Number | None
     """[m] An episode ends if the torso is above this height."""
     max_tilt: Positive | None
     """[rad] An episode ends if the torso tilts more than this."""
@@ -186,7 +189,7 @@ class TrainingParams(Block):
 class ComputeParams(Block):
     """How the work is distributed; no result depends on it."""
 
-    workers: Annotated[int, Field(ge=0)]
+    workers: Annotated[int, Field(ge=0, le=10_000)]
     """[processes] Seeds trained in parallel; 0 uses every core."""
     checkpoint_seconds: Positive
     """[s] Time between two checkpoints of a seed."""
@@ -218,7 +221,7 @@ class RecordParams(Block):
     """[pixels] Size of the shadow map; 0 draws no shadows."""
     camera_distance: Positive
     """[m] Distance of the camera from the torso."""
-    camera_azimuth: float
+    camera_azimuth: Number
     """[degrees] Azimuth of the view."""
     camera_elevation: Annotated[float, Field(ge=-90, le=90)]
     """[degrees] Elevation of the view; negative looks down."""
@@ -231,7 +234,7 @@ class CompareParams(Block):
     """[-] Confidence level of every interval; 1 minus it is the level of all claims together."""
     power: Annotated[float, Field(gt=0, lt=1)]
     """[-] Power for which the number of seeds that an open claim needs is computed."""
-    bootstrap_samples: Annotated[int, Field(ge=100)]
+    bootstrap_samples: Annotated[int, Field(ge=100, le=10**6)]
     """[-] Bootstrap resamples for the interval of a statistic that has no formula."""
     seed: Seed
     """Seed of resamples and of random arrangements."""

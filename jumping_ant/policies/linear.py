@@ -77,4 +77,11 @@ class LinearPolicy:
     def from_entries(cls, header: Header, entries: Entries) -> "LinearPolicy":
         """Build the policy from a policy file's entries."""
         arrays = {name: to_array(entries[f"{name}.npy"]) for name in cls.ARRAYS}
+        motors, observations = matrix = arrays["weight"].shape
+        shapes = (matrix, (motors,), (observations,), (observations,), matrix, (motors,))
+        for (name, array), shape in zip(arrays.items(), shapes, strict=True):
+            if array.shape != shape:
+                raise ValueError(f"{name}: given shape {array.shape}, allowed: {shape}")
+        if not (arrays["stdev"] > 0).all():
+            raise ValueError("stdev: given numbers that are not positive")
         return cls(**arrays, actions=action_set(header, entries))

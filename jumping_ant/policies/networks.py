@@ -1,6 +1,8 @@
 """Neural network policies, trained by Stable-Baselines3 or in the same way."""
 
 import io
+import itertools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.base.archive import Archive
 from jumping_ant.policies.policy import (
     Array,
     Entries,
@@ -171,8 +174,15 @@ def _tensors(entries: Entries) -> dict[str, Any]:
     """Return the tensors of a Stable-Baselines3 archive, by name."""
     import torch  # takes seconds, so imported only to read a network
 
-    content = io.BytesIO(entries["policy.pth"])
-    state: dict[str, Any] = torch.load(content, map_location="cpu", weights_only=True)
+    content = entries["policy.pth"]
+    archive = Archive(content)
+    sizes = Counter(archive.size(name) for name in archive)
+    state: dict[str, Any] = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    for name, tensor in state.items():
+        # A tensor says how large its storage is and how it lies in it, and torch believes it.
+        storage = tensor.untyped_storage().nbytes()
+        if not sizes[storage] or not tensor.is_contiguous():
+            raise ValueError(f"{name}: {tuple(tensor.shape)} numbers in {storage} bytes")
     return state
 
 
@@ -183,4 +193,11 @@ def _layers(state: Mapping[str, Any], prefixes: tuple[str, ...]) -> list[Layer]:
         for name in state
         if name.startswith(prefixes) and name.endswith(".weight")
     ]
-    return [(state[f"{name}.weight"].numpy(), state[f"{name}.bias"].numpy()) for name in names]
+    layers = [(state[f"{name}.weight"].numpy(), state[f"{name}.bias"].numpy()) for name in names]
+    for weight, bias in layers:
+        if weight.ndim != 2 or bias.shape != weight.shape[:1]:
+            raise ValueError(f"a layer of weights {weight.shape} and biases {bias.shape}")
+    for (before, _), (after, _) in itertools.pairwise(layers):
+        if after.shape[1] != before.shape[0]:
+            raise ValueError(f"a layer of {after.shape} after one of {before.shape}")
+    return layers

@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import from_array, to_array
 
+FORMAT = 3
 HEADER = "policy.json"
+LARGEST = 100_000  # observations, or motors, of a policy that is read
 _TABLE = "commands.npy"
 
 Array = NDArray[np.float64]
@@ -69,7 +71,7 @@ def header_entries(kind: str, interface: Interface | Policy, **fields: int) -> d
     """Return the header of a policy file, and the table of commands if there is one."""
     actions = interface.actions
     header = {
-        "format": 3,
+        "format": FORMAT,
         "kind": kind,
         "hold": actions.hold,
         "amplitude": actions.amplitude,
@@ -84,12 +86,14 @@ def header_entries(kind: str, interface: Interface | Policy, **fields: int) -> d
 def interface_of(entries: Entries) -> Interface:
     """Read the inputs and outputs of a policy from a policy file's entries."""
     header = json.loads(entries[HEADER])
-    observations = header["num_observations"]
-    return Interface(
-        action_set(header, entries),
-        None if observations is None else int(observations),
-        int(header["num_motors"]),
-    )
+    if header["format"] != FORMAT:
+        raise ValueError(f"format {header['format']!r} instead of {FORMAT}")
+    observations, motors = header["num_observations"], int(header["num_motors"])
+    observations = None if observations is None else int(observations)
+    for number in (observations, motors):
+        if number is not None and not 0 < number <= LARGEST:
+            raise ValueError(f"{number} observations or motors")
+    return Interface(action_set(header, entries), observations, motors)
 
 
 def action_set(header: Header, entries: Entries) -> ActionSet:

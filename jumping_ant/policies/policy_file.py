@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jumping_ant.base.archive import unpack
+from jumping_ant.base.archive import Archive
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
@@ -42,10 +42,11 @@ def parse(content: bytes) -> Policy:
         InputError: The content is not a policy file, or a damaged one.
     """
     try:
-        entries = unpack(content)
+        entries = Archive(content)
         header = json.loads(entries[HEADER])
-        policy: Policy = KINDS[header["kind"]].from_entries(header, entries)
         interface = interface_of(entries)
+        policy: Policy = KINDS[header["kind"]].from_entries(header, entries)
+        _check_numbers(list(vars(policy).values()))
         policy.start([0])
         shape = policy.act(np.zeros((1, interface.num_observations or 1))).shape
     except Exception as error:  # any error here means that the file is damaged
@@ -67,6 +68,15 @@ def read_interface(path: Path) -> Interface:
         InputError: The file is missing or not a policy file.
     """
     try:
-        return interface_of(unpack(path.read_bytes()))
+        return interface_of(Archive(path.read_bytes()))
     except Exception as error:  # as in `load`
         raise InputError(f"{path}: not a policy file ({error}); `dvc repro` trains it") from error
+
+
+def _check_numbers(value: Any) -> None:
+    """Raise ValueError if an array, in lists or tuples too, holds a number that is not finite."""
+    if isinstance(value, np.ndarray) and not np.isfinite(value).all():
+        raise ValueError("numbers that are not finite")
+    if isinstance(value, list | tuple):
+        for one in value:
+            _check_numbers(one)

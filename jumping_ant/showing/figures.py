@@ -7,7 +7,6 @@ numbers give the same bytes.
 import io
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
-from jumping_ant.base.files import write_bytes
 from jumping_ant.judging.comparison import LearningCurve
 from jumping_ant.judging.results import AgentResults
 from jumping_ant.showing import claim_panels
@@ -123,11 +121,12 @@ def render(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
     return content.getvalue()
 
 
-def write(folder: Path, figures: Mapping[str, Figure]) -> None:
-    """Write each figure as PNG and SVG."""
-    for name, figure in figures.items():
-        write_bytes(folder / f"{name}.png", render(figure, "png"))
-        write_bytes(folder / f"{name}.svg", render(figure, "svg"))
+def files(figures: Mapping[str, Figure]) -> dict[str, bytes]:
+    """Return the content of each figure's files, PNG and SVG, by file name."""
+    kinds: tuple[Literal["png", "svg"], ...] = ("png", "svg")
+    return {
+        f"{name}.{kind}": render(figure, kind) for name, figure in figures.items() for kind in kinds
+    }
 
 
 def _draw_curves(

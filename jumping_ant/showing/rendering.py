@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import imageio.v2 as imageio
+import imageio_ffmpeg  # type: ignore[import-untyped]
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.params.blocks import RecordParams
 from jumping_ant.showing import drawing
 from jumping_ant.showing.drawing import Shots
+from jumping_ant.sim import mjcf
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory, frame_stride
 
@@ -113,6 +115,7 @@ def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
     Raises:
         InputError: The XML is not MJCF, or not a robot on a floor.
     """
+    mjcf.check(xml)
     try:
         spec = mujoco.MjSpec.from_string(xml)
     except ValueError as error:
@@ -140,6 +143,9 @@ def encode(pictures: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
     Args:
         pictures: Pictures of one size, shape (height, width, 3), both even.
         fps: Frame rate [1/s].
+
+    Raises:
+        OSError: The encoder failed, as on a full disk.
     """
     options = (
         "-crf 19 -preset veryfast -threads 1 "
@@ -159,10 +165,23 @@ def encode(pictures: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
             macro_block_size=1,  # sizes stay as given: even ones fit yuv420p
             output_params=options.split(),
         )
+        num_pictures = 0
         with writer:
             for picture in pictures:
                 writer.append_data(picture)
+                num_pictures += 1
+        _check_film(path, num_pictures)
         return path.read_bytes()
+
+
+def _check_film(path: Path, num_pictures: int) -> None:
+    """Count a film's frames, as the encoder's exit status is lost."""
+    try:
+        num_frames, _ = imageio_ffmpeg.count_frames_and_secs(path)
+    except RuntimeError:
+        num_frames = 0
+    if num_frames != num_pictures:
+        raise OSError(f"ffmpeg encoded {num_frames} of {num_pictures} frames; is the disk full?")
 
 
 def _paint(spec: mujoco.MjSpec, floor: mujoco.MjsGeom) -> None:

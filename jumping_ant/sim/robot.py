@@ -21,6 +21,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
 from jumping_ant.params.blocks import GYMNASIUM_ROBOTS, RobotParams
+from jumping_ant.sim import mjcf
 
 GYMNASIUM_ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
 FILES = {"edited": "edited.xml", "unedited": "unedited.xml"}  # in assets/
@@ -95,9 +96,11 @@ def read(root: Path, kind: Literal["edited", "unedited"] = "edited") -> str:
     """
     path = Paths(root).assets / FILES[kind]
     try:
-        return path.read_text()
+        return path.read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; `dvc repro build` writes it") from error
+    except ValueError as error:
+        raise InputError(f"robot XML: {path}: {error}; `dvc repro build` writes it") from error
 
 
 def load(xml: str) -> mujoco.MjModel:
@@ -113,6 +116,7 @@ def load(xml: str) -> mujoco.MjModel:
     Raises:
         InputError: The text is not MJCF that compiles.
     """
+    mjcf.check(xml)
     try:
         model = mujoco.MjModel.from_xml_string(xml)
     except ValueError as error:
@@ -149,6 +153,8 @@ def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[
 def _read(source: str, root: Path) -> mujoco.MjSpec:
     """Read a source; actuators without a name are named after what they drive."""
     path = source_path(source, root)
+    if source not in GYMNASIUM_ROBOTS:
+        mjcf.check_file(path, root / "robots")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         # Keep values in the text as in the source, not compiled and rounded to six digits.

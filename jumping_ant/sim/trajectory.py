@@ -3,14 +3,13 @@
 import io
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.base.archive import Archive, to_array
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import write_bytes
 from jumping_ant.sim.rewards import PREFIX
 
 
@@ -47,7 +46,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         steps = len(self.torques)
-        if steps == 0 or self.timestep <= 0 or self.frame_skip < 1:
+        if steps == 0 or not 0 < self.timestep < np.inf or self.frame_skip < 1:
             raise ValueError(
                 f"given {steps} control steps of {self.frame_skip} simulation steps of "
                 f"{self.timestep} s; allowed: at least one of each, of a positive duration"
@@ -102,15 +101,15 @@ class Trajectory:
         last = min(end - 1, int(min(seconds / self.timestep + 1e-6, end)))
         return np.arange(0, last + 1, stride)
 
-    def save(self, path: Path) -> None:
-        """Write an `.npz` file atomically; equal trajectories give equal bytes."""
+    def to_bytes(self) -> bytes:
+        """Return the content of an `.npz` file; equal trajectories give equal bytes."""
         buffer = io.BytesIO()
         # Uncompressed: trajectories hardly compress, and the bytes would depend on the compressor's
         # version. NumPy gives every entry the same date.
         terms = {PREFIX + name: values for name, values in self.terms.items()}
         fields = {name: value for name, value in vars(self).items() if name != "terms"}
         np.savez(buffer, allow_pickle=False, **fields, **terms)
-        write_bytes(path, buffer.getvalue())
+        return buffer.getvalue()
 
 
 def frame_stride(timestep: float, fps: int) -> int:
@@ -136,25 +135,26 @@ def load(path: Path) -> Trajectory:
         InputError: The file is missing, damaged, or not a trajectory.
     """
     try:
-        with np.load(path, allow_pickle=False) as content:
-            return Trajectory(
-                qpos=content["qpos"].astype(np.float64, copy=False),
-                qvel=content["qvel"].astype(np.float64, copy=False),
-                torques=content["torques"].astype(np.float64, copy=False),
-                rewards=content["rewards"].astype(np.float64, copy=False),
-                terms={
-                    name.removeprefix(PREFIX): content[name].astype(np.float64, copy=False)
-                    for name in content
-                    if name.startswith(PREFIX)
-                },
-                seed=int(content["seed"]),
-                episode=int(content["episode"]),
-                episode_return=float(content["episode_return"]),
-                timestep=float(content["timestep"]),
-                frame_skip=int(content["frame_skip"]),
-            )
-    # In this order: no file, a truncated archive, an empty file, no such entry, a lone array,
-    # and pickled objects or arrays whose shapes do not fit.
-    except (OSError, BadZipFile, EOFError, KeyError, TypeError, ValueError) as error:
+        archive = Archive(path.read_bytes())
+
+        def read(name: str) -> NDArray[np.float64]:
+            return to_array(archive[f"{name}.npy"]).astype(np.float64, copy=False)
+
+        names = [name.removesuffix(".npy") for name in archive]
+        return Trajectory(
+            qpos=read("qpos"),
+            qvel=read("qvel"),
+            torques=read("torques"),
+            rewards=read("rewards"),
+            terms={
+                name.removeprefix(PREFIX): read(name) for name in names if name.startswith(PREFIX)
+            },
+            seed=int(read("seed")),
+            episode=int(read("episode")),
+            episode_return=float(read("episode_return")),
+            timestep=float(read("timestep")),
+            frame_skip=int(read("frame_skip")),
+        )
+    except Exception as error:  # any error here means that the file is missing or damaged
         reason = " ".join(str(error).split())
         raise InputError(f"trajectory: cannot read {path}: {reason}") from error

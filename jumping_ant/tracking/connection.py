@@ -22,6 +22,7 @@ from sqlalchemy.exc import SQLAlchemyError  # noqa: E402
 
 from jumping_ant.base.errors import InputError  # noqa: E402
 from jumping_ant.base.files import PROJECT_ROOT  # noqa: E402
+from jumping_ant.base.paths import home  # noqa: E402
 from jumping_ant.tracking import pages  # noqa: E402
 
 # Silence MLflow, too; set these variables to re-enable its output.
@@ -34,6 +35,7 @@ if "MLFLOW_LOGGING_LEVEL" not in os.environ:
 EXPERIMENT = "jumping-ant"
 SIGNS_OF_CONFLICT = ("UNIQUE constraint failed", "duplicate key", "database is locked")
 LONGEST_MESSAGE = 300
+SECONDS_FOR_ANSWER = 5
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Connection:
     @property
     def is_server(self) -> bool:
         """Whether it is a server, which shows pages and decides where artifacts go."""
-        return _is_server(self.uri)
+        return is_server(self.uri)
 
 
 class ConflictError(InputError):
@@ -75,10 +77,15 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
     """
     try:
         yield
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"MLflow at {_without_password(uri)}: its driver is not installed; run: pip install "
+            f"{error.name}"
+        ) from error
     except (MlflowException, SQLAlchemyError, OSError) as error:
         is_conflict = any(sign in str(error) for sign in SIGNS_OF_CONFLICT)
         kind = ConflictError if is_conflict else InputError
-        raise kind(f"MLflow at {_without_password(uri)}: {_explain(error)}") from error
+        raise kind(f"MLflow at {_without_password(uri)}: {_explain(error, uri)}") from error
 
 
 def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
@@ -98,6 +105,7 @@ def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
     # It would log a traceback of errors that are reported in one line.
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
     with failures_as_input_errors(uri), _opened_alone(uri):
+        _await_answer(uri)
         is_given = "MLFLOW_TRACKING_URI" in os.environ
         mlflow.set_tracking_uri(uri)  # the model registry needs it
         if not is_given:
@@ -109,19 +117,14 @@ def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
 
 def tracking_uri(root: Path = PROJECT_ROOT) -> str:
     """Return `MLFLOW_TRACKING_URI`, or the database in the project folder."""
-    return os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{home(root)}/mlflow.db"
+    return os.environ.get("MLFLOW_TRACKING_URI") or _own_uri(home(root))
 
 
-def home(root: Path) -> Path:
-    """Return the project folder, also from a folder where DVC runs an experiment.
-
-    `dvc exp run --temp` and `--queue` run in `.dvc/tmp/exps/` and delete that folder afterwards.
-    """
-    root = root.resolve()
-    for parent in root.parents:
-        if parent.parts[-3:] == (".dvc", "tmp", "exps"):
-            return parent.parents[2]
-    return root
+def _own_uri(project: Path) -> str:
+    """Return the URI of the database in a project folder, whatever the folder is called."""
+    path = project / "mlflow.db"
+    # In such a URI a query begins with the first question mark, and nothing can be quoted.
+    return f"sqlite:///{os.path.relpath(path) if '?' in str(path) else path}"
 
 
 @contextmanager
@@ -135,6 +138,10 @@ def _opened_alone(uri: str) -> Iterator[None]:
         yield
         return
     path = Path(uri.removeprefix("sqlite:///"))
+    if not path.name:
+        raise InputError(
+            f"MLFLOW_TRACKING_URI: given {uri!r}, allowed: sqlite:///FILE, or a server's address"
+        )
     _check_sqlite(path)
     with path.with_name(f"{path.name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -149,19 +156,32 @@ def _check_sqlite(path: Path) -> None:
             connection.execute("PRAGMA schema_version")
         connection.close()
     except (sqlite3.Error, OSError) as error:
+        if "locked" in str(error):
+            raise ConflictError(f"{path}: in use by another program; try again later") from error
         raise InputError(
             f"{path}: cannot be opened as a database ({error}); "
             "if it is damaged, delete it: `python -m stages.track` recreates it"
         ) from error
 
 
-def _is_server(uri: str) -> bool:
+def _await_answer(uri: str) -> None:
+    """Ask a server for a sign of life, of any kind; MLflow would wait for minutes.
+
+    Raises:
+        OSError: There is none in time.
+    """
+    if uri.startswith("http"):
+        requests.get(f"{uri.rstrip('/')}/health", timeout=SECONDS_FOR_ANSWER)
+
+
+def is_server(uri: str) -> bool:
+    """Tell whether a tracking URI names a server."""
     return uri.startswith(("http://", "https://", "databricks"))
 
 
 def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
     # A server decides where artifacts go; a database would default to the current folder.
-    location = None if _is_server(uri) else (project / "mlartifacts").as_uri()
+    location = None if is_server(uri) else (project / "mlartifacts").as_uri()
     experiment = client.get_experiment_by_name(EXPERIMENT)
     if experiment is None:
         try:
@@ -172,7 +192,7 @@ def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
                 raise
     if experiment.lifecycle_stage == "deleted":
         client.restore_experiment(experiment.experiment_id)
-    if uri == f"sqlite:///{project}/mlflow.db" and experiment.artifact_location != location:
+    if uri == _own_uri(project) and experiment.artifact_location != location:
         raise InputError(
             f"mlflow.db: given artifacts in {experiment.artifact_location}, allowed: {location}; "
             "the project was moved: delete mlflow.db, and `python -m stages.track` recreates it"
@@ -180,16 +200,32 @@ def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
     return str(experiment.experiment_id)
 
 
-def _explain(error: BaseException) -> str:
+def _explain(error: BaseException, uri: str) -> str:
     """Return what happened, in one line."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, requests.ConnectionError | requests.Timeout):
             return "cannot be reached; start it, or unset MLFLOW_TRACKING_URI to use mlflow.db"
         cause = cause.__cause__ or cause.__context__
-    message = _without_password(" ".join(str(error).split()))
+    message = _without_password_of(uri, " ".join(str(error).split()))
     return message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "..."
 
 
-def _without_password(uri: str) -> str:
-    return re.sub(r"//[^/@]*@", "//", uri)
+def _without_password(text: str) -> str:
+    """Return a text whose URIs have neither user and password nor a query."""
+    return re.sub(r"(?<=://)\S+", _place, text)
+
+
+def _place(match: re.Match[str]) -> str:
+    """Return the part of a URI's rest that is no secret; a password may hold any character."""
+    secret, _, place = match[0].rpartition("@")
+    return "..." if "?" in secret else place.partition("?")[0]
+
+
+def _without_password_of(uri: str, text: str) -> str:
+    """Return a text about a URI without its password, or a part that was taken for a port."""
+    secret = uri.partition("://")[2].rpartition("@")[0].partition(":")[2]
+    for part in [secret, *re.split("[/:@?]", secret)]:
+        if part:
+            text = text.replace(part, "...")
+    return _without_password(text)

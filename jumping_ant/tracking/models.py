@@ -3,6 +3,7 @@
 import functools
 import importlib.metadata
 import json
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -13,9 +14,11 @@ from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import Schema, TensorSpec
+from mlflow.utils.file_utils import local_file_uri_to_path
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
+from mlflow.utils.uri import is_local_uri
 
-from jumping_ant.base.files import CODE_ROOT
+from jumping_ant.base.files import CODE_ROOT, folder_digest
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Interface
 from jumping_ant.tracking import pages
@@ -34,6 +37,7 @@ from jumping_ant.tracking.store import (
 )
 
 CHAMPION = "champion"
+FILES_DIGEST = "files_digest"  # tag of a model: digest of all its files
 ABOUT = (
     "A jumping robot: observations in, torques over peak torque out, a row each. Hold each "
     "output for as many control steps as the version's tag `hold` says, then ask for the next one. "
@@ -180,16 +184,26 @@ class AgentModels:
 
 
 def _is_whole(store: Store, model: LoggedModel, record: SeedRecord) -> bool:
+    """Tell whether a model has all its files: by content on this machine, else by size."""
+    if str(model.status) != "READY":
+        return False
+    if folder := _local_folder(model):
+        return model.tags.get(FILES_DIGEST) == folder_digest(folder)
     listed = store.client.list_logged_model_artifacts(model.model_id)
     if "MLmodel" not in {entry.path for entry in listed}:
         return False
     stored = store.client.list_logged_model_artifacts(model.model_id, "artifacts")
-    sizes = [entry.file_size for entry in stored]
-    return str(model.status) == "READY" and sizes == [record.policy_path.stat().st_size]
+    return [entry.file_size for entry in stored] == [record.policy_path.stat().st_size]
+
+
+def _local_folder(model: LoggedModel) -> Path | None:
+    """Return the folder of a model's files, None if they are not on this machine."""
+    location = model.artifact_location
+    return Path(local_file_uri_to_path(location)) if is_local_uri(location) else None
 
 
 def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) -> LoggedModel:
-    """Upload a model; an existing, incomplete one is completed."""
+    """Upload a model; the files of an existing one are replaced."""
     if model is None:
         model = store.client.create_logged_model(
             store.experiment_id,
@@ -216,7 +230,12 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
                 model_id=model.model_id,
             ),
         )
+        if own_folder := _local_folder(model):
+            shutil.rmtree(own_folder, ignore_errors=True)
         store.client.log_model_artifacts(model.model_id, str(path))
+        digest = {FILES_DIGEST: folder_digest(path)}
+        store.client.set_logged_model_tags(model.model_id, digest)
+        model.tags.update(digest)
     return store.client.finalize_logged_model(model.model_id, "READY")
 
 

@@ -1,11 +1,11 @@
 """The project's files as tracking reads them, also while they are being written."""
 
-import csv
 import math
 from pathlib import Path
+from zipfile import BadZipFile
 
-import numpy as np
-
+from jumping_ant.base import tables
+from jumping_ant.base.archive import Archive, to_array
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 
@@ -25,9 +25,15 @@ def read_curve(path: Path) -> dict[Point, float]:
     """
     points: dict[Point, float] = {}
     for row in read_rows(path, "env_steps"):
-        step = int(row.pop("env_steps"))
+        step = _whole(row.pop("env_steps"), path)
         points |= {(name, step): value for name, value in row.items() if math.isfinite(value)}
     return points
+
+
+def _whole(number: float, path: Path) -> int:
+    if not number.is_integer():  # neither is one that is not finite
+        raise InputError(f"{path}: given {number} control steps, allowed: whole numbers")
+    return int(number)
 
 
 def read_rows(path: Path, *needed: str, **words: str) -> list[dict[str, float]]:
@@ -42,17 +48,17 @@ def read_rows(path: Path, *needed: str, **words: str) -> list[dict[str, float]]:
         InputError: A cell is not a number, or is empty in a required column.
     """
     try:
-        text = path.read_text()
+        content = path.read_bytes()
     except FileNotFoundError:
         return []
-    whole_lines = text[: text.rfind("\n") + 1].splitlines()
+    whole_lines = content[: content.rfind(b"\n") + 1]
     try:
         rows = [
             {name: float(cell) for name, cell in row.items() if cell and name not in words}
-            for row in csv.DictReader(whole_lines)
+            for row in tables.parse_rows(whole_lines.decode())
             if all(row[name] == word for name, word in words.items())
         ]
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, KeyError) as error:
         raise InputError(f"{path}: {error}; allowed: a table of numbers") from error
     if any(name not in row for row in rows for name in needed):
         raise InputError(f"{path}: a row lacks one of {', '.join(needed)}; train again")
@@ -69,7 +75,6 @@ def filmed_seed(root: Path, agent: str) -> int | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as trajectory:
-            return int(trajectory["seed"])
-    except (ValueError, KeyError, OSError) as error:
+        return int(to_array(Archive(path.read_bytes())["seed.npy"]))
+    except (ValueError, KeyError, OSError, BadZipFile) as error:
         raise InputError(f"{path}: {error}; `dvc repro` recreates it") from error

@@ -1,38 +1,39 @@
 """Checkpoints of an agent's seeds on disk, to resume from after a kill.
 
 The folder `.checkpoints/<agent>/<key>/` lies outside DVC's outputs, which DVC deletes before a
-stage runs. The key is a digest of everything that a seed's results depend on, so checkpoints of
-other parameters, another robot, other code or other versions are never resumed from. The folder
-contains:
+stage runs, and outside the folders where DVC runs experiments, which it deletes afterwards. The key
+is a digest of everything that a seed's results depend on, so checkpoints of other parameters,
+another robot, other code or other versions are never resumed from. The folder contains:
 
 | file | content |
 |---|---|
 | seed-N.M.checkpoint | seed N at its M-th checkpoint; the last two are kept |
 | seed-N.finished | seed N, finished |
-| complete.json | the seeds of a training that finished |
 
 Every file is complete or absent (see `jumping_ant.base.files`), begins with the digest of the rest,
 and holds numbers and text: nothing in it is executed.
 
 Finished seeds are kept after training, so that a training with more seeds trains only the new ones.
-A training of the same seeds as before trains them again: that is what `dvc repro --force` is for.
+Files of other keys are kept, too, so that a return to earlier parameters resumes what they had
+reached; the oldest ones are removed when they take more than `KEPT_BYTES`.
 """
 
 import fcntl
 import hashlib
 import json
 import os
-import shutil
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TextIO
 
-from jumping_ant.base.archive import pack, unpack
-from jumping_ant.base.files import write_bytes, write_json
+from jumping_ant.base.archive import Archive, pack
+from jumping_ant.base.files import write_bytes
+from jumping_ant.base.paths import home
 
 GENERATIONS = 2
+KEPT_BYTES = 2 * 2**30  # for an agent, of other parameters and of seeds that are not trained now
 _HEADER, _CONTENT, _BEST = "header.json", "content", "best"
 
 
@@ -77,7 +78,7 @@ class Saved:
         digest, _, packed = file.partition(b"\n")
         if hashlib.sha256(packed).hexdigest().encode() != digest:
             raise ValueError("the digest does not match")
-        entries = unpack(packed)
+        entries = Archive(packed)
         header = json.loads(entries[_HEADER])
         header["timing"] = [tuple(row) for row in header["timing"]]
         return cls(best=entries[_BEST], content=entries[_CONTENT], **header)
@@ -97,14 +98,14 @@ class Checkpoints:
     """
 
     def __init__(self, root: Path, agent: str, key: str, say: Callable[[str], None]) -> None:
-        self._agent = agent
-        self._agent_folder = root / ".checkpoints" / agent
+        self._workspace = root / ".checkpoints" / agent
+        self._agent_folder = home(root) / ".checkpoints" / agent
         self._folder = self._agent_folder / key
         self._say = say
 
     @contextmanager
-    def opened(self, seeds: Sequence[int]) -> Iterator[None]:
-        """Lock the agent while it trains; clean up if training finishes.
+    def opened(self, seeds: Iterable[int]) -> Iterator[None]:
+        """Lock the agent and its checkpoints while it trains; clean up if training finishes.
 
         Another process may be training the agent already, such as one whose `dvc repro` was killed.
         This waits until it ends, then resumes from its last checkpoint.
@@ -112,17 +113,12 @@ class Checkpoints:
         Args:
             seeds: Seeds to train.
         """
-        self._folder.mkdir(parents=True, exist_ok=True)
-        with (self._agent_folder / "lock").open("a+") as lock:
-            has_waited = self._take(lock)
-            completed = self._folder / "complete.json"
-            is_asked_again = _read_json(completed) == list(seeds)
-            if is_asked_again and not has_waited:
-                shutil.rmtree(self._folder)
-            completed.unlink(missing_ok=True)
+        with ExitStack() as stack:
+            for folder in (self._workspace, self._folder):
+                folder.mkdir(parents=True, exist_ok=True)
+                self._take(stack.enter_context((folder / "lock").open("a+")))
             yield
-            write_json(completed, list(seeds))
-            self._forget_others(seeds)
+            self._remove_oldest(seeds)
 
     def load(self, seed: int) -> Saved | None:
         """Return a seed's newest undamaged checkpoint, if any; remove newer, damaged ones."""
@@ -132,10 +128,20 @@ class Checkpoints:
             path.unlink()
         return None
 
+    def reject(self, seed: int, reason: str) -> None:
+        """Remove a seed's newest checkpoint, which the trainer cannot resume from."""
+        newest = self._generations(seed)[-1]
+        self._say(f"{newest.name} cannot be resumed from ({reason}) and is not used")
+        newest.unlink()
+
     def finished(self, seed: int) -> Saved | None:
         """Return a seed that is already trained, None if it is not."""
         path = self._finished_path(seed)
         return self._read(path) if path.exists() else None
+
+    def forget(self, seed: int) -> None:
+        """Remove a finished seed, so that it is trained again."""
+        self._finished_path(seed).unlink(missing_ok=True)
 
     def save(self, seed: int, saved: Saved) -> None:
         """Write a seed's next checkpoint.
@@ -174,9 +180,8 @@ class Checkpoints:
     def _finished_path(self, seed: int) -> Path:
         return self._folder / f"seed-{seed}.finished"
 
-    def _take(self, lock: TextIO) -> bool:
-        """Lock the agent until the process ends; return whether it had to wait for the lock."""
-        has_waited = False
+    def _take(self, lock: TextIO) -> None:
+        """Lock a file until it is closed."""
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -187,26 +192,24 @@ class Checkpoints:
                 f"started again; `kill {process}` stops it with a checkpoint"
             )
             fcntl.flock(lock, fcntl.LOCK_EX)
-            has_waited = True
         lock.truncate(0)
         lock.write(str(os.getpid()))
         lock.flush()
-        return has_waited
 
-    def _forget_others(self, seeds: Sequence[int]) -> None:
-        """Remove files that no later training needs: those of other keys and of dropped seeds."""
-        for folder in self._agent_folder.iterdir():
-            if folder.is_dir() and folder != self._folder:
-                shutil.rmtree(folder)
-        kept = {self._finished_path(seed) for seed in seeds} | {self._folder / "complete.json"}
-        for path in self._folder.iterdir():
-            if path not in kept:
+    def _remove_oldest(self, seeds: Iterable[int]) -> None:
+        """Remove the oldest files that this training does not need, beyond the size to keep."""
+        needed = {self._finished_path(seed) for seed in seeds}
+        files = [path for path in self._agent_folder.glob("*/seed-*") if path not in needed]
+        files.sort(key=lambda path: path.stat().st_mtime, reverse=True)
+        kept = 0
+        removed: list[Path] = []
+        for path in files:
+            kept += path.stat().st_size
+            if kept > KEPT_BYTES:
                 path.unlink()
-
-
-def _read_json(path: Path) -> Any:
-    """Return the content of a JSON file, None if it is missing or damaged."""
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError):
-        return None
+                removed.append(path)
+        if removed:
+            self._say(
+                f"removed {len(removed)} checkpoints of other parameters or seeds from "
+                f"{self._agent_folder}: {KEPT_BYTES / 2**30:g} GiB of them are kept"
+            )

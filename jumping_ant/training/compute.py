@@ -5,6 +5,7 @@ when `RAY_ADDRESS` names one; Ray then uploads the code, so nothing needs to be 
 """
 
 import os
+import secrets
 import signal
 import threading
 from collections import Counter, deque
@@ -20,6 +21,10 @@ if not os.environ.get("RAY_ADDRESS"):
 
 import ray  # noqa: E402
 import torch  # noqa: E402
+from ray._raylet import (  # type: ignore[attr-defined]  # noqa: E402
+    AuthenticationTokenLoader,
+    Config,
+)
 from ray.exceptions import (  # noqa: E402
     AuthenticationError,
     OutOfMemoryError,
@@ -48,7 +53,7 @@ def num_workers(requested: int, num_jobs: int) -> int:
         requested: As in `params.yaml`; 0 means one per core, or on a cluster one per job.
         num_jobs: Number of jobs, which is the most workers that are useful.
     """
-    available = num_jobs if _on_cluster() else machine.num_cores()
+    available = num_jobs if is_on_cluster() else machine.num_cores()
     return max(1, min(requested or available, num_jobs))
 
 
@@ -62,7 +67,7 @@ def num_threads(requested: int, num_jobs: int) -> list[int]:
         requested: As in `params.yaml`; 0 means every core.
         num_jobs: Total number of jobs.
     """
-    if _on_cluster() or num_jobs == 0:
+    if is_on_cluster() or num_jobs == 0:
         return [1] * num_jobs
     cores = requested or machine.num_cores()
     last_round = num_jobs % cores or min(cores, num_jobs)
@@ -214,13 +219,14 @@ def _stopped_by_signals() -> Iterator[threading.Event]:
         restore()
 
 
-def _on_cluster() -> bool:
+def is_on_cluster() -> bool:
+    """Tell whether seeds train on a Ray cluster that runs already."""
     return bool(os.environ.get("RAY_ADDRESS"))
 
 
 def _connect(workers: int) -> None:
     quiet: dict[str, Any] = {"logging_level": "ERROR", "log_to_driver": False}
-    if _on_cluster():
+    if is_on_cluster():
         package = str(Path(jumping_ant.__file__).parent)
         try:
             ray.init(runtime_env={"py_modules": [package]}, **quiet)
@@ -232,9 +238,22 @@ def _connect(workers: int) -> None:
                 "and its token, where it asks for one), or unset to compute on this machine"
             ) from error
     else:
+        _demand_a_token()
         ray.init(
             num_cpus=workers,
             include_dashboard=False,
             object_store_memory=OBJECT_STORE_BYTES,
             **quiet,
         )
+
+
+def _demand_a_token() -> None:
+    """Have Ray's local servers answer only processes that inherit a new random token.
+
+    Whoever reaches them can run code as this user. Ray's own token is kept in a file in the home
+    folder which other users of the machine may read; this one is never written.
+    """
+    os.environ["RAY_AUTH_MODE"] = "token"
+    os.environ["RAY_AUTH_TOKEN"] = secrets.token_hex(32)
+    Config.initialize("")  # Ray read both variables when it was imported
+    AuthenticationTokenLoader.instance().reset_cache()

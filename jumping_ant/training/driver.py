@@ -14,16 +14,18 @@ the same.
 """
 
 import hashlib
+import itertools
 import json
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TextIO
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -31,13 +33,14 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import imports, machine
-from jumping_ant.base.errors import StoppedError
-from jumping_ant.base.files import write_bytes, write_json, write_text
+from jumping_ant.base.errors import InputError, StoppedError
+from jumping_ant.base.files import to_json, write_all, write_text
 from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import EnvParams, TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
+from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.training import compute
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 from jumping_ant.training.progress import TrainingProgress
@@ -53,6 +56,21 @@ COLUMNS = (
 )
 
 
+# What reading a checkpoint of wrong content raises; not the memory or a file that is lacking.
+WRONG_CONTENT = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, BadZipFile)
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """Instead of events: the trainer cannot resume from its checkpoint.
+
+    Attributes:
+        reason: What is wrong with it.
+    """
+
+    reason: str
+
+
 @dataclass(frozen=True)
 class Report:
     """An event as a worker sends it.
@@ -64,7 +82,7 @@ class Report:
         machine: With the last event, the machine that the seed was trained on.
     """
 
-    event: Event
+    event: Event | Rejected
     seconds: float
     returns: tuple[float, ...] = ()
     machine: dict[str, Any] | None = None
@@ -83,7 +101,8 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         InputError: There is no such agent, or no robot yet.
         WorkerError: The workers of one seed died repeatedly.
         StoppedError: A signal asked training to stop; another call resumes from there.
-        OSError: A file cannot be written, as on a full disk; existing files are unchanged.
+        OSError: A file cannot be written, as on a full disk; another call resumes from the last
+            checkpoint.
     """
     agent = params.agent(agent_name)
     xml = robot.read(root, agent.robot)
@@ -93,6 +112,9 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         key = dependencies(xml, params, agent)
         checkpoints = Checkpoints(root, agent_name, key, display.say)
         stack.enter_context(checkpoints.opened(params.seeds))
+        if _is_asked_again(root, checkpoints, params.seeds):
+            for seed in params.seeds:
+                checkpoints.forget(seed)
         paths = Paths(root).agent(agent_name)
         seeds = {
             seed: stack.enter_context(
@@ -107,32 +129,38 @@ def train(root: Path, params: Params, agent_name: str) -> None:
             for seed in params.seeds
         }
         untrained = [number for number, seed in seeds.items() if not seed.is_finished]
-        threads = compute.num_threads(params.compute.workers, len(untrained))
-        num_threads = dict(zip(untrained, threads, strict=True))
-
-        def start(number: int) -> compute.Job:
-            return partial(
-                train_seed,
-                xml,
-                params.env,
-                agent,
-                params.training,
-                number,
-                num_threads=num_threads[number],
-                saved=seeds[number].start(),
-                checkpoint_seconds=params.compute.checkpoint_seconds,
-            )
-
         is_trivial = agent.max_env_steps == 0  # not worth starting processes
         workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(untrained))
-        for number, report in compute.stream(
-            start, untrained, workers, display.say, "seed {}".format
-        ):
-            seeds[number].write(report)
+        _check_memory(xml, agent_name, agent, min(workers, len(untrained)))
+        while untrained:  # once, unless a checkpoint is rejected
+            threads = compute.num_threads(params.compute.workers, len(untrained))
+            num_threads = dict(zip(untrained, threads, strict=True))
+
+            def start(number: int, num_threads: dict[int, int] = num_threads) -> compute.Job:
+                return partial(
+                    train_seed,
+                    xml,
+                    params.env,
+                    agent,
+                    params.training,
+                    number,
+                    num_threads=num_threads[number],
+                    saved=seeds[number].start(),
+                    checkpoint_seconds=params.compute.checkpoint_seconds,
+                )
+
+            rejected = []
+            for number, report in compute.stream(
+                start, untrained, workers, display.say, "seed {}".format
+            ):
+                if not seeds[number].take(report):
+                    rejected.append(number)
+            untrained = rejected
         if unfinished := [seed for seed in seeds.values() if not seed.is_finished]:
             places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
             raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
-        _write_timing(paths.timing, seeds)
+        timing = {number: seed.timing for number, seed in seeds.items()}
+        write_text(paths.timing, _timing_table(timing))
 
 
 def train_seed(
@@ -176,7 +204,15 @@ def train_seed(
         saved.content if saved else None,
         is_checkpoint_due,
     )
-    for event in trainer_of(agent)(job):
+    events = trainer_of(agent)(job)
+    try:
+        first = next(events)
+    except WRONG_CONTENT as error:
+        if saved is None:
+            raise
+        yield Report(Rejected(f"{type(error).__name__}: {error}"), 0.0)
+        return
+    for event in itertools.chain([first], events):
         now = time.perf_counter()
         report = Report(event, now - started - paused)
         if isinstance(event, Snapshot):
@@ -249,11 +285,12 @@ class _Seed:
 
     def __enter__(self) -> "_Seed":
         self._paths.folder.mkdir(parents=True, exist_ok=True)
-        # DVC clears the folder; if it did not, no older policy may remain beside the new curve.
-        for policy in (self._paths.policy, self._paths.final_policy):
-            policy.unlink(missing_ok=True)
-        self._file = self._paths.curve.open("w", newline="")
-        if saved := self._checkpoints.finished(self.number):
+        # DVC clears the folder; if it did not, no older policy may remain beside the new curve, and
+        # what may be a link into DVC's cache is not written through.
+        for path in (self._paths.policy, self._paths.final_policy, self._paths.curve):
+            path.unlink(missing_ok=True)
+        self._file = self._paths.curve.open("x", newline="")
+        if saved := self._trained_before():
             self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")
             self._resume_from(saved)
             self._finish(saved)
@@ -261,6 +298,18 @@ class _Seed:
 
     def __exit__(self, *_: object) -> None:
         self._file.close()
+
+    def _trained_before(self) -> Saved | None:
+        saved = self._checkpoints.finished(self.number)
+        try:
+            for policy in (saved.content, saved.best) if saved else ():
+                if policy:
+                    policy_file.parse(policy)
+        except InputError as error:
+            self._display.say(f"seed {self.number}: trained before, but not used ({error})")
+            self._checkpoints.forget(self.number)
+            return None
+        return saved
 
     def start(self) -> Saved | None:
         """Return the state to resume from, None for a fresh start, and restore the files."""
@@ -270,14 +319,17 @@ class _Seed:
         self._resume_from(saved)
         return saved
 
-    def write(self, report: Report) -> None:
-        """Record an event."""
+    def take(self, report: Report) -> bool:
+        """Record an event; return False if the seed must be started again."""
         event = report.event
+        if isinstance(event, Rejected):
+            self._checkpoints.reject(self.number, event.reason)
+            return False
         if isinstance(event, Checkpoint):
-            self._checkpoints.save(self.number, self._saved(report, event.content))
+            self._checkpoints.save(self.number, self._saved(report, event.env_steps, event.content))
             self.saved_steps = event.env_steps
         elif isinstance(event, Finished):
-            saved = self._saved(report, event.policy)
+            saved = self._saved(report, event.env_steps, event.policy)
             self._checkpoints.finish(self.number, saved)
             self._finish(saved)
             self._display.finish(self.number, event.env_steps, report.seconds)
@@ -289,10 +341,11 @@ class _Seed:
             if isinstance(event, Progress):
                 latest = None if math.isnan(event.return_mean) else event.return_mean
                 self._display.update(self.number, event.env_steps, report.seconds, latest)
+        return True
 
-    def _saved(self, report: Report, content: bytes) -> Saved:
+    def _saved(self, report: Report, env_steps: int, content: bytes) -> Saved:
         return Saved(
-            env_steps=report.event.env_steps,
+            env_steps=env_steps,
             seconds=report.seconds,
             timing=self.timing,
             machine=report.machine,
@@ -317,10 +370,14 @@ class _Seed:
         self._write(saved.curve if saved else "")
 
     def _finish(self, saved: Saved) -> None:
-        write_json(self._paths.machine, saved.machine)
         published = saved.best if self._publish == "best" and saved.best else saved.content
-        write_bytes(self._paths.final_policy, saved.content)
-        write_bytes(self._paths.policy, published)
+        write_all(
+            {
+                self._paths.machine: to_json(saved.machine),
+                self._paths.final_policy: saved.content,
+                self._paths.policy: published,
+            }
+        )
         self.is_finished = True
 
     def _write_row(self, row: dict[str, float]) -> None:
@@ -352,8 +409,38 @@ def _cell(value: Any) -> str:
     return "" if value is None or math.isnan(value) else repr(value)
 
 
-def _write_timing(path: Path, seeds: dict[int, _Seed]) -> None:
+def _check_memory(xml: str, name: str, agent: AgentBlock, num_seeds: int) -> None:
+    """Refuse a training that this machine's memory is too small for."""
+    anatomy = Anatomy.of(robot.load(xml))
+    needed = num_seeds * agent.memory(anatomy.num_observations, anatomy.num_motors)
+    available = machine.available_memory()
+    if needed > available and not compute.is_on_cluster():
+        raise InputError(
+            f"agents.{name}: given sizes that need about {needed / 2**30:,.1f} GiB of memory, "
+            f"{num_seeds} seeds at a time, allowed: the {available / 2**30:,.1f} GiB that are "
+            "free; reduce them or `compute.workers`"
+        )
+
+
+def _is_asked_again(root: Path, checkpoints: Checkpoints, seeds: Sequence[int]) -> bool:
+    """Tell whether `dvc.lock` records what the finished seeds give, as with `dvc repro --force`.
+
+    Then they are trained again. What DVC has not recorded is used: whatever ended the run between
+    the end of training and DVC's record, training was not in vain. Training seconds differ each
+    time, so their table tells one training from another with equal results.
+    """
+    finished = {seed: checkpoints.finished(seed) for seed in seeds}
+    timing = {seed: saved.timing for seed, saved in finished.items() if saved}
+    lock = Paths(root).lock
+    if len(timing) < len(finished) or not lock.is_file():
+        return False
+    digest = hashlib.md5(_timing_table(timing).encode(), usedforsecurity=False).hexdigest()
+    return digest in lock.read_text()
+
+
+def _timing_table(timing: Mapping[int, Sequence[tuple[int, float]]]) -> str:
+    """Return the content of `timing.csv`, from control steps and seconds by seed."""
     lines = ["seed,env_steps,seconds"]
-    for number, seed in seeds.items():
-        lines += [f"{number},{env_steps},{seconds:.3f}" for env_steps, seconds in seed.timing]
-    write_text(path, "\n".join(lines) + "\n")
+    for number, rows in timing.items():
+        lines += [f"{number},{env_steps},{seconds:.3f}" for env_steps, seconds in rows]
+    return "\n".join(lines) + "\n"

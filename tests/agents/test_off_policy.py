@@ -14,7 +14,7 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, train
-from jumping_ant.base.archive import unpack
+from jumping_ant.base.archive import Archive
 from jumping_ant.base.seeding import derive
 from jumping_ant.sim.env import Decisions, RobotEnv
 
@@ -43,7 +43,7 @@ def small(name: str, hold: int = 2, **changes: object):
 
 
 def trained_weights(events: list) -> bytes:
-    return unpack(events[-1].policy)["policy.pth"]
+    return Archive(events[-1].policy)["policy.pth"]
 
 
 @pytest.mark.parametrize("hold", [1, 3])
@@ -71,7 +71,7 @@ def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, hold: in
 
 
 def read_weights(policy: bytes) -> dict:
-    return torch.load(io.BytesIO(unpack(policy)["policy.pth"]), weights_only=True)
+    return torch.load(io.BytesIO(Archive(policy)["policy.pth"]), weights_only=True)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -17,7 +17,7 @@ STATE = {
 def test_equal_entries_are_equal_bytes() -> None:
     entries = {"a.txt": b"a", "b": b"\x00"}
     assert archive.pack(entries) == archive.pack(dict(entries))
-    assert archive.unpack(archive.pack(entries)) == entries
+    assert dict(archive.Archive(archive.pack(entries))) == entries
 
 
 def test_a_state_comes_back() -> None:
@@ -36,7 +36,7 @@ def test_objects_are_neither_written_nor_read() -> None:
     with pytest.raises(ValueError, match="allow_pickle"):
         archive.pack_state({"a": np.array([object()], dtype=object)})
     for payload in (pickle.dumps([1]), pickle.dumps(np.arange(3))):
-        with pytest.raises(ValueError, match="allow_pickle"):
+        with pytest.raises(ValueError, match="magic string"):
             archive.to_array(payload)
 
 

@@ -1,8 +1,11 @@
 """Files are whole or absent, whatever happens while they are written."""
 
 import hashlib
+import itertools
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -19,20 +22,102 @@ def test_folders_are_made_and_the_content_is_as_given(tmp_path: Path) -> None:
     assert path.read_bytes() == b"na\xc3\xafve\n"
 
 
-def test_a_failed_write_leaves_the_old_file_and_no_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_new_file_has_the_permissions_that_its_user_gives(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        files.write_text(tmp_path / "a", "")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == 0o640
+
+
+def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
+    """DVC may have linked an output to its cache."""
+    cached, path = tmp_path / "cached", tmp_path / "a"
+    cached.write_text("in the cache")
+    path.symlink_to(cached)
+    files.write_text(path, "new")
+    assert path.read_text() == "new" and not path.is_symlink()
+    assert cached.read_text() == "in the cache"
+
+
+OLD = {"a": "old a", "folder/c": "old c"}
+NEW = {"a": "new a", "b": "new b", "folder/c": "new c"}
+
+
+def contents(folder: Path) -> dict[str, str]:
+    return {
+        str(path.relative_to(folder)): path.read_text()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def write(folder: Path, texts: dict[str, str]) -> None:
+    files.write_all({folder / name: text for name, text in texts.items()})
+
+
+@pytest.mark.parametrize("operation", ["fsync", "link", "replace", "open"])
+def test_if_one_file_fails_all_stay_as_they_were(
+    tmp_path: Path, operation: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "metrics.json"
-    files.write_text(path, "old")
+    """Whichever call fails, the first or the last."""
+    write(tmp_path, OLD)
+    called = getattr(os, operation)
+    for number in itertools.count():
+        left = number
 
-    def full_disk(descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
+        def failing(*args: object, **keywords: object) -> object:
+            nonlocal left
+            left -= 1
+            if left == -1:
+                raise OSError(28, "No space left on device")
+            return called(*args, **keywords)
 
-    monkeypatch.setattr(os, "fsync", full_disk)
-    with pytest.raises(OSError, match="No space left"):
-        files.write_text(path, "new")
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
+        with monkeypatch.context() as patch:
+            patch.setattr(os, operation, failing)
+            try:
+                write(tmp_path, NEW)
+                break
+            except OSError as error:
+                assert "No space left" in str(error)
+        assert contents(tmp_path) == OLD
+    assert number >= 2
+    assert contents(tmp_path) == NEW
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from jumping_ant.base import files
+
+left = int(sys.argv[2])
+
+def count_and_die(event, _):
+    global left
+    if event in ("open", "os.link", "os.rename", "os.remove"):
+        left -= 1
+        if left < 0:
+            os.kill(os.getpid(), 9)
+
+sys.addaudithook(count_and_die)
+files.write_all({Path(sys.argv[1]) / name: "new " + name for name in "ab"})
+"""
+
+
+def test_what_a_killed_write_leaves_is_removed_by_the_next(tmp_path: Path) -> None:
+    write(tmp_path, {"a": "old a"})
+    for number in itertools.count():
+        killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path), str(number)])
+        if killed.returncode == 0:
+            break
+        left = contents(tmp_path)
+        assert left["a"] in ("old a", "new a") and left.get("b") in (None, "new b")
+        write(tmp_path, {"a": "old a"})
+        assert not [name for name in contents(tmp_path) if name.startswith(".a.")]
+        (tmp_path / "b").unlink(missing_ok=True)
+    assert number > 5
+    assert contents(tmp_path) == {"a": "new a", "b": "new b"}
 
 
 def test_json_keeps_the_order_of_keys_and_all_digits(tmp_path: Path) -> None:

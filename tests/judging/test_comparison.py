@@ -249,7 +249,7 @@ def test_tables_are_tidy(project):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (None, "no such file"),
+        (None, "No such file"),
         ("", "no rows"),
         ("a,b\n1,2\n", "no column"),
     ],

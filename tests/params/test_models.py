@@ -18,6 +18,10 @@ CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
 RANDOM = CONTENT["agents"]["random"]
 MISSING = object()
 NAMES = "lower-case letters, digits, _ and -, the first a letter or digit"
+# Nine lines of ten aliases each: billions of values in half a kilobyte.
+LAUGHS = b"a0: &a0 [0]\n" + b"".join(
+    f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n".encode() for n in range(1, 10)
+)
 KEYS_OF_ENV = (
     "frame_skip, reset_noise_scale, drop_height, max_episode_steps, min_torso_height, "
     "max_torso_height, max_tilt, commands, reward"
@@ -241,6 +245,8 @@ def test_an_unknown_agent_is_answered_with_those_there_are() -> None:
         (b"seeds: 2024-13-45", "not YAML: month must be in 1..12"),
         (b"\xff\xfe\x00", "not YAML: 'utf-8' codec can't decode byte 0xff"),
         (b"[" * 500, "not YAML: maximum recursion depth"),
+        (b"seeds: &a [*a]", "not YAML: maximum recursion depth"),
+        (LAUGHS, "given 2.35e+09 values, allowed: 100,000; each alias of an anchor counts as"),
         (b"", "the file: given None, allowed: a block of keys"),
         (b"- 1", "the file: given [1], allowed: a block of keys"),
     ],

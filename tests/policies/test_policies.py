@@ -16,7 +16,7 @@ from stable_baselines3 import DQN, SAC
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_bytes
-from jumping_ant.base.archive import pack, unpack
+from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import InputError
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
@@ -234,16 +234,58 @@ def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
     return tensors(**factors, **layer)
 
 
+HEADER = SIZES | {"format": 3, "kind": "uniform", "seed": 0, "hold": 1, "amplitude": 1.0}
+
+
 def with_amplitude(amplitude: Any) -> bytes:
-    header = SIZES | {"kind": "uniform", "seed": 0, "hold": 1, "amplitude": amplitude}
-    return pack({"policy.json": json.dumps(header).encode()})
+    return pack({"policy.json": json.dumps(HEADER | {"amplitude": amplitude}).encode()})
+
+
+def actor(*weights: Any) -> dict[str, Any]:
+    """TD3's network of these layers, as its file has it."""
+    state = {"actor.features_extractor.factors": np.ones(27)}
+    for number, weight in enumerate(weights):
+        state |= {
+            f"actor.mu.{number}.weight": weight,
+            f"actor.mu.{number}.bias": weight[:, 0].copy(),
+        }
+    return state
+
+
+def bomb(*shape: int) -> bytes:
+    """A network whose weights are one number, again and again: a few kB that say terabytes."""
+    number = torch.ones(1)
+    state = {
+        "actor.features_extractor.factors": number.expand(shape[1]),
+        "actor.mu.weight": number.expand(shape),
+        "actor.mu.bias": number.expand(shape[0]),
+    }
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    return buffer.getvalue()
+
+
+def compressed(content: bytes) -> bytes:
+    """The same archive, compressed."""
+    entries, buffer = Archive(content), io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name in entries:
+            packed.writestr(name, entries[name])
+    return buffer.getvalue()
+
+
+def says(shape: tuple[int, ...]) -> bytes:
+    """An .npy file whose header says more than it holds."""
+    small = npy(np.zeros((8, 27), np.float32))
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}"
+    return small[:10] + header.encode().ljust(117) + b"\n" + small[128:]
 
 
 NETWORK_OF_FIVE = one_layer("q_net.q_net.0", (5, 27), 5)
 NETWORK_OF_NINE = one_layer("q_net.q_net.0", (9, 27), 9)
-OPEN_LOOP = unpack(NUMBERS["open loop"].to_bytes())
+OPEN_LOOP = dict(Archive(NUMBERS["open loop"].to_bytes()))
 LINEAR = linear_policy().to_bytes()
-ARRAYS = unpack(LINEAR)
+ARRAYS = dict(Archive(LINEAR))
 DAMAGED = {
     "empty": b"",
     "text": b"no policy at all",
@@ -282,6 +324,28 @@ DAMAGED = {
     "amplitude no number": with_amplitude("loud"),
     "amplitude not finite": with_amplitude(float("nan")),
     "amplitude beyond the peak torque": with_amplitude(2.0),
+    "later format": pack({"policy.json": ARRAYS["policy.json"].replace(b": 3,", b": 4,")}),
+    "weight not a number": pack(ARRAYS | {"weight.npy": npy(np.full((8, 27), np.nan))}),
+    "bias infinite": pack(ARRAYS | {"bias.npy": npy(np.full(8, np.inf))}),
+    "stdev zero": pack(ARRAYS | {"stdev.npy": npy(np.zeros(27))}),
+    "mean for all": pack(ARRAYS | {"mean.npy": npy(np.zeros(()))}),
+    "weight of terabytes": pack(ARRAYS | {"weight.npy": says((1_000_000, 1_000_000))}),
+    "compressed": compressed(LINEAR),
+    "compressed tensors": archive("sac", **{"policy.pth": compressed(bomb(8, 27))}),
+    "one number for all": archive("sac", **{"policy.pth": bomb(8, 27)}),
+    "one number for terabytes": archive("sac", **{"policy.pth": bomb(1_000_000, 1_000_000)}),
+    "network not a number": archive(
+        "td3", **{"policy.pth": tensors(**actor(np.full((8, 27), np.nan)))}
+    ),
+    "layers of other widths": archive(
+        "td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 10))))}
+    ),
+    "motors beyond number": pack(
+        {"policy.json": json.dumps(HEADER | {"num_motors": 10**9}).encode()}
+    ),
+    "observations beyond number": pack(
+        {"policy.json": json.dumps(HEADER | {"num_observations": 10**12}).encode()}
+    ),
 }
 
 
@@ -300,6 +364,10 @@ def test_the_damage_is_all_that_is_wrong() -> None:
         archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE}),
         with_amplitude(0.5),
         pack(OPEN_LOOP),
+        pack(ARRAYS),
+        archive("td3", **{"policy.pth": tensors(**actor(np.ones((8, 27))))}),
+        archive("td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 9))))}),
+        pack({"policy.json": json.dumps(HEADER).encode()}),
     ):
         assert policy_file.parse(content).actions.hold >= 1
 

@@ -153,5 +153,7 @@ def test_a_story_of_another_episode_is_refused(
     with pytest.raises(InputError, match="holds 0 rows of seed 4, episode 11"):
         read(project, settings, "mine", episodes["mine"])
     (project / "results" / "agents" / "mine" / "episodes.csv").unlink()
-    with pytest.raises(InputError, match="no such file; run `dvc repro evaluate@mine`"):
+    with pytest.raises(
+        InputError, match="No such file or directory; run `dvc repro evaluate@mine`"
+    ):
         read(project, settings, "mine", episodes["mine"])

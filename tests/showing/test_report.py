@@ -54,7 +54,7 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     machine = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}
     for number, name in enumerate(AGENTS):
         episode = simulate(model, np.zeros((40, 8)), upward_speed=float(number))
-        episode.save(Paths(root).agent(name).trajectory)
+        write_bytes(Paths(root).agent(name).trajectory, episode.to_bytes())
         film = rendering.film(robot_xml, episode, settings.record, processes=1)
         write_bytes(root / "media" / f"{name}.mp4", film)
         for seed in SEEDS:

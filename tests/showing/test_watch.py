@@ -4,11 +4,14 @@ import os
 import re
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +28,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.showing import watch
 from jumping_ant.showing.playing import play
+from jumping_ant.showing.recording import server
 from jumping_ant.showing.recording.live import LiveRecording, Step
 from jumping_ant.sim.env import RobotEnv
 
@@ -52,7 +56,7 @@ def project(tmp_path: Path, robot_xml: str) -> Path:
 
 def test_the_best_seed_is_shown(project: Path) -> None:
     assert watch.best_seed(project, "random") == 5
-    said = "sac/seeds.csv: no such file; run `dvc repro evaluate@sac`"
+    said = "sac/seeds.csv: No such file or directory; run `dvc repro evaluate@sac`"
     with pytest.raises(InputError, match=said):
         watch.best_seed(project, "sac")
 
@@ -129,6 +133,30 @@ def test_what_is_streamed_is_the_simulation(
     assert heights[0][-1][0] == pytest.approx(played[1][0], abs=1e-6)
 
 
+def answers_only_its_own_name(address: str) -> None:
+    """A web page may have its name stand for this machine, and then ask as if for itself."""
+    foreign = urllib.request.Request(address, headers={"Host": "evil.example"})
+    with pytest.raises(urllib.error.HTTPError, match="421"):
+        urllib.request.urlopen(foreign, timeout=10)
+
+
+def answers_so_many_at_a_time(address: str) -> None:
+    """Connections that say nothing hold no more than their share of threads."""
+    host, port = address.split("/")[2].split(":")
+    with ExitStack() as stack:
+        for _ in range(server.MOST_CONNECTIONS):
+            stack.enter_context(socket.create_connection((host, int(port))))
+        one_more = stack.enter_context(socket.create_connection((host, int(port))))
+        one_more.settimeout(10)
+        assert one_more.recv(1) == b"", "closed"
+    deadline = time.monotonic() + 10
+    while True:
+        with suppress(OSError), urllib.request.urlopen(address, timeout=10) as page:
+            assert page.status == 200
+            return
+        assert time.monotonic() < deadline
+
+
 @pytest.fixture
 def watching(project: Path) -> Iterator[subprocess.Popen[str]]:
     """A policy that plays where there is no screen."""
@@ -177,6 +205,8 @@ def test_it_is_served_to_this_machine_alone(
         re.findall(r"http://127\.0\.0\.1:\d+", policy)
     )
     assert policy.startswith("default-src 'self'")
+    answers_only_its_own_name(address[1])
+    answers_so_many_at_a_time(address[1])
 
     watching.send_signal(end)
     _, errors = watching.communicate(timeout=30)

@@ -2,6 +2,8 @@
 
 import ast
 import json
+import socket
+import sqlite3
 import sys
 import time
 from collections.abc import Iterator
@@ -12,6 +14,8 @@ import pytest
 from mlflow.pyfunc import PythonModelContext
 from tracked_project import (
     free_port,
+    make_bare,
+    make_whole,
     run_python,
     served,
     state,
@@ -22,7 +26,7 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base import imports
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies.blind import UniformPolicy
-from jumping_ant.tracking import live, models, serving
+from jumping_ant.tracking import connection, live, models, serving
 
 
 def test_an_unreachable_server_is_told_in_one_line(
@@ -99,3 +103,74 @@ def test_a_model_brings_the_packages_it_needs() -> None:
                 found.add(str(node.module).partition(".")[0])
     third_party = found - set(sys.stdlib_module_names) - {"jumping_ant"}
     assert third_party == set(models.REQUIREMENTS)
+
+
+@pytest.mark.parametrize(
+    ("given", "shown"),
+    [
+        ("http://me:secret@host:5000/x", "http://host:5000/x"),
+        ("postgresql://me:se/cr@et@host/db", "postgresql://host/db"),
+        ("https://host/x?password=secret&a=b", "https://host/x"),
+        ("https://host/x?password=sec@ret", "https://..."),
+        ("mysql://a:se?cret@host/d", "mysql://..."),
+        ("(mysql://a:secret@h/d) and (http://b:secret@i)", "(mysql://h/d) and (http://i)"),
+        ("sqlite:////a/mlflow.db", "sqlite:////a/mlflow.db"),
+    ],
+)
+def test_a_password_is_not_shown(given: str, shown: str) -> None:
+    assert connection._without_password(given) == shown
+
+
+@pytest.mark.parametrize(
+    ("uri", "line"),
+    [
+        ("postgresql://me:se/cret@words@127.0.0.1/db", "MLflow at postgresql://127.0.0.1/db: "),
+        ("postgresql://me:secret@127.0.0.1/db", "its driver is not installed; run: pip install"),
+        ("sqlite:///", "MLFLOW_TRACKING_URI: given 'sqlite:///', allowed: "),
+        ("nonsense", "MLflow at nonsense: "),
+    ],
+)
+def test_an_odd_uri_ends_in_one_line(
+    uri: str, line: str, untracked_project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    with pytest.raises(InputError) as caught:
+        tracked(untracked_project)
+    told = str(caught.value)
+    assert line in told and "\n" not in told
+    assert "cret" not in told and "words" not in told
+
+
+def test_a_database_in_use_is_not_called_damaged(untracked_project: Path) -> None:
+    tracked(untracked_project)
+    with sqlite3.connect(untracked_project / "mlflow.db") as other:
+        other.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(InputError, match=r"mlflow.db: in use by another program"):
+            tracked(untracked_project)
+        other.rollback()
+    other.close()
+
+
+def test_a_silent_server_is_not_waited_for(
+    untracked_project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        uri = f"http://127.0.0.1:{server.getsockname()[1]}"
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+        began = time.monotonic()
+        with pytest.raises(InputError, match=f"MLflow at {uri}: cannot be reached"):
+            tracked(untracked_project)
+    assert time.monotonic() - began < 15
+
+
+@pytest.mark.parametrize("name", ["a ?#% 'folder' \"x\"", "ünï"])
+def test_any_folder_name_will_do(
+    folder: Path, empty_database: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = folder / name
+    make_bare(project, empty_database)
+    make_whole(project)
+    monkeypatch.chdir(project)  # as commands do
+    assert tracked(project)[-1].endswith("4 created")
+    assert tracked(project)[-1].endswith("4 unchanged")
+    assert list(folder.iterdir()) == [project] and (project / "mlflow.db").is_file()

@@ -1,5 +1,6 @@
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import threading
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from jumping_ant.training import checkpoints
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 
 SAVED = Saved(
@@ -43,16 +45,17 @@ def files(root: Path) -> list[str]:
 
 
 def test_the_last_two_are_kept_and_the_newest_is_loaded(tmp_path: Path, said: Lines) -> None:
-    checkpoints = store(tmp_path, said)
-    with checkpoints.opened([0, 1]):
-        assert checkpoints.load(0) is None
+    stored = store(tmp_path, said)
+    with stored.opened([0, 1]):
+        assert stored.load(0) is None
         for steps in range(100, 1300, 100):
-            checkpoints.save(0, replace(SAVED, env_steps=steps))
-        checkpoints.save(1, SAVED)
+            stored.save(0, replace(SAVED, env_steps=steps))
+        stored.save(1, SAVED)
         assert store(tmp_path, said).load(0) == replace(SAVED, env_steps=1200)
-        checkpoints.save(2, replace(SAVED, best_return=None, best=b""))
-        assert checkpoints.load(2) == replace(SAVED, best_return=None, best=b"")
+        stored.save(2, replace(SAVED, best_return=None, best=b""))
+        assert stored.load(2) == replace(SAVED, best_return=None, best=b"")
         assert files(tmp_path) == [
+            "sac/key/lock",
             "sac/key/seed-0.11.checkpoint",
             "sac/key/seed-0.12.checkpoint",
             "sac/key/seed-1.1.checkpoint",
@@ -77,42 +80,42 @@ def damage(path: Path, how: str) -> None:
 
 @pytest.mark.parametrize("how", ["torn", "empty", "flipped", "foreign"])
 def test_a_damaged_one_gives_way_to_the_one_before(tmp_path: Path, said: Lines, how: str) -> None:
-    checkpoints = store(tmp_path, said)
+    stored = store(tmp_path, said)
     for steps in (100, 200):
-        checkpoints.save(0, replace(SAVED, env_steps=steps))
+        stored.save(0, replace(SAVED, env_steps=steps))
     damage(tmp_path / ".checkpoints/sac/key/seed-0.2.checkpoint", how)
-    assert checkpoints.load(0) == SAVED
+    assert stored.load(0) == SAVED
     assert said == ["seed-0.2.checkpoint is damaged (the digest does not match) and is not used"]
-    checkpoints.save(0, replace(SAVED, env_steps=300))
+    stored.save(0, replace(SAVED, env_steps=300))
     assert store(tmp_path, said).load(0).env_steps == 300
     assert files(tmp_path) == ["sac/key/seed-0.1.checkpoint", "sac/key/seed-0.2.checkpoint"]
     for number in (1, 2):
         damage(tmp_path / f".checkpoints/sac/key/seed-0.{number}.checkpoint", how)
-    assert checkpoints.load(0) is None
+    assert stored.load(0) is None
 
 
 def test_a_disk_that_is_full_damages_nothing(tmp_path: Path, said: Lines) -> None:
     """A limit on the size of files ends a write half way, as a full disk does."""
-    checkpoints = store(tmp_path, said)
-    checkpoints.save(0, SAVED)
+    stored = store(tmp_path, said)
+    stored.save(0, SAVED)
     before = files(tmp_path)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, limits[1]))
         with pytest.raises(OSError, match="File too large"):
-            checkpoints.save(0, replace(SAVED, env_steps=200, content=os.urandom(300_000)))
+            stored.save(0, replace(SAVED, env_steps=200, content=os.urandom(300_000)))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert files(tmp_path) == before
-    assert checkpoints.load(0) == SAVED
+    assert stored.load(0) == SAVED
 
 
 def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: Lines) -> None:
-    checkpoints = store(tmp_path, said)
-    checkpoints.save(0, SAVED)
-    assert checkpoints.finished(0) is None
-    checkpoints.finish(0, POLICY)
-    assert checkpoints.finished(0) == POLICY and checkpoints.load(0) is None
+    stored = store(tmp_path, said)
+    stored.save(0, SAVED)
+    assert stored.finished(0) is None
+    stored.finish(0, POLICY)
+    assert stored.finished(0) == POLICY and stored.load(0) is None
     assert files(tmp_path) == ["sac/key/seed-0.finished"]
 
 
@@ -126,34 +129,59 @@ def test_an_interrupted_training_keeps_its_seeds(tmp_path: Path, said: Lines) ->
 
 def train(root: Path, said: Lines, seeds: list[int], key: str = "key") -> list[int]:
     """Train to the end; return the seeds that were not there yet."""
-    checkpoints = store(root, said, key)
-    with checkpoints.opened(seeds):
-        missing = [seed for seed in seeds if not checkpoints.finished(seed)]
+    stored = store(root, said, key)
+    with stored.opened(seeds):
+        missing = [seed for seed in seeds if not stored.finished(seed)]
         for seed in missing:
-            checkpoints.save(seed, SAVED)
-            checkpoints.finish(seed, POLICY)
+            stored.save(seed, SAVED)
+            stored.finish(seed, POLICY)
     return missing
 
 
-def test_a_new_seed_trains_alone_and_the_same_seeds_anew(tmp_path: Path, said: Lines) -> None:
+def test_what_was_trained_is_kept(tmp_path: Path, said: Lines) -> None:
+    """Whatever was trained in between: other seeds, other parameters."""
     assert train(tmp_path, said, [0, 1]) == [0, 1]
     assert train(tmp_path, said, [0, 1, 2]) == [2]
-    assert train(tmp_path, said, [2, 0]) == []
-    assert train(tmp_path, said, [2, 0]) == [2, 0], "asked for the same once more"
-    assert train(tmp_path, said, [0, 1, 2]) == [1], "a seed that was dropped is forgotten"
-    assert train(tmp_path, said, [0, 1, 2], key="other") == [0, 1, 2]
-    assert files(tmp_path) == [
-        "sac/lock",
-        "sac/other/complete.json",
-        *(f"sac/other/seed-{seed}.finished" for seed in range(3)),
-    ]
+    assert train(tmp_path, said, [2, 0], key="other") == [2, 0]
+    store(tmp_path, said, "third").save(7, SAVED)
+    assert train(tmp_path, said, [1, 2, 0]) == []
+    store(tmp_path, said).forget(1)
+    assert train(tmp_path, said, [0, 1]) == [1]
+    assert store(tmp_path, said, "third").load(7) == SAVED
+    assert said == []
 
 
-def test_a_damaged_list_of_seeds_loses_none(tmp_path: Path, said: Lines) -> None:
+def test_the_oldest_ones_are_removed_beyond_a_size(
+    tmp_path: Path, said: Lines, monkeypatch: pytest.MonkeyPatch
+) -> None:
     train(tmp_path, said, [0, 1])
-    path = tmp_path / ".checkpoints/sac/key/complete.json"
-    path.write_text(path.read_text()[:2])
-    assert train(tmp_path, said, [0, 1]) == []
+    store(tmp_path, said, "half").save(0, SAVED)
+    size = len(POLICY.to_bytes())
+    monkeypatch.setattr(checkpoints, "KEPT_BYTES", 3.5 * size)
+    folder = tmp_path / ".checkpoints" / "sac"
+    for age, path in enumerate(("half/seed-0.1.checkpoint", "key/seed-1.finished")):
+        os.utime(folder / path, (1000 - age, 1000 - age))
+    train(tmp_path, said, [0, 1], key="other")
+    assert said == []
+    train(tmp_path, said, [0, 1], key="third")
+    assert train(tmp_path, said, [0, 1], key="other") == []
+    assert [path for path in files(tmp_path) if "seed" in path] == [
+        "sac/key/seed-0.finished",
+        *(f"sac/{key}/seed-{seed}.finished" for key in ("other", "third") for seed in (0, 1)),
+    ]
+    (line,) = said
+    assert line.startswith("removed 2 checkpoints of other parameters or seeds from ")
+
+
+def test_experiments_in_other_folders_share_them(tmp_path: Path, said: Lines) -> None:
+    """`dvc exp run --temp` and `--queue` work in folders that DVC deletes afterwards."""
+    folder = tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpxyz"
+    train(folder, said, [0])
+    shutil.rmtree(folder)
+    assert train(tmp_path, said, [0]) == []
+    another = tmp_path / ".dvc" / "tmp" / "exps" / "tmp2"
+    with store(another, said).opened([0]), store(tmp_path, said, "other").opened([0]):
+        assert said == [], "trainings in two folders, of two sets of parameters"
 
 
 def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:

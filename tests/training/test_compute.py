@@ -1,5 +1,7 @@
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+import ray
 
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.training import compute
@@ -160,3 +163,48 @@ def test_a_cluster_that_cannot_be_joined_is_named(monkeypatch: pytest.MonkeyPatc
     expected = r"RAY_ADDRESS: given 'cluster:6379', which cannot be joined \(version mismatch\)"
     with pytest.raises(InputError, match=expected):
         collect(jobs, 2)
+
+
+def tell_its_address(stop: threading.Event) -> Iterator[tuple[str, str]]:
+    """Tell where Ray's servers listen, and the token that they ask for."""
+    yield ray.get_runtime_context().gcs_address, os.environ["RAY_AUTH_TOKEN"]
+
+
+OUTSIDER = """
+import sys
+from ray._raylet import GcsClient
+print(len(GcsClient(address=sys.argv[1]).internal_kv_keys(b"", None)))
+"""
+
+
+def is_let_in(address: str, **environment: str) -> bool:
+    """Tell whether a process that knows only the address can read what Ray keeps."""
+    own = {key: value for key, value in os.environ.items() if not key.startswith("RAY_")}
+    done = subprocess.run(
+        [sys.executable, "-c", OUTSIDER, address],
+        env=own | environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    return done.returncode == 0 and int(done.stdout) > 0
+
+
+def test_only_its_own_processes_may_talk_to_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who can, runs code as this user. Ray would keep the token where others may read it."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    tokens = []
+    for _ in range(2):
+        for key, (address, token) in compute.stream(lambda key: tell_its_address, ["a", "b"], 2):
+            tokens.append(token)
+            if key == "a":
+                mode = {"RAY_AUTH_MODE": "token"}
+                assert is_let_in(address, **mode, RAY_AUTH_TOKEN=token)
+                assert not is_let_in(address, **mode, RAY_AUTH_TOKEN="0" * 64)
+                assert not is_let_in(address)
+                for process in psutil.process_iter(["cmdline"]):
+                    assert token not in " ".join(process.info["cmdline"] or ())
+    assert len(set(tokens)) == 2 and min(map(len, tokens)) >= 32
+    assert not (tmp_path / ".ray").exists()

@@ -23,6 +23,7 @@ from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
+from jumping_ant.base.archive import pack_state
 from jumping_ant.base.errors import InputError, StoppedError
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
@@ -74,12 +75,18 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+def forget(project: Path) -> None:
+    """Remove what the next training would resume from."""
+    shutil.rmtree(project / ".checkpoints")
+
+
 def test_workers_change_no_byte(project: Path) -> None:
     """Inline and on Ray: models and curves are the same files."""
     runs = []
     for workers in (1, 2):
         driver.train(project, small_params(workers), "pgpe")
         runs.append(digests(project / "models"))
+        forget(project)
     assert runs[0] == runs[1]
     names = {"curve.csv", "final.zip", "machine.json", "policy.zip"}
     assert set(runs[0]) == {f"pgpe/seed-{seed}/{name}" for seed in (0, 5) for name in names}
@@ -108,6 +115,7 @@ def test_no_older_policy_stands_by_a_new_curve(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driver.train(project, small_params(1), "pgpe")
+    forget(project)
     often = small_params(1).model_copy(
         update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
     )
@@ -123,17 +131,18 @@ class KillError(Exception):
 
 def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> None:
     """Have training end after the n-th checkpoint of a seed, with a row written behind it."""
-    original = driver._Seed.write
+    original = driver._Seed.take
     seen = []
 
-    def write(self: Any, report: driver.Report) -> None:
+    def take(self: Any, report: driver.Report) -> bool:
         if len(seen) == checkpoint:
             raise KillError
-        original(self, report)
+        is_taken = original(self, report)
         if isinstance(report.event, Checkpoint) and self.number == seed:
             seen.append(report.event.env_steps)
+        return is_taken
 
-    monkeypatch.setattr(driver._Seed, "write", write)
+    monkeypatch.setattr(driver._Seed, "take", take)
 
 
 @pytest.mark.parametrize("agent", TRAINED)
@@ -143,6 +152,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(
     settings = small_params(1)
     driver.train(project, settings, agent)
     expected = digests(project / "models")
+    forget(project)
     often = settings.model_copy(
         update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
     )
@@ -159,11 +169,50 @@ def test_a_killed_run_goes_on_to_the_same_bytes(
     assert f"{agent}: seed 0: trained before" in said
     assert f"{agent}: seed 5: resumes from" in said
     left = {path.name for path in (project / ".checkpoints").rglob("*") if path.is_file()}
-    assert left == {"lock", "complete.json", "seed-0.finished", "seed-5.finished"}
+    assert left == {"lock", "seed-0.finished", "seed-5.finished"}
     for seed in ("0", "5"):
         timing = rows(project / "results" / "agents" / agent / "timing.csv")
         seconds = [float(row["seconds"]) for row in timing if row["seed"] == seed]
         assert seconds == sorted(seconds) and len(seconds) > 1
+
+
+@pytest.mark.parametrize("agent", ["pgpe", "sac"])
+def test_a_checkpoint_of_wrong_content_gives_way_to_the_one_before(
+    project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its digest is right: it was written by another version, or by someone else."""
+    settings = small_params(1)
+    driver.train(project, settings, agent)
+    expected = digests(project / "models")
+    forget(project)
+    often = settings.model_copy(
+        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
+    )
+    with monkeypatch.context() as patch, pytest.raises(KillError):
+        interrupt(patch, 5, 2)
+        driver.train(project, often, agent)
+    for path in (project / ".checkpoints").rglob("*"):
+        if path.name in ("seed-5.2.checkpoint", "seed-0.finished"):
+            saved = Saved.from_bytes(path.read_bytes())
+            path.write_bytes(replace(saved, content=pack_state({"state": 1})).to_bytes())
+    capsys.readouterr()
+    driver.train(project, settings, agent)
+    said = capsys.readouterr().err
+    assert "seed-5.2.checkpoint cannot be resumed from (KeyError" in said
+    assert "seed 0: trained before, but not used (policy file: given" in said
+    assert said.count("seed 5: resumes from") == 2
+    assert digests(project / "models") == expected
+
+
+def test_a_training_that_memory_is_too_small_for_is_refused(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = small_params(2)
+    large = settings.agent("sac").model_copy(update={"buffer_size": 10**9})
+    settings = settings.model_copy(update={"agents": {**settings.agents, "sac": large}})
+    words = r"agents.sac: given sizes that need about 4\d\d\.\d GiB of memory, 2 seeds at a time"
+    with pytest.raises(InputError, match=words):
+        driver.train(project, settings, "sac")
 
 
 @pytest.mark.parametrize("agent", TRAINED)
@@ -211,9 +260,51 @@ def test_a_new_seed_trains_alone(project: Path, capsys: pytest.CaptureFixture[st
     capsys.readouterr()
     driver.train(project, more, "pgpe")
     said = capsys.readouterr().err
-    assert "seed 0: trained before" in said and "seed 5: trained before" in said
-    assert "seed 6: trained before" not in said
+    assert said.count("trained before") == 3, "a seed that was dropped meanwhile, too"
     assert digests(project / "models") == expected
+
+
+def test_a_training_is_done_again_only_once_dvc_has_recorded_it(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Else something went wrong after it had finished, and it is not thrown away."""
+    settings = small_params(1)
+    timing = project / "results" / "agents" / "pgpe" / "timing.csv"
+
+    def is_trained() -> bool:
+        """Train, as DVC calls it; return whether any seed was trained."""
+        shutil.rmtree(project / "models", ignore_errors=True)
+        timing.unlink(missing_ok=True)
+        capsys.readouterr()
+        driver.train(project, settings, "pgpe")
+        return "seed 5: trained before" not in capsys.readouterr().err
+
+    def record() -> None:
+        digest = hashlib.md5(timing.read_bytes(), usedforsecurity=False).hexdigest()
+        (project / "dvc.lock").write_text(f"- path: {timing}\n  hash: md5\n  md5: {digest}\n")
+
+    assert is_trained()
+    first = timing.read_text()
+    assert not is_trained() and timing.read_text() == first
+    record()
+    assert is_trained() and timing.read_text() != first, "`dvc repro --force`"
+    assert not is_trained(), "forced, but stopped before DVC recorded it"
+    record()
+    assert is_trained()
+
+
+def test_nothing_is_written_through_a_link_into_the_cache(project: Path) -> None:
+    """`cache.type: symlink` makes links of outputs; DVC unlinks only what it knows."""
+    settings = small_params(1)
+    cached = project / "cached"
+    for name in ("curve.csv", "policy.zip", "final.zip", "machine.json"):
+        path = project / "models" / "pgpe" / "seed-0" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cached.write_text("in the cache")
+        path.symlink_to(cached)
+    driver.train(project, settings, "pgpe")
+    assert cached.read_text() == "in the cache"
+    assert not any(path.is_symlink() for path in (project / "models").rglob("*"))
 
 
 def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
@@ -386,19 +477,20 @@ def test_of_equal_snapshots_the_first_is_published(
     )
     scores = iter([5.0, 9.0, 9.0, 2.0] * 2 + [0.0] * 4)  # the first seed's come first
     seen = []
-    original = driver._Seed.write
+    original = driver._Seed.take
 
-    def write(self: Any, report: driver.Report) -> None:
+    def take(self: Any, report: driver.Report) -> bool:
         if isinstance(report.event, Snapshot):
             seen.append((self.number, report.event.policy))
             report = replace(report, returns=(next(scores),))
-        original(self, report)
+        is_taken = original(self, report)
         if isinstance(report.event, Checkpoint) and len(seen) == 3 and not stopped:
             stopped.append(True)
             raise KillError
+        return is_taken
 
     stopped: list[bool] = []
-    monkeypatch.setattr(driver._Seed, "write", write)
+    monkeypatch.setattr(driver._Seed, "take", take)
     agent = "pgpe"
     with pytest.raises(KillError):
         driver.train(project, settings, agent)

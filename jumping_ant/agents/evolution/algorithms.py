@@ -5,7 +5,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field
 
 from jumping_ant.agents.algorithm import AgentBlock, Algorithm
-from jumping_ant.params.blocks import Count, Fraction, NonNegative, Positive, TorqueParams
+from jumping_ant.params.blocks import Count, Fraction, NonNegative, Number, Positive, TorqueParams
+
+COPIES = 6  # of each policy: as sampled, in EvoTorch's batches and in the problem's
+ROBOT_BYTES = 4_000  # state of one simulated robot
 
 
 class EvolutionParams(AgentBlock):
@@ -17,11 +20,11 @@ class EvolutionParams(AgentBlock):
     """How the policies' outputs are applied: as torques."""
     generations: Count
     """[-] Training budget of a seed."""
-    population_size: Annotated[int, Field(ge=2)]
+    population_size: Annotated[int, Field(ge=2, le=10**6)]
     """[policies] Size of a generation."""
     episode_steps: Count
     """[control steps] Length of the episode that evaluates a policy."""
-    decrease_rewards_by: float
+    decrease_rewards_by: Number
     """[1/step] Subtracted from the reward of every control step survived."""
     observation_normalization: bool
     """Whether observations are normalised by their running statistics."""
@@ -30,6 +33,11 @@ class EvolutionParams(AgentBlock):
     def max_env_steps(self) -> int:
         """Budget of a seed [control steps], if no episode ends early."""
         return self.generations * self.population_size * self.episode_steps
+
+    def memory(self, num_observations: int, num_motors: int) -> int:
+        """Return about how much memory a seed takes: its population and their robots [bytes]."""
+        policy = 4 * (num_observations + 1) * num_motors
+        return self.population_size * (COPIES * policy + ROBOT_BYTES)
 
     def for_timing(self) -> Self:
         """Return settings of two generations; each row of the curve is a generation anyway."""
@@ -52,7 +60,7 @@ class PGPEParams(GaussianParams):
 
     algorithm: Literal["pgpe"]
     """Algorithm that the trainer runs."""
-    population_size: Annotated[int, Field(ge=2, multiple_of=2)]
+    population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
     """[policies] Size of a generation, sampled in mirrored pairs."""
     max_speed: Positive
     """[-] Maximum step length of the centre."""

@@ -5,6 +5,7 @@ computes the same with fewer operations. Settings that are parameters of its con
 to it by name.
 """
 
+import operator
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -17,10 +18,13 @@ from jumping_ant.params.blocks import (
     Fraction,
     NonNegative,
     Positive,
+    Steps,
     TorqueParams,
 )
 
 TIMED_UPDATES = 64  # gradient steps per timed unit of work
+NETWORKS = 5  # an actor, two critics and their targets; DQN has fewer
+COPIES = 4  # of a learned number: itself, its gradient and Adam's two means
 
 
 class OffPolicyParams(AgentBlock):
@@ -33,7 +37,7 @@ class OffPolicyParams(AgentBlock):
     """Package of jumping_ant/agents/ that trains the agent."""
     actions: ActionParams
     """Actions that the agent chooses from."""
-    total_steps: Count
+    total_steps: Steps
     """[control steps] Training budget of a seed."""
     episode_steps: Count | None
     """[control steps] Training episodes are truncated here; null never truncates them."""
@@ -41,15 +45,15 @@ class OffPolicyParams(AgentBlock):
     """[-] Share of the environments whose episodes last for `env.max_episode_steps` instead."""
     tumbled_starts: Fraction
     """[-] Share of the training episodes that start in the air, in any orientation."""
-    num_envs: Count
+    num_envs: Annotated[int, Field(ge=1, le=10_000)]
     """[-] Simulations stepped in parallel."""
-    learning_rate: Positive
+    learning_rate: Annotated[float, Field(gt=0, le=1)]
     """[-] Initial learning rate of Adam."""
-    final_learning_rate: NonNegative
+    final_learning_rate: Fraction
     """[-] Final learning rate of Adam; linear in between."""
-    buffer_size: Count
+    buffer_size: Annotated[int, Field(ge=1, le=10**9)]
     """[transitions] Capacity of the replay buffer."""
-    learning_starts: Annotated[int, Field(ge=0)]
+    learning_starts: Annotated[int, Field(ge=0, le=10**9)]
     """[transitions] Random actions before the first update."""
     batch_size: Count
     """[transitions] Batch size of a gradient step."""
@@ -63,11 +67,11 @@ class OffPolicyParams(AgentBlock):
     """[decisions of each environment] Interval between rounds of updates."""
     gradient_steps: Count
     """[-] Gradient steps per round of updates."""
-    net_arch: Annotated[list[Count], Field(min_length=1)]
+    net_arch: Annotated[list[Annotated[int, Field(ge=1, le=65_536)]], Field(min_length=1)]
     """[units] Sizes of the hidden layers."""
     velocity_scale: Positive
     """[-] Factor on the velocities that the agent observes."""
-    log_interval: Count
+    log_interval: Steps
     """[transitions] Interval between rows of the learning curve."""
 
     @property
@@ -86,6 +90,13 @@ class OffPolicyParams(AgentBlock):
                 "total_steps": 4 * rounds * round_size * self.actions.hold,
             }
         )
+
+    def memory(self, num_observations: int, num_motors: int) -> int:
+        """Return about how much memory a seed takes: replay buffer, networks, a batch [bytes]."""
+        sizes = [num_observations + num_motors, *self.net_arch, num_motors]
+        transition = 4 * (2 * num_observations + num_motors + 3)
+        numbers = NETWORKS * COPIES * sum(map(operator.mul, sizes, sizes[1:]))
+        return self.buffer_size * transition + 4 * (numbers + 4 * self.batch_size * sum(sizes))
 
     @model_validator(mode="after")
     def _budget_holds_a_round(self) -> "OffPolicyParams":
@@ -115,7 +126,7 @@ class DQNParams(OffPolicyParams):
     """Algorithm that the trainer runs."""
     actions: CommandParams
     """Actions that the agent chooses from: commands."""
-    target_update_interval: Count
+    target_update_interval: Steps
     """[transitions] Interval between target updates."""
     exploration_fraction: Annotated[float, Field(gt=0, le=1)]
     """[-] Share of the budget over which exploration decays."""

@@ -31,7 +31,7 @@ from jumping_ant.agents.job import Job, resolve
 from jumping_ant.agents.off_policy import state
 from jumping_ant.agents.off_policy.algorithms import OffPolicyParams
 from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
-from jumping_ant.base.archive import pack, unpack
+from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.seeding import derive, derive_all
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.policy import Interface, header_entries
@@ -191,7 +191,7 @@ def policy_bytes(model: OffPolicyAlgorithm, agent: OffPolicyParams, actions: Act
     """
     buffer = io.BytesIO()
     model.save(buffer, exclude=RUN_STATE)
-    entries = unpack(buffer.getvalue())
+    entries = dict(Archive(buffer.getvalue()))
     del entries["system_info.txt"]
     entries["data"] = json.dumps(_without_addresses(json.loads(entries["data"]))).encode()
     anatomy = _task(model.env).anatomy

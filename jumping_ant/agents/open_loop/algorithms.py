@@ -19,7 +19,7 @@ class OpenLoopParams(AgentBlock):
     """Algorithm that the trainer runs."""
     amplitude: Annotated[float, Field(gt=0, le=1)]
     """[-] Factor on the torques of the commands; the article's have 0.5."""
-    commands: Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=1)]
+    commands: Annotated[list[Annotated[int, Field(ge=0, le=10**6)]], Field(min_length=1)]
     """[-] Rows of `env.commands` that it cycles through, counted from 0."""
     half_periods: Annotated[list[Count], Field(min_length=1)]
     """[control steps] Rhythms to try: how long each command is held."""

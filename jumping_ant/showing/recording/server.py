@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from http import HTTPStatus
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import rerun as rr
@@ -29,6 +30,8 @@ from jumping_ant.showing.recording.file import APPLICATION_ID
 
 HOST = "127.0.0.1"
 START_SECONDS = 30.0  # limit for the start of the server
+MOST_CONNECTIONS = 64  # at a time
+SECONDS_FOR_REQUEST = 30
 MEMORY = "512MiB"  # of history that the server keeps for browsers that connect late
 
 
@@ -96,9 +99,15 @@ def _guarded(viewer_port: int, data_port: int) -> Iterator[str]:
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # local, so no proxy
 
     class Handler(http.server.BaseHTTPRequestHandler):
+        timeout = SECONDS_FOR_REQUEST
+
         def do_GET(self) -> None:  # noqa: N802  (the base class's name)
             if not self.path.startswith("/"):  # could name another host
                 self.send_error(HTTPStatus.BAD_REQUEST)
+                return
+            # A page elsewhere could give its own name this machine's address.
+            if self.headers["Host"] not in names:
+                self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
                 return
             try:
                 answer = opener.open(f"http://{HOST}:{viewer_port}{self.path}")
@@ -118,12 +127,35 @@ def _guarded(viewer_port: int, data_port: int) -> Iterator[str]:
         def log_message(self, format: str, *args: object) -> None:
             """Log nothing."""
 
-    with http.server.ThreadingHTTPServer((HOST, 0), Handler) as server:
+    with _Server((HOST, 0), Handler) as server:
+        names = {f"{name}:{server.server_port}" for name in (HOST, "localhost")}
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
             yield f"http://{HOST}:{server.server_port}"
         finally:
             server.shutdown()
+
+
+class _Server(http.server.ThreadingHTTPServer):
+    """A server of a thread for each connection, up to a number of connections."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self._free = threading.BoundedSemaphore(MOST_CONNECTIONS)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread of its own, or close it if there are too many."""
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve a connection, in its thread."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
 
 
 def _await_ports(process: subprocess.Popen[bytes], *ports: int) -> None:

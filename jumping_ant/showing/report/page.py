@@ -4,6 +4,7 @@ It opens from disk without a network: charts, their library, styles and pictures
 file, and the films and recordings are those in `media/` beside it.
 """
 
+import base64
 import hashlib
 import io
 import json
@@ -53,7 +54,9 @@ def build(root: Path, params: Params) -> str:
     summary = read_json(Paths(root).comparison, "compare")
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
     films = {name: _filmed(root, params, name) for name in results}
+    plotly, script = get_plotlyjs(), (FOLDER / "script.js").read_text()
     context = {
+        "security_policy": _security_policy(plotly, script),
         "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
         "title": _title(params, results),
         "agents": _agents(root, results, films),
@@ -77,9 +80,9 @@ def build(root: Path, params: Params) -> str:
         "policies": _policies(root, params, results),
         "machines": _machines(root, params, results),
         "mlflow": MLFLOW,
-        "plotly": get_plotlyjs(),
+        "plotly": plotly,
         "style": (FOLDER / "style.css").read_text(),
-        "script": (FOLDER / "script.js").read_text(),
+        "script": script,
     }
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER),
@@ -89,6 +92,16 @@ def build(root: Path, params: Params) -> str:
         lstrip_blocks=True,
     )
     return environment.get_template("template.html").render(context)
+
+
+def _security_policy(*scripts: str) -> str:
+    """Return what browsers may do with the page: run these scripts, and ask nobody for anything."""
+    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()) for script in scripts]
+    allowed = " ".join(f"'sha256-{digest.decode()}'" for digest in digests)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+        "img-src data: blob:; media-src 'self' file:; base-uri 'none'; form-action 'none'"
+    )
 
 
 def _charts(
