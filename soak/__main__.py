@@ -22,7 +22,9 @@ from jumping_ant.base.files import PROJECT_ROOT, write_json
 from scripts.checkout import Checkout, checkout
 from soak import mutations, payloads
 from soak import project as projects
-from soak.faults import AGENT, Faults
+from soak.faults import Faults
+from soak.file_faults import FileFaults
+from soak.injector import AGENT
 from soak.inputs import Inputs
 from soak.kills import Killer
 from soak.operations import KINDS, Operations
@@ -156,9 +158,9 @@ def hurt(
         kinds.append({agent: killer.once for agent, killer in killers.items()})
         figures["kills"] = {agent: killer.count for agent, killer in killers.items()}
     if "faults" in parts:
-        faults = Faults(project, generator)
-        kinds.append({name: partial(faults.once, name) for name in faults.counts})
-        figures["faults"] = faults.counts
+        injectors = (Faults(project, generator), FileFaults(project, generator))
+        kinds.append({name: partial(one.once, name) for one in injectors for name in one.counts})
+        figures["faults"] = {name: one.counts[name] for one in injectors for name in one.counts}
     least = max((len(kind) for kind in kinds), default=0)
     for number in itertools.count():
         if not kinds or (number >= least and time.monotonic() > deadline):

@@ -1,8 +1,11 @@
 """The stages of `dvc.yaml`, one thin script each; a stage never imports another stage."""
 
 import argparse
+import os
+import signal
 import sys
 from collections.abc import Callable
+from types import FrameType
 
 from jumping_ant.base import telemetry
 from jumping_ant.base.errors import reported
@@ -10,6 +13,17 @@ from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 
 telemetry.switch_off()  # before a stage imports tools with telemetry
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    """End at once, in one line; imports, renderers and encoders would print tracebacks."""
+    os.write(sys.stderr.fileno(), b"stopped: nothing already computed is lost\n")
+    raise SystemExit(130)
+
+
+# While a stage trains, its driver handles Ctrl-C instead, with a last checkpoint.
+if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, _stop)
 
 
 def parse(description: str) -> Params:
@@ -51,9 +65,6 @@ def run(main: Callable[[], None]) -> None:
     try:
         with reported():
             main()
-    except KeyboardInterrupt:
-        print("stopped: nothing already computed is lost", file=sys.stderr)
-        sys.exit(130)
     except OSError as error:
         print(f"error: {error}; nothing already computed is lost", file=sys.stderr)
         sys.exit(1)

@@ -12,7 +12,8 @@ from scripts.checkout import Checkout, checkout
 from soak import inputs, payloads
 from soak import project as projects
 from soak.__main__ import added, mutate
-from soak.faults import AGENT, Faults
+from soak.faults import Faults
+from soak.injector import AGENT
 from soak.inputs import Inputs
 from soak.kills import Killer
 from soak.operations import KINDS, Operations

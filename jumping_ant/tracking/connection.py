@@ -18,6 +18,7 @@ import mlflow  # noqa: E402
 import requests  # noqa: E402
 from mlflow import MlflowClient  # noqa: E402
 from mlflow.exceptions import MlflowException  # noqa: E402
+from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore  # noqa: E402
 from sqlalchemy.exc import SQLAlchemyError  # noqa: E402
 
 from jumping_ant.base.errors import InputError  # noqa: E402
@@ -104,7 +105,7 @@ def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
     # It would log a traceback of errors that are reported in one line.
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
-    with failures_as_input_errors(uri), _opened_alone(uri):
+    with failures_as_input_errors(uri), _opened_alone(uri, home(root)):
         _await_answer(uri)
         is_given = "MLFLOW_TRACKING_URI" in os.environ
         mlflow.set_tracking_uri(uri)  # the model registry needs it
@@ -128,7 +129,7 @@ def _own_uri(project: Path) -> str:
 
 
 @contextmanager
-def _opened_alone(uri: str) -> Iterator[None]:
+def _opened_alone(uri: str, project: Path) -> Iterator[None]:
     """Keep other processes from opening a database file meanwhile.
 
     The first one that opens it creates the tables, and MLflow leaves a broken database behind if
@@ -142,19 +143,22 @@ def _opened_alone(uri: str) -> Iterator[None]:
         raise InputError(
             f"MLFLOW_TRACKING_URI: given {uri!r}, allowed: sqlite:///FILE, or a server's address"
         )
-    _check_sqlite(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
     with path.with_name(f"{path.name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
+        if _is_empty(path):
+            # By itself MLflow would put the current folder's name into SQL, with its quotes.
+            SqlAlchemyStore(uri, (project / "mlartifacts").as_uri())
         yield
 
 
-def _check_sqlite(path: Path) -> None:
-    """Open a database once; MLflow itself would retry for minutes."""
+def _is_empty(path: Path) -> bool:
+    """Open a database once, and tell if it has no tables; MLflow itself would retry for minutes."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         with sqlite3.connect(path) as connection:
-            connection.execute("PRAGMA schema_version")
+            (version,) = connection.execute("PRAGMA schema_version").fetchone()
         connection.close()
+        return bool(version == 0)
     except (sqlite3.Error, OSError) as error:
         if "locked" in str(error):
             raise ConflictError(f"{path}: in use by another program; try again later") from error

@@ -6,7 +6,9 @@ import os
 import stat
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -118,6 +120,79 @@ def test_what_a_killed_write_leaves_is_removed_by_the_next(tmp_path: Path) -> No
         (tmp_path / "b").unlink(missing_ok=True)
     assert number > 5
     assert contents(tmp_path) == {"a": "new a", "b": "new b"}
+
+
+class Disk:
+    """A disk that forgets: what survives a power cut is what was flushed to it.
+
+    A file's content survives once it was flushed. Changes to a folder's entries survive in their
+    order, all of them once the folder was flushed, and some of them before.
+    """
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder = folder
+        self.contents: dict[int, bytes] = {}  # flushed, by inode
+        self.entries = [self.listing()]  # after each change
+        self.certain = 0  # entries that surely survive: those of the last flush
+        for name in ("replace", "link", "unlink"):
+            monkeypatch.setattr(os, name, self.noting(getattr(os, name)))
+        flush = os.fsync
+
+        def fsync(descriptor: int) -> None:
+            flush(descriptor)
+            status = os.fstat(descriptor)
+            if stat.S_ISDIR(status.st_mode):
+                self.certain = len(self.entries) - 1
+            else:
+                os.lseek(descriptor, 0, os.SEEK_SET)
+                path = next(
+                    path for path in folder.iterdir() if path.stat().st_ino == status.st_ino
+                )
+                self.contents[status.st_ino] = path.read_bytes()
+
+        monkeypatch.setattr(os, "fsync", fsync)
+
+    def listing(self) -> dict[str, int]:
+        return {path.name: path.stat().st_ino for path in self.folder.iterdir()}
+
+    def noting(self, change: Callable[..., None]) -> Callable[..., None]:
+        def noted(*arguments: Any, **keywords: Any) -> None:
+            change(*arguments, **keywords)
+            self.entries.append(self.listing())
+
+        return noted
+
+    def after_a_cut(self) -> list[dict[str, bytes]]:
+        """Return what may be there afterwards; what was never flushed is empty."""
+        return [
+            {name: self.contents.get(inode, b"") for name, inode in entries.items()}
+            for entries in self.entries[self.certain :]
+        ]
+
+
+def test_a_power_cut_leaves_the_old_files_or_the_new(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path, {"a": "old a", "c": "old c"})
+    disk = Disk(tmp_path, monkeypatch)
+    disk.contents = {path.stat().st_ino: path.read_bytes() for path in tmp_path.iterdir()}
+    seen = []
+    for name in ("replace", "link", "unlink", "fsync"):  # look after each of them
+        called = getattr(os, name)
+
+        def looking(*arguments: Any, called: Any = called, **keywords: Any) -> None:
+            called(*arguments, **keywords)
+            seen.extend(disk.after_a_cut())
+
+        monkeypatch.setattr(os, name, looking)
+    write(tmp_path, {"a": "new a", "b": "new b", "c": "new c"})
+    assert len(seen) > 10
+    for found in seen:
+        assert found["a"] in (b"old a", b"new a") and found["c"] in (b"old c", b"new c")
+        assert found.get("b") in (None, b"new b")
+    assert {found["a"] for found in seen} == {b"old a", b"new a"}
+    (last,) = disk.after_a_cut()[-1:]
+    assert (last["a"], last["b"], last["c"]) == (b"new a", b"new b", b"new c")
 
 
 def test_json_keeps_the_order_of_keys_and_all_digits(tmp_path: Path) -> None:
