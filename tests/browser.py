@@ -1,6 +1,7 @@
 """A headless browser that notes what the pages it opens ask for and complain about."""
 
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -34,6 +35,13 @@ class Visit:
                 self.console_errors.append(message.text) if message.type == "error" else None
             ),
         )
+
+    def wait_for(self, condition: str, seconds: float = 30.0) -> None:
+        """Wait until an expression is true, even on a page whose policy forbids `eval`."""
+        deadline = time.monotonic() + seconds
+        while not self.page.evaluate(condition):
+            assert time.monotonic() < deadline, condition
+            self.page.wait_for_timeout(10)
 
     def _note_request(self, address: str) -> None:
         if not address.startswith(("data:", "blob:")):

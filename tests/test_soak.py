@@ -1,6 +1,11 @@
 """A little of `make soak`: each kind of ill treatment once, for real."""
 
+import os
 import random
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -77,6 +82,34 @@ def test_interrupted_operations_are_survived(project: Checkout, faults: Faults, 
     operations.dvc(kind, 30)
     assert operations.troubles == []
     assert operations.counts[kind].interrupted > 3
+
+
+@pytest.mark.parametrize("stage", ["build", "evaluate", "record"])
+@pytest.mark.parametrize("seconds", [0.5, 2.5])
+def test_ctrl_c_ends_a_stage_in_one_line(
+    project: Checkout, faults: Faults, stage: str, seconds: float
+) -> None:
+    """While it still imports, and while it works; a stage may also have ended before."""
+    agents = () if stage == "build" else (AGENT,)
+    if stage == "record":
+        project.seconds("dvc", "repro", f"evaluate@{AGENT}")
+    process = subprocess.Popen(
+        [sys.executable, "-m", f"stages.{stage}", *agents],
+        cwd=project.folder,
+        env=project.environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    time.sleep(seconds)
+    os.killpg(process.pid, signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    if process.returncode:
+        assert told == "stopped: nothing already computed is lost\n"
+        assert process.returncode == 130
 
 
 def test_there_is_something_wrong_with_every_fault() -> None:

@@ -320,18 +320,18 @@ def test_films_play_together_and_can_be_moved(project: Path, chromium: Browser, 
     visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
     page = visit.page
     times = "[...document.querySelectorAll('video')].map((video) => video.currentTime)"
-    page.wait_for_function(f"{times}.every((time) => time > 0.2)")  # it plays as it opens
+    visit.wait_for(f"{times}.every((time) => time > 0.2)")  # it plays as it opens
     page.click("#play")
-    page.wait_for_function("[...document.querySelectorAll('video')].every((v) => v.paused)")
+    visit.wait_for("[...document.querySelectorAll('video')].every((v) => v.paused)")
     assert page.inner_text("#play") == "Play"
     page.locator("#time").fill("0.5")
-    page.wait_for_function(f"{times}.every((time) => Math.abs(time - 0.5) < 0.01)")
+    visit.wait_for(f"{times}.every((time) => Math.abs(time - 0.5) < 0.01)")
     assert page.inner_text("#clock") == "0.5 s"
     cursor = page.evaluate("document.getElementById('heights').layout.shapes[0].x0")
     assert cursor == 0.5
     page.select_option("#speed", "2")
     page.click("#play")
-    page.wait_for_function(f"{times}.every((time) => time > 0.6 || time < 0.4)")
+    visit.wait_for(f"{times}.every((time) => time > 0.6 || time < 0.4)")
     spread = page.evaluate(f"Math.max(...{times}) - Math.min(...{times})")
     assert spread < 0.3
     assert visit.page_errors == []
@@ -350,7 +350,7 @@ def test_films_of_any_length_play_together(
     page = visit.page
     first, last = (f"document.querySelectorAll('video')[{index}]" for index in (0, 3))
     is_held = f"Math.abs({first}.currentTime - {first}.duration) < 0.01"
-    page.wait_for_function(f"{last}.currentTime > 0.1")
+    visit.wait_for(f"{last}.currentTime > 0.1")
     page.click("#play")
     assert page.inner_text("#play") == "Play"
     assert page.evaluate(f"{first}.paused && {last}.paused")
@@ -358,15 +358,15 @@ def test_films_of_any_length_play_together(
     assert page.evaluate(f"{first}.duration") == pytest.approx(0.4)
     assert end > 1 and float(str(page.get_attribute("#time", "max"))) == end
     page.locator("#time").fill("0.7")
-    page.wait_for_function(f"{last}.currentTime === 0.7 && {is_held}")
+    visit.wait_for(f"{last}.currentTime === 0.7 && {is_held}")
     assert page.get_attribute("#time", "aria-valuetext") == page.inner_text("#clock") == "0.7 s"
     page.select_option("#speed", "0.25")
     page.click("#play")
     assert page.inner_text("#play") == "Pause"
-    page.wait_for_function(f"{last}.currentTime > 0.75 && {is_held}")
+    visit.wait_for(f"{last}.currentTime > 0.75 && {is_held}")
     page.select_option("#speed", "2")
-    page.wait_for_function(f"{last}.currentTime < 0.3 && {first}.currentTime < 0.36")
-    page.wait_for_function(f"{last}.currentTime > 0.6 && {is_held}")
+    visit.wait_for(f"{last}.currentTime < 0.3 && {first}.currentTime < 0.36")
+    visit.wait_for(f"{last}.currentTime > 0.6 && {is_held}")
     assert visit.page_errors == []
     assert all("ERR_FILE_NOT_FOUND" in error for error in visit.console_errors)
     page.close()
@@ -393,9 +393,7 @@ def test_the_menu_changes_the_measure(project: Path, chromium: Browser, html: st
     page = visit.page
     page.locator("#episodes .updatemenu-header").click()
     page.locator("#episodes .updatemenu-dropdown-button", has_text="Work").click()
-    page.wait_for_function(
-        "document.getElementById('episodes').layout.yaxis.title.text === 'Work [J]'"
-    )
+    visit.wait_for("document.getElementById('episodes').layout.yaxis.title.text === 'Work [J]'")
     shown = "document.getElementById('episodes').data.filter((box) => box.visible === true)"
     assert page.evaluate(f"{shown}.length") == len(AGENTS)
     assert page.evaluate(f"{shown}[3].y[0]") == pytest.approx(2 * 4995)
