@@ -7,13 +7,6 @@ import sys
 from collections.abc import Callable
 from types import FrameType
 
-from jumping_ant.base import telemetry
-from jumping_ant.base.errors import reported
-from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
-
-telemetry.switch_off()  # before a stage imports tools with telemetry
-
 
 def _stop(number: int, frame: FrameType | None) -> None:
     """End at once, in one line; imports, renderers and encoders would print tracebacks."""
@@ -24,6 +17,13 @@ def _stop(number: int, frame: FrameType | None) -> None:
 # While a stage trains, its driver handles Ctrl-C instead, with a last checkpoint.
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _stop)
+
+from jumping_ant.base import telemetry  # noqa: E402
+from jumping_ant.base.errors import reported  # noqa: E402
+from jumping_ant.experiment import params_file  # noqa: E402
+from jumping_ant.experiment.models import Params  # noqa: E402
+
+telemetry.switch_off()  # before a stage imports tools with telemetry
 
 
 def parse(description: str) -> Params:

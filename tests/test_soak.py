@@ -7,8 +7,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from jumping_ant.base.errors import InputError
@@ -85,11 +87,11 @@ def test_interrupted_operations_are_survived(project: Checkout, faults: Faults, 
 
 
 @pytest.mark.parametrize("stage", ["build", "evaluate", "record"])
-@pytest.mark.parametrize("seconds", [0.5, 2.5])
+@pytest.mark.parametrize("seconds", [0.5, 1.5])
 def test_ctrl_c_ends_a_stage_in_one_line(
     project: Checkout, faults: Faults, stage: str, seconds: float
 ) -> None:
-    """While it still imports, and while it works; a stage may also have ended before."""
+    """While it imports, and while it works, by its own CPU time; it may also have ended before."""
     agents = () if stage == "build" else (AGENT,)
     if stage == "record":
         project.seconds("dvc", "repro", f"evaluate@{AGENT}")
@@ -104,10 +106,14 @@ def test_ctrl_c_ends_a_stage_in_one_line(
         # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    time.sleep(seconds)
-    os.killpg(process.pid, signal.SIGINT)
+    watched = psutil.Process(process.pid)
+    while process.poll() is None and watched.cpu_times().user < seconds:
+        time.sleep(0.01)
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGINT)
     _, told = process.communicate(timeout=60)
-    if process.returncode:
+    # Once its work is done, and Python clears up, the signal ends it silently.
+    if process.returncode not in (0, -signal.SIGINT):
         assert told == "stopped: nothing already computed is lost\n"
         assert process.returncode == 130
 

@@ -156,7 +156,13 @@ def _start() -> Iterator[Process]:
     command = [sys.executable, "-c", _PROGRAM]
     environment = os.environ | _ENVIRONMENT
     pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment) as process:
+    with subprocess.Popen(
+        command,
+        stdin=pipe,
+        stdout=pipe,
+        env=environment,
+        start_new_session=True,  # Ctrl-C reaches only this process, which ends them
+    ) as process:
         # With room for a picture in the pipe, the next is drawn before the last is read. Systems
         # without this call, or with a lower limit, only wait longer.
         with contextlib.suppress(AttributeError, OSError):
