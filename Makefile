@@ -17,7 +17,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article check style test test-parts test-whole bench soak ui view watch schema deps map lock clean
+.PHONY: help install repro article check style test test-parts test-whole bench soak ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -85,9 +85,6 @@ view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 
 watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=20)
 	@python -m jumping_ant.showing.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
-
-deps: install ## renew the code dependencies of each stage in dvc.yaml
-	python -m scripts.deps
 
 map: install ## renew docs/map.md, the list of all modules
 	python -m scripts.house_map

@@ -10,38 +10,44 @@ from ruamel.yaml import YAML
 
 from jumping_ant.base.files import PROJECT_ROOT as ROOT
 from jumping_ant.experiment import params_file, presets
-from scripts import deps
+from stages import digest
 
 STAGES = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text())["stages"]
 
 
-def test_code_dependencies_are_current() -> None:
-    before = deps.PATH.read_text()
-    assert deps.text(before) == before, "run `make deps`"
+CODE = digest.code()
 
 
-def test_code_dependencies_follow_the_imports() -> None:
-    before = deps.PATH.read_text()
-    without = "\n".join(line for line in before.splitlines() if "- jumping_ant/" not in line) + "\n"
-    assert without != before == deps.text(without)
+def names(stage: str) -> set[str]:
+    """The files that a stage's digests cover."""
+    return {str(path.relative_to(ROOT)) for path in CODE[stage]}
+
+
+@pytest.mark.parametrize("name", sorted(set(STAGES) - {"digest"}))
+def test_every_stage_depends_on_its_own_code(name: str) -> None:
+    deps = STAGES[name].get("do", STAGES[name])["deps"]
+    (listed,) = (dep for dep in deps if dep.startswith("digests/"))
+    assert listed == f"digests/{'train-${item.trainer}' if name == 'train' else name}.json"
+    for stage in CODE:
+        if stage.partition("-")[0] == name:
+            assert {f"stages/{name}.py", "stages/__init__.py"} <= names(stage)
+
+
+def test_digests_are_of_what_imports_lead_to() -> None:
+    assert "jumping_ant/sim/vector.py" in names("evaluate")
+    assert "jumping_ant/showing/report/template.html" in names("report")
+    assert "jumping_ant/tracking/serving.py" in names("track")
+    others = {"build": "judging", "evaluate": "showing", "train-random": "tracking"}
+    for stage, other in others.items():
+        assert not any(name.startswith(f"jumping_ant/{other}/") for name in names(stage))
 
 
 def test_training_depends_on_its_own_trainer_alone() -> None:
-    listed = deps.code("train")
-    assert deps.OWN_TRAINER in listed
     trainers = {path.parent.name for path in (ROOT / "jumping_ant/agents").glob("*/trainer.py")}
     assert trainers >= {agent.trainer for agent in params_file.load().agents.values()}
-    assert not any(f"agents/{trainer}/" in name for name in listed for trainer in trainers)
-
-
-@pytest.mark.parametrize("stage", sorted(set(STAGES) - {"train", *deps.QUICK}))
-def test_what_takes_long_depends_on_files(stage: str) -> None:
-    assert all(name.endswith(".py") for name in deps.code(stage))
-
-
-@pytest.mark.parametrize("name", sorted(STAGES))
-def test_every_stage_depends_on_the_locked_versions(name: str) -> None:
-    assert "requirements.lock" in STAGES[name].get("do", STAGES[name])["deps"]
+    for own in trainers:
+        found = {name.split("/")[2] for name in names(f"train-{own}") if "/agents/" in name}
+        assert found & trainers == {own}
 
 
 PRESETS = sorted(path.name for path in (ROOT / "presets").iterdir())

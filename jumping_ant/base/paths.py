@@ -145,6 +145,11 @@ class Paths:
         return self.root / "dvc.lock"
 
     @property
+    def digests(self) -> Path:
+        """The folder of the digests of the code that stages run."""
+        return self.root / "digests"
+
+    @property
     def assets(self) -> Path:
         """The folder of the robots."""
         return self.root / "assets"

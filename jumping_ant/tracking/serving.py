@@ -26,7 +26,7 @@ class ServedPolicy(PythonModel):
 
     def load_context(self, context: PythonModelContext) -> None:
         """Read the policy file."""
-        self._policy = policy_file.parse(Path(context.artifacts["policy"]).read_bytes())
+        self._policy = policy_file.load(Path(context.artifacts["policy"]))
         self._num_episodes = 0
 
     def predict(

@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from evotorch import Problem, SolutionBatch
-from evotorch.neuroevolution.net import RunningNorm
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
+from jumping_ant.agents.evolution.library import Problem, RunningNorm, SolutionBatch
 from jumping_ant.base.seeding import derive, derive_all
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy

@@ -1,9 +1,7 @@
 """EvoTorch's searchers, built from an agent's settings."""
 
-from evotorch import Problem
-from evotorch.algorithms import PGPE, SNES
-
 from jumping_ant.agents.evolution.algorithms import GaussianParams, PGPEParams, SNESParams
+from jumping_ant.agents.evolution.library import PGPE, SNES, Problem
 
 
 def pgpe(problem: Problem, agent: PGPEParams) -> PGPE:

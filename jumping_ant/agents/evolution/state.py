@@ -2,10 +2,9 @@
 
 import numpy as np
 import torch
-from evotorch import SolutionBatch
-from evotorch.algorithms.distributed.gaussian import GaussianSearchAlgorithm
 from numpy.typing import NDArray
 
+from jumping_ant.agents.evolution.library import GaussianSearchAlgorithm, SolutionBatch
 from jumping_ant.agents.evolution.problem import JumpProblem
 from jumping_ant.base.archive import pack_state, unpack_state
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import torch
-from evotorch.algorithms.distributed.gaussian import GaussianSearchAlgorithm
 
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.evolution import state
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
+from jumping_ant.agents.evolution.library import GaussianSearchAlgorithm
 from jumping_ant.agents.evolution.problem import JumpProblem
 from jumping_ant.agents.job import Job, resolve
 

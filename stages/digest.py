@@ -1,0 +1,66 @@
+"""Digest the code that each stage runs, so that a change reruns only the stages that it affects.
+
+Usage: python -m stages.digest
+Reads: jumping_ant/, stages/, requirements.lock.
+Writes: digests/STAGE.json, for training digests/train-TRAINER.json: the SHA-256 of every file that
+    the stage imports, directly or not, of what lies beside it, and of the locked versions.
+"""
+
+import argparse
+from pathlib import Path
+
+from jumping_ant.base import imports
+from jumping_ant.base.files import PROJECT_ROOT, digest, to_json, write_all
+from jumping_ant.base.paths import Paths
+
+from . import run
+
+TRAIN = "train"
+# Modules that a stage does not import: MLflow's models hold this one.
+MORE = {"track": "tracking/serving.py"}
+OTHER_SUFFIXES = (".py", ".typed", ".tmp")
+LIBRARY = PROJECT_ROOT / "jumping_ant"
+
+
+def code() -> dict[str, set[Path]]:
+    """Return the files that each stage runs, by the name of its digests.
+
+    Training imports the trainer that an agent's block names. Of the trainers' packages only the
+    agent's own counts.
+    """
+    scripts = set((PROJECT_ROOT / "stages").glob("[a-z]*.py")) - {Path(__file__)}
+    found = {script.stem: imports.closure(script) for script in scripts}
+    for stage, module in MORE.items():
+        found[stage] |= imports.closure(LIBRARY / module)
+    train = found.pop(TRAIN)
+    packages = {trainer.parent for trainer in (LIBRARY / "agents").glob("*/trainer.py")}
+    for own in packages:
+        files = train | imports.closure(own / "trainer.py")
+        common = {file for file in files if packages.isdisjoint(file.parents)}
+        found[f"{TRAIN}-{own.name}"] = common | set(own.rglob("*.py"))
+    return {name: files | _beside(files) for name, files in found.items()}
+
+
+def _beside(files: set[Path]) -> set[Path]:
+    """Return what is no code, such as a page's template, in the folders of the given files."""
+    listed = {path for folder in {file.parent for file in files} for path in folder.iterdir()}
+    return {path for path in listed if path.is_file() and path.suffix not in OTHER_SUFFIXES}
+
+
+def main() -> None:
+    """Run the stage."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    found = {name: {*files, PROJECT_ROOT / "requirements.lock"} for name, files in code().items()}
+    digests = {file: digest(file) for file in set.union(*found.values())}
+    write_all(
+        {
+            Paths().digests / f"{name}.json": to_json(
+                {str(file.relative_to(PROJECT_ROOT)): digests[file] for file in sorted(files)}
+            )
+            for name, files in found.items()
+        }
+    )
+
+
+if __name__ == "__main__":
+    run(main)
