@@ -13,6 +13,7 @@ import random
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -27,15 +28,14 @@ from soak.file_faults import FileFaults
 from soak.injector import AGENT
 from soak.inputs import Inputs
 from soak.kills import Killer
-from soak.operations import KINDS, Operations
+from soak.operations import TARGETS
 
 PATH = PROJECT_ROOT / "results" / "soak.json"
 PARTS = ("kills", "faults", "bad_inputs", "payloads", "mutations", "operations")
 INPUTS_SHARE = 0.2  # share of the time for bad input, if other parts run, too
 LEAST_INPUTS = 300
 MUTATIONS = 500  # changed versions of each file
-DVC_OPERATIONS = 40  # interrupted, of each kind, anywhere among the first of a run
-LAST_DVC_OPERATION = 200
+OPERATIONS = 40  # interrupted, of each kind and stage, evenly spread over those of a run
 
 Figures = dict[str, Any]
 
@@ -67,7 +67,7 @@ def main() -> None:
         if "mutations" in parts:
             figures |= mutate(project, arguments.seed, troubles)
         if "operations" in parts:
-            figures |= interrupt(project, generator, troubles)
+            figures |= interrupt(project, troubles)
         figures |= hurt(project, generator, deadline, parts, troubles)
     minutes = (time.monotonic() - started) / 60
     figures = {"minutes": round(minutes, 1)} | {part: figures.get(part, {}) for part in PARTS}
@@ -129,18 +129,25 @@ def mutate(project: Checkout, seed: int, troubles: list[str], each: int = MUTATI
     return {"mutations": {name: {key: own[key] for key in kept} for name, own in counts.items()}}
 
 
-def interrupt(project: Checkout, generator: random.Random, troubles: list[str]) -> Figures:
+def interrupt(
+    project: Checkout, troubles: list[str], targets: Sequence[str] = TARGETS, most: int = OPERATIONS
+) -> Figures:
     """Interrupt operations on files; add what was not survived to the troubles."""
-    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
-    operations = Operations(project, AGENT)
-    for kind in KINDS:
-        operations.stage(kind, "assets", "stages.build")
-        operations.stage(kind, f"results/agents/{AGENT}", "stages.evaluate", AGENT)
-        for _ in range(DVC_OPERATIONS):
-            operations.dvc(kind, generator.randrange(LAST_DVC_OPERATION))
-        print(f"operations: {kind}: {operations.counts[kind]}", flush=True)
-    troubles += operations.troubles
-    return {"operations": {kind: asdict(count) for kind, count in operations.counts.items()}}
+    project.write_params(projects.settings_of_one(AGENT))
+    project.seconds("dvc", "repro")
+    done = project.run(
+        *(sys.executable, "-m", "soak.operations", AGENT, *targets, "--most", str(most))
+    )
+    project.write_params(projects.settings())
+    if done.returncode:
+        troubles.append(f"operations ended with {done.returncode}: {done.stderr[-2000:]}")
+        return {}
+    counts = json.loads(done.stdout)
+    for kinds in counts.values():
+        for own in kinds.values():
+            troubles += own.pop("troubles")
+    print(f"operations: {counts}", flush=True)
+    return {"operations": counts}
 
 
 def hurt(

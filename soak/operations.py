@@ -1,30 +1,54 @@
-"""Every n-th operation on files fails, or is the last before a kill, in every stage and in DVC.
+"""Every n-th operation on files fails, or is preceded by a kill, in every stage and in DVC.
 
-Usage: python -m soak.operations KIND NUMBER MODULE [ARGUMENT...]
+Usage: python -m soak.operations AGENT TARGET... [--most COUNT]
 
-Runs a module as `python -m MODULE ARGUMENT...` does. Operations are those that change files in the
-current folder: opening one to write, flushing, linking, renaming, removing. Of these the one with
-the given number fails as on a full disk (`fail`) or is preceded by a kill (`kill`). If there are
-fewer, the module runs as it would anyhow.
+Runs in the folder of a project whose stages are up to date, and prints the counts as JSON.
+Operations are those that change files in that folder: opening one to write, flushing, linking,
+renaming, removing. One of them fails as on a full disk, or the process is killed just before it.
+After a failure, all outputs of a stage are as they were or all are new; after a kill, each is
+either. The next run completes the work, with the same content.
+
+Every run is a fork of this process, which has imported the stage.
 """
 
+import argparse
 import errno
-import itertools
+import importlib
+import json
 import os
-import runpy
+import re
+import shutil
 import signal
-import subprocess
 import sys
-from dataclasses import dataclass
+import tempfile
+import traceback
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-from scripts.checkout import Checkout
+from dvc.cli import main as dvc  # type: ignore[import-untyped]
+from rerun.chunk import RrdReader
+from ruamel.yaml import YAML
+
+import stages
+from jumping_ant.base.files import write_bytes
 
 KINDS = ("fail", "kill")
-MARK = "interrupted:"
-NEVER = 10**9
+DVC_STAGE = "build"
+TARGETS = (
+    *("digest", "build", "train", "evaluate", "record", "scaling"),
+    *("lineup", "compare", "report", "track"),
+    "dvc",  # while it runs that stage
+)
+PRELOADED = {"train": ("jumping_ant.training.driver", "jumping_ant.agents.evolution.trainer")}
+OLD = b"as it was before\n"
+MARK, TOTAL = "interrupted: ", "operations: "
 CHANGES = {"os.rename", "os.remove", "os.link", "os.symlink", "os.truncate"}
+GROWING = "curve.csv"  # row by row, while training runs
+ROW_ID = "rerun.controls.RowId"  # drawn by Rerun
+MEASURED = ("timing.csv", "scaling.csv")  # other seconds each time
 
 
 @dataclass
@@ -33,13 +57,132 @@ class Count:
 
     interrupted: int = 0
     survived: int = 0
+    troubles: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A run that has ended, with its exit status, negative for a signal, and its output."""
+
+    status: int
+    told: str
+
+
+def main() -> None:
+    """Parse the command line, interrupt the targets, and print the counts."""
+    parser = argparse.ArgumentParser(prog="python -m soak.operations")
+    parser.add_argument("agent")
+    parser.add_argument("targets", nargs="+", choices=TARGETS, metavar="TARGET")
+    parser.add_argument("--most", type=int, default=40, help="operations of a target and kind")
+    arguments = parser.parse_args()
+    counts = {}
+    for name in arguments.targets:
+        target = Target(name, arguments.agent)
+        counts[name] = {kind: asdict(count) for kind, count in target.all(arguments.most).items()}
+        print(f"operations: {name}: {counts[name]}", file=sys.stderr, flush=True)
+    print(json.dumps(counts))
+
+
+class Target:
+    """A stage, or DVC when it runs a stage.
+
+    Args:
+        name: One of `TARGETS`.
+        agent: The agent, for a stage that takes one.
+    """
+
+    def __init__(self, name: str, agent: str) -> None:
+        self._name = name
+        stage = DVC_STAGE if name == "dvc" else name
+        locked = YAML(typ="safe", pure=True).load(Path("dvc.lock").read_text())["stages"]
+        full_name, arguments = (stage, []) if stage in locked else (f"{stage}@{agent}", [agent])
+        self._outs = [Path(out["path"]) for out in locked[full_name].get("outs", [])]
+        for preloaded in PRELOADED.get(stage, ()):  # as the stage does later
+            importlib.import_module(preloaded)
+        module = importlib.import_module(f"stages.{stage}")
+        self._first = self._again = partial(_run_stage, module.main, [stage, *arguments])
+        if name == "dvc":
+            self._first = partial(dvc, ["repro", "--force", full_name])
+            self._again = partial(dvc, ["repro", full_name])
+
+    def all(self, most: int) -> dict[str, Count]:
+        """Interrupt operations, at most so many of a kind and evenly spread; return the counts."""
+        self._reset()
+        undisturbed = self._run(self._first)
+        new = self._contents()
+        total = int(undisturbed.told.rpartition(TOTAL)[2])
+        counts = {kind: Count() for kind in KINDS}
+        for kind, count in counts.items():
+            for number in range(0, total, -(-total // most)):
+                self._reset()
+                ended = self._run(self._first, kind, number)
+                is_whole = self._is_whole(kind, ended, new)
+                again = self._run(self._again)
+                if MARK in ended.told:  # there may be fewer operations than the first time
+                    is_survived = is_whole and again.status == 0 and self._is_done(new)
+                    count.interrupted += 1
+                    count.survived += is_survived
+                    if not is_survived:
+                        told = " ".join((ended.told + again.told).split())
+                        count.troubles.append(f"{self._name}: {kind} {number}: {told[-1000:]}")
+        return counts
+
+    def _is_whole(self, kind: str, ended: Ended, new: dict[Path, Any]) -> bool:
+        """Tell whether an interrupted run left its outputs as it should."""
+        if self._name == "dvc":  # removes a stage's outputs before it runs it
+            return True
+        found = self._contents()
+        states = {_state(found.get(path), new[path]) for path in new if path.name != GROWING}
+        if kind == "fail" and ("Traceback" in ended.told or ended.status not in (0, 1, 2)):
+            return False
+        if self._name == "train":  # removes its outputs as well, and writes them seed by seed
+            return states <= {"old", "new", "missing"}
+        if kind == "fail":
+            return states <= {"old" if ended.status else "new"}
+        return states <= {"old", "new"}
+
+    def _is_done(self, new: dict[Path, Any]) -> bool:
+        """Tell whether all is as without interruptions."""
+        if self._name == "track":  # its outputs are in MLflow
+            return not re.search("created|repaired", self._run(self._again).told)
+        return self._contents() == new
+
+    def _reset(self) -> None:
+        """Restore the state before the stage has run, with outputs of an earlier run."""
+        for path in self._files():
+            write_bytes(path, OLD)  # DVC may have linked it
+        if self._name == "train":
+            shutil.rmtree(".checkpoints", ignore_errors=True)
+        if self._name == "track":
+            Path("mlflow.db").unlink(missing_ok=True)
+            shutil.rmtree("mlartifacts", ignore_errors=True)
+
+    def _files(self) -> list[Path]:
+        listed = [path for out in self._outs for path in (out, *out.rglob("*"))]
+        return sorted(path for path in listed if path.is_file())
+
+    def _contents(self) -> dict[Path, Any]:
+        """Return what the outputs hold, apart from what differs in each run."""
+        return {path: _content(path) for path in self._files()}
+
+    def _run(self, target: Callable[[], int], kind: str = "", number: int = -1) -> Ended:
+        """Run a target in a fork of this process, and interrupt an operation of a number."""
+        with tempfile.TemporaryFile() as output:
+            sys.stdout.flush()
+            child = os.fork()
+            if child == 0:
+                _become(target, output.fileno(), kind, number)
+            _, status = os.waitpid(child, 0)
+            output.seek(0)
+            return Ended(os.waitstatus_to_exitcode(status), output.read().decode(errors="replace"))
 
 
 class _Interruption:
     """An audit hook that counts operations and ends one of them."""
 
-    def __init__(self, kind: str, number: int, folder: Path) -> None:
-        self._kind, self._left, self._folder = kind, number, str(folder) + os.sep
+    def __init__(self, kind: str, number: int) -> None:
+        self.counted = 0
+        self._kind, self._number, self._folder = kind, number, str(Path.cwd()) + os.sep
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
         if event == "open":
@@ -53,103 +196,68 @@ class _Interruption:
 
     def count(self, what: str) -> None:
         """Count an operation, and end it if its turn has come."""
-        self._left -= 1
-        if self._left == -1:
-            print(f"{MARK} {what}", file=sys.stderr, flush=True)
+        self.counted += 1
+        if self.counted == self._number + 1:
+            print(f"{MARK}{what}", file=sys.stderr, flush=True)
             if self._kind == "kill":
                 os.kill(os.getpid(), signal.SIGKILL)
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), what)
 
 
-def main() -> None:
-    """Parse the command line and run the module under the hook."""
-    kind, number, module, *arguments = sys.argv[1:]
-    hook = _Interruption(kind, int(number), Path.cwd())
-    sys.argv = [module, *arguments]
-    sys.addaudithook(hook)
+def _become(target: Callable[[], int], output: int, kind: str, number: int) -> NoReturn:
+    """Run a target under the hook in this process, a fork, and end it."""
+    os.setsid()
+    for stream in (1, 2):
+        os.dup2(output, stream)
+    interruption = _Interruption(kind, number)
+    sys.addaudithook(interruption)
     flush = os.fsync
 
     def fsync(descriptor: int) -> None:  # raises no audit event
-        hook.count("fsync")
+        interruption.count("fsync")
         flush(descriptor)
 
     os.fsync = fsync  # type: ignore[assignment]
-    runpy.run_module(module, run_name="__main__", alter_sys=True)
+    status = 70
+    try:
+        status = target()
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        print(f"{TOTAL}{interruption.counted}", flush=True)
+        sys.stderr.flush()
+        os._exit(status)
 
 
-class Operations:
-    """Interrupts the operations of a project's stages.
+def _run_stage(stage: Callable[[], None], command_line: list[str]) -> int:
+    sys.argv = command_line
+    try:
+        stages.run(stage)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 1
+    return 0
 
-    Args:
-        project: A prepared throw-away copy, with an agent trained and evaluated.
-        agent: That agent.
-    """
 
-    def __init__(self, project: Checkout, agent: str) -> None:
-        self.counts = {kind: Count() for kind in KINDS}
-        self.troubles: list[str] = []
-        self._project = project
-        self._agent = agent
+def _state(found: Any, new: Any) -> str:
+    if found is None:
+        return "missing"
+    return "old" if found == OLD else "new" if found == new else "torn"
 
-    def stage(self, kind: str, place: str, *command: str, step: int = 1) -> None:
-        """Interrupt every `step`-th operation of a stage in turn, until it needs no more.
 
-        After a failure, all of the stage's files are as they were or all are new; after a kill,
-        each is one or the other. The next run makes the files that an undisturbed one makes.
-
-        Args:
-            kind: Which interruption.
-            place: The folder of the stage's files.
-            command: The stage's module and arguments.
-            step: 1 to interrupt every operation.
-        """
-        self._run(*command)
-        new = self._files(place)
-        old = {path: content + b"\n" for path, content in new.items()}
-        for number in itertools.count(step=step):
-            for path, content in old.items():
-                path.write_bytes(content)
-            done = self._run(*command, kind=kind, number=number)
-            if MARK not in done.stderr:
-                break
-            found = self._files(place)
-            is_whole = all(found.get(path) in (new[path], old[path]) for path in new)
-            if kind == "fail":
-                is_clear = "Traceback" not in done.stderr
-                is_whole = is_clear and found == (old if done.returncode else new)
-            is_done = self._run(*command).returncode == 0 and self._files(place) == new
-            self._count(kind, is_whole and is_done, done.stderr)
-
-    def dvc(self, kind: str, number: int) -> None:
-        """Interrupt an operation of `dvc repro` itself; the next one must complete its work."""
-        place, stage = f"results/agents/{self._agent}", f"evaluate@{self._agent}"
-        before = self._files(place)
-        forced = ("dvc", "repro", "--force", "--single-item", stage)
-        interrupted = self._run(*forced, kind=kind, number=number)
-        done = self._run("dvc", "repro", stage)
-        is_same = done.returncode == 0 and self._files(place) == before
-        self._count(kind, is_same, interrupted.stderr[-500:] + done.stderr[-500:])
-
-    def _files(self, place: str) -> dict[Path, bytes]:
-        """Return the files that are the same in every run, without what killed writes left."""
-        return {
-            path: path.read_bytes()
-            for path in sorted((self._project.folder / place).iterdir())
-            if path.suffix in {".csv", ".json", ".npz", ".xml"}
-            and path.name not in ("timing.csv", "scaling.csv")
-        }
-
-    def _run(
-        self, *command: str, kind: str = "fail", number: int = NEVER
-    ) -> subprocess.CompletedProcess[str]:
-        arguments = ("-m", "soak.operations", kind, str(number), *command)
-        return self._project.run(sys.executable, *arguments)
-
-    def _count(self, kind: str, is_survived: bool, told: str) -> None:
-        self.counts[kind].interrupted += 1
-        self.counts[kind].survived += is_survived
-        if not is_survived:
-            self.troubles.append(f"{kind}: {' '.join(told.split())}")
+def _content(path: Path) -> Any:
+    """Return what a file holds: bytes, or what is the same in every run."""
+    content = path.read_bytes()
+    if content == OLD:
+        return content
+    if path.name in MEASURED:
+        return re.sub(rb"[^,\n]", b"", content)
+    if path.suffix == ".rrd":
+        try:
+            batches = [chunk.to_record_batch() for chunk in RrdReader(path).stream()]
+        except Exception as error:  # a torn file can raise anything
+            return str(error)
+        return [batch.drop_columns([ROW_ID]).to_pydict() for batch in batches]
+    return content
 
 
 if __name__ == "__main__":

@@ -40,6 +40,16 @@ def settings() -> Params:
     return params_file.check(content)
 
 
+def settings_of_one(agent: str) -> Params:
+    """Return the same with one agent, which trains in the stage's own process."""
+    content = settings().model_dump()
+    content["agents"] = {agent: content["agents"][agent]}
+    content["compute"]["workers"] = 1
+    content["record"] |= {"width": 160, "height": 120}
+    content["compare"]["bootstrap_samples"] = 200
+    return params_file.check(content)
+
+
 def prepare(project: Checkout) -> None:
     """Write the parameters, and build the robot."""
     project.write_params(settings())

@@ -18,12 +18,12 @@ from jumping_ant.experiment import params_file
 from scripts.checkout import Checkout, checkout
 from soak import inputs, payloads
 from soak import project as projects
-from soak.__main__ import added, mutate
+from soak.__main__ import added, interrupt, mutate
 from soak.faults import Faults
 from soak.injector import AGENT
 from soak.inputs import Inputs
 from soak.kills import Killer
-from soak.operations import KINDS, Operations
+from soak.operations import TARGETS
 
 # The others are at home in the tests of their parts.
 FAULTS = ["disk_full", "run_left_running", "diverging_simulation"]
@@ -76,15 +76,13 @@ def test_changed_bytes_are_read_or_refused(project: Checkout, faults: Faults) ->
     assert len(counts) > 10 and all(own == {"tried": 30, "clear": 30} for own in counts.values())
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_interrupted_operations_are_survived(project: Checkout, faults: Faults, kind: str) -> None:
-    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
-    operations = Operations(project, AGENT)
-    operations.stage(kind, "assets", "stages.build", step=6)
-    if kind == "kill":
-        operations.dvc(kind, 30)
-    assert operations.troubles == []
-    assert operations.counts[kind].interrupted > 3
+def test_interrupted_operations_are_survived(project: Checkout, faults: Faults) -> None:
+    troubles: list[str] = []
+    counts = interrupt(project, troubles, TARGETS, most=3)["operations"]
+    assert troubles == []
+    assert list(counts) == list(TARGETS)
+    for kinds in counts.values():
+        assert all(own["interrupted"] == own["survived"] > 0 for own in kinds.values())
 
 
 @pytest.mark.parametrize(("stage", "seconds"), [("build", 0.5), ("record", 0.5), ("record", 1.5)])

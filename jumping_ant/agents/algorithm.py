@@ -1,5 +1,6 @@
 """An algorithm's row of the catalogue, and the settings that all agents share."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
@@ -19,9 +20,9 @@ class AgentBlock(Block):
     """Robot that the agent controls: the one of `robot`, or its unedited source."""
 
     @property
+    @abstractmethod
     def max_env_steps(self) -> int:
         """Budget of a seed [control steps]; 0 if nothing is trained."""
-        raise NotImplementedError
 
     def fault(self, env: EnvParams) -> str | None:
         """Return what does not fit the task (key, given, allowed), or None if the block fits."""

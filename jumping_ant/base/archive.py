@@ -5,7 +5,7 @@ import json
 import math
 import zipfile
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.lib import format as npy
@@ -35,16 +35,17 @@ class Archive(Mapping[str, bytes]):
     archive itself, whatever its author intended.
 
     Args:
-        content: The archive.
+        source: The archive, or an open file of it; entries that nobody asks for are not read.
 
     Raises:
         zipfile.BadZipFile: The content is not a zip archive; from any method, an entry is damaged.
         ValueError: From any method, an entry is compressed or not as large as it says.
     """
 
-    def __init__(self, content: bytes) -> None:
-        self._size = len(content)
-        self._archive = zipfile.ZipFile(io.BytesIO(content))
+    def __init__(self, source: bytes | BinaryIO) -> None:
+        file = io.BytesIO(source) if isinstance(source, bytes) else source
+        self._size = file.seek(0, io.SEEK_END)
+        self._archive = zipfile.ZipFile(file)
 
     def __getitem__(self, name: str) -> bytes:
         self.size(name)

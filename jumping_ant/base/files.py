@@ -1,10 +1,12 @@
 """Atomic writes, reads of stage outputs, and digests of files."""
 
+import errno
 import glob
 import hashlib
 import json
 import os
 import re
+import shutil
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from functools import partial
@@ -14,6 +16,8 @@ from typing import Any, Literal
 from jumping_ant.base.errors import InputError
 
 CODE_ROOT = Path(__file__).resolve().parents[2]  # the folder that contains the library
+# Errors of file systems that have no hard links, and of files that may not be linked.
+NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.EMLINK)
 # The project that commands work on: the checkout or, if the library is installed from a wheel, the
 # current folder.
 PROJECT_ROOT = CODE_ROOT if (CODE_ROOT / "pyproject.toml").is_file() else Path.cwd()
@@ -63,10 +67,14 @@ def _keep_old(path: Path) -> Callable[[], None]:
     """Keep a file under a second name; return a function that restores the present state."""
     old = _beside(path, "old")
     old.unlink(missing_ok=True)
+    if not os.path.lexists(path):
+        return partial(path.unlink, missing_ok=True)
     try:
         os.link(path, old, follow_symlinks=False)
-    except FileNotFoundError:
-        return partial(path.unlink, missing_ok=True)
+    except OSError as error:
+        if error.errno not in NO_LINKS:
+            raise
+        shutil.copy2(path, old, follow_symlinks=False)
 
     def restore() -> None:
         os.replace(old, path)
@@ -139,8 +147,9 @@ def digest(path: Path) -> str:
 
 def folder_digest(folder: Path) -> str:
     """Return the SHA-256 of a folder's files, names and contents, without Python's caches."""
-    files = sorted(path for path in folder.rglob("*") if "__pycache__" not in path.parts)
-    listed = {str(path.relative_to(folder)): digest(path) for path in files if path.is_file()}
+    names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    own = [name for name in names if "__pycache__" not in name.parts]
+    listed = {str(name): digest(folder / name) for name in own}
     return hashlib.sha256(json.dumps(listed).encode()).hexdigest()
 
 

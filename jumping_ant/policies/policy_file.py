@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -30,19 +30,20 @@ def load(path: Path) -> Policy:
         InputError: The file is missing or not a policy file.
     """
     try:
-        return parse(path.read_bytes())
+        with path.open("rb") as file:
+            return parse(file)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; `dvc repro` trains it") from error
 
 
-def parse(content: bytes) -> Policy:
-    """Read a policy file's content.
+def parse(source: bytes | BinaryIO) -> Policy:
+    """Read a policy file's content, or an open policy file.
 
     Raises:
         InputError: The content is not a policy file, or a damaged one.
     """
     try:
-        entries = Archive(content)
+        entries = Archive(source)
         header = json.loads(entries[HEADER])
         interface = interface_of(entries)
         policy: Policy = KINDS[header["kind"]].from_entries(header, entries)
@@ -51,8 +52,8 @@ def parse(content: bytes) -> Policy:
         shape = policy.act(np.zeros((1, interface.num_observations or 1))).shape
     except Exception as error:  # any error here means that the file is damaged
         raise InputError(
-            f"policy file: given {len(content)} bytes that are not a policy "
-            f"({type(error).__name__}: {error}); allowed: a policy.zip that `dvc repro` trained"
+            f"policy file: given what is not a policy ({type(error).__name__}: {error}); "
+            "allowed: a policy.zip that `dvc repro` trained"
         ) from error
     if shape != (1, interface.num_motors):
         raise InputError(
@@ -68,7 +69,8 @@ def read_interface(path: Path) -> Interface:
         InputError: The file is missing or not a policy file.
     """
     try:
-        return interface_of(Archive(path.read_bytes()))
+        with path.open("rb") as file:
+            return interface_of(Archive(file))
     except Exception as error:  # as in `load`
         raise InputError(f"{path}: not a policy file ({error}); `dvc repro` trains it") from error
 

@@ -114,7 +114,8 @@ def load(xml: str) -> mujoco.MjModel:
         xml: MJCF text.
 
     Raises:
-        InputError: The text is not MJCF that compiles.
+        InputError: The text is not MJCF that compiles, names files, or asks for sizes that no robot
+            needs.
     """
     mjcf.check(xml)
     try:

@@ -75,6 +75,7 @@ def filmed_seed(root: Path, agent: str) -> int | None:
     if not path.exists():
         return None
     try:
-        return int(to_array(Archive(path.read_bytes())["seed.npy"]))
+        with path.open("rb") as file:
+            return int(to_array(Archive(file)["seed.npy"]))
     except (ValueError, KeyError, OSError, BadZipFile) as error:
         raise InputError(f"{path}: {error}; `dvc repro` recreates it") from error

@@ -33,7 +33,9 @@ def main() -> None:
 
 
 def serve(uri: str, root: Path, port: int) -> None:
-    """Replace this process by MLflow's server; it accepts no uploads, and no other users.
+    """Replace this process by MLflow's server, without its proxy for artifacts.
+
+    The server refuses other users (see `jumping_ant.tracking.own_pages`).
 
     Args:
         uri: The database. It may hold a password, so it is no argument, which others could read.

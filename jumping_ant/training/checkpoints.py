@@ -23,7 +23,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TextIO
@@ -199,17 +199,20 @@ class Checkpoints:
     def _remove_oldest(self, seeds: Iterable[int]) -> None:
         """Remove the oldest files that this training does not need, beyond the size to keep."""
         needed = {self._finished_path(seed) for seed in seeds}
-        files = [path for path in self._agent_folder.glob("*/seed-*") if path not in needed]
-        files.sort(key=lambda path: path.stat().st_mtime, reverse=True)
-        kept = 0
-        removed: list[Path] = []
-        for path in files:
-            kept += path.stat().st_size
-            if kept > KEPT_BYTES:
-                path.unlink()
-                removed.append(path)
-        if removed:
+        found = []
+        for path in self._agent_folder.glob("*/seed-*"):
+            with suppress(FileNotFoundError):  # another training of the agent may have removed it
+                found.append((path.stat(), path))
+        found.sort(key=lambda pair: pair[0].st_mtime, reverse=True)
+        kept = num_removed = 0
+        for status, path in found:
+            if path not in needed:
+                kept += status.st_size
+                if kept > KEPT_BYTES:
+                    path.unlink(missing_ok=True)
+                    num_removed += 1
+        if num_removed:
             self._say(
-                f"removed {len(removed)} checkpoints of other parameters or seeds from "
+                f"removed {num_removed} checkpoints of other parameters or seeds from "
                 f"{self._agent_folder}: {KEPT_BYTES / 2**30:g} GiB of them are kept"
             )

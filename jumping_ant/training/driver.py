@@ -19,7 +19,7 @@ import json
 import math
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -98,7 +98,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         agent_name: Which agent.
 
     Raises:
-        InputError: There is no such agent, or no robot yet.
+        InputError: There is no such agent, no robot yet, or too little memory.
         WorkerError: The workers of one seed died repeatedly.
         StoppedError: A signal asked training to stop; another call resumes from there.
         OSError: A file cannot be written, as on a full disk; another call resumes from the last
@@ -131,7 +131,8 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         untrained = [number for number, seed in seeds.items() if not seed.is_finished]
         is_trivial = agent.max_env_steps == 0  # not worth starting processes
         workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(untrained))
-        _check_memory(xml, agent_name, agent, min(workers, len(untrained)))
+        if untrained and not is_trivial and not compute.is_on_cluster():
+            _check_memory(xml, agent_name, agent, min(workers, len(untrained)), display.say)
         while untrained:  # once, unless a checkpoint is rejected
             threads = compute.num_threads(params.compute.workers, len(untrained))
             num_threads = dict(zip(untrained, threads, strict=True))
@@ -409,17 +410,21 @@ def _cell(value: Any) -> str:
     return "" if value is None or math.isnan(value) else repr(value)
 
 
-def _check_memory(xml: str, name: str, agent: AgentBlock, num_seeds: int) -> None:
-    """Refuse a training that this machine's memory is too small for."""
+def _check_memory(
+    xml: str, name: str, agent: AgentBlock, num_seeds: int, say: Callable[[str], None]
+) -> None:
+    """Tell how much memory training needs; refuse it if this machine has less."""
     anatomy = Anatomy.of(robot.load(xml))
-    needed = num_seeds * agent.memory(anatomy.num_observations, anatomy.num_motors)
-    available = machine.available_memory()
-    if needed > available and not compute.is_on_cluster():
+    needed = num_seeds * agent.memory(anatomy.num_observations, anatomy.num_motors) / 2**30
+    available = machine.available_memory() / 2**30
+    seeds = "1 seed" if num_seeds == 1 else f"{num_seeds} seeds"
+    told = f"about {needed:,.1f} GiB of memory, {seeds} at a time"
+    if needed > available:
         raise InputError(
-            f"agents.{name}: given sizes that need about {needed / 2**30:,.1f} GiB of memory, "
-            f"{num_seeds} seeds at a time, allowed: the {available / 2**30:,.1f} GiB that are "
-            "free; reduce them or `compute.workers`"
+            f"agents.{name}: given sizes that need {told}, allowed: the {available:,.1f} GiB that "
+            "are free; reduce them or `compute.workers`"
         )
+    say(f"needs {told}; {available:,.1f} GiB are free")
 
 
 def _is_asked_again(root: Path, checkpoints: Checkpoints, seeds: Sequence[int]) -> bool:

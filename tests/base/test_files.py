@@ -1,5 +1,6 @@
 """Files are whole or absent, whatever happens while they are written."""
 
+import errno
 import hashlib
 import itertools
 import os
@@ -86,6 +87,27 @@ def test_if_one_file_fails_all_stay_as_they_were(
         assert contents(tmp_path) == OLD
     assert number >= 2
     assert contents(tmp_path) == NEW
+
+
+def test_without_hard_links_a_failure_still_restores_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_links(*arguments: object, **keywords: object) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", no_links)
+    write(tmp_path, OLD)
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="No space left"):
+        patch.setattr(os, "open", failing_open)
+        write(tmp_path, NEW)
+    assert contents(tmp_path) == OLD
+    write(tmp_path, NEW)
+    assert contents(tmp_path) == NEW
+
+
+def failing_open(*arguments: object, **keywords: object) -> int:
+    """Fails where a folder is flushed, when all files are in place."""
+    raise OSError(errno.ENOSPC, "No space left on device")
 
 
 KILLED = """

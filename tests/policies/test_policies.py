@@ -3,6 +3,7 @@
 import io
 import json
 import pickle
+import tracemalloc
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -354,6 +355,17 @@ def test_damaged_and_foreign_files_are_refused(content: bytes) -> None:
     with pytest.raises(InputError, match="policy file: .*allowed: ") as caught:
         policy_file.parse(content)
     assert "\n" not in str(caught.value)
+
+
+def test_what_does_not_belong_to_a_policy_is_not_read(tmp_path: Path) -> None:
+    path, size = tmp_path / "policy.zip", 2**26
+    path.write_bytes(pack(ARRAYS | {"stray": bytes(size)}))
+    tracemalloc.start()
+    policy_file.load(path)
+    policy_file.read_interface(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < size / 8
 
 
 def test_the_damage_is_all_that_is_wrong() -> None:

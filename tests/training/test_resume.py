@@ -1,0 +1,266 @@
+"""Training ends at any time, and resumes: kills, signals, dead workers, other seeds, `--force`."""
+
+import hashlib
+import os
+import re
+import shutil
+import signal
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from small_training import TRAINED, KillError, digests, forget, rows, small_params
+
+from jumping_ant.agents.events import Checkpoint
+from jumping_ant.base.archive import pack_state
+from jumping_ant.base.errors import StoppedError
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import ComputeParams
+from jumping_ant.training import driver
+from jumping_ant.training.checkpoints import Saved
+
+
+def with_many_checkpoints() -> Params:
+    """Return small parameters with a checkpoint after every round of work."""
+    compute = ComputeParams(workers=1, checkpoint_seconds=1e-9)
+    return small_params(1).model_copy(update={"compute": compute})
+
+
+def test_no_older_policy_stands_by_a_new_curve(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver.train(project, small_params(1), "pgpe")
+    forget(project)
+    often = with_many_checkpoints()
+    with monkeypatch.context() as patch, pytest.raises(KillError):
+        interrupt(patch, 0, 1)
+        driver.train(project, often, "pgpe")
+    assert not list((project / "models").rglob("*.zip"))
+
+
+def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> None:
+    """Have training end after the n-th checkpoint of a seed, with a row written behind it."""
+    original = driver._Seed.take
+    seen = []
+
+    def take(self: Any, report: driver.Report) -> bool:
+        if len(seen) == checkpoint:
+            raise KillError
+        is_taken = original(self, report)
+        if isinstance(report.event, Checkpoint) and self.number == seed:
+            seen.append(report.event.env_steps)
+        return is_taken
+
+    monkeypatch.setattr(driver._Seed, "take", take)
+
+
+@pytest.mark.parametrize("agent", TRAINED)
+def test_a_killed_run_goes_on_to_the_same_bytes(
+    project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings, often = small_params(1), with_many_checkpoints()
+    driver.train(project, settings, agent)
+    expected = digests(project / "models")
+    forget(project)
+    for seed, checkpoint in ((0, 1), (0, 2), (5, 1), (5, 2)):
+        shutil.rmtree(project / "models")  # as DVC does before a stage runs
+        with monkeypatch.context() as patch, pytest.raises(KillError):
+            interrupt(patch, seed, checkpoint)
+            driver.train(project, often, agent)
+    shutil.rmtree(project / "models")
+    capsys.readouterr()
+    driver.train(project, often, agent)
+    assert digests(project / "models") == expected
+    said = capsys.readouterr().err
+    assert f"{agent}: seed 0: trained before" in said
+    assert f"{agent}: seed 5: resumes from" in said
+    left = {path.name for path in (project / ".checkpoints").rglob("*") if path.is_file()}
+    assert left == {"lock", "seed-0.finished", "seed-5.finished"}
+    for seed in ("0", "5"):
+        timing = rows(project / "results" / "agents" / agent / "timing.csv")
+        seconds = [float(row["seconds"]) for row in timing if row["seed"] == seed]
+        assert seconds == sorted(seconds) and len(seconds) > 1
+
+
+@pytest.mark.parametrize("agent", ["pgpe", "sac"])
+def test_a_checkpoint_of_wrong_content_gives_way_to_the_one_before(
+    project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its digest is right: it was written by another version, or by someone else."""
+    settings, often = small_params(1), with_many_checkpoints()
+    driver.train(project, settings, agent)
+    expected = digests(project / "models")
+    forget(project)
+    with monkeypatch.context() as patch, pytest.raises(KillError):
+        interrupt(patch, 5, 2)
+        driver.train(project, often, agent)
+    for path in (project / ".checkpoints").rglob("*"):
+        if path.name in ("seed-5.2.checkpoint", "seed-0.finished"):
+            saved = Saved.from_bytes(path.read_bytes())
+            path.write_bytes(replace(saved, content=pack_state({"state": 1})).to_bytes())
+    capsys.readouterr()
+    driver.train(project, settings, agent)
+    said = capsys.readouterr().err
+    assert "seed-5.2.checkpoint cannot be resumed from (KeyError" in said
+    assert "seed 0: trained before, but not used (policy file: given" in said
+    assert said.count("seed 5: resumes from") == 2
+    assert digests(project / "models") == expected
+
+
+@pytest.mark.parametrize("agent", TRAINED)
+def test_threads_change_nothing_across_a_checkpoint(robot_xml: str, agent: str) -> None:
+    settings = small_params(1)
+    run = partial(train_seed, robot_xml, settings, agent)
+    whole = run(num_threads=1)
+    first = run(num_threads=2, stop_after=2)
+    assert isinstance(first[-1].event, Checkpoint)
+    at = first[-1].event
+    saved = Saved(at.env_steps, first[-1].seconds, [], None, "", None, b"", at.content)
+    rest = run(num_threads=1, saved=saved)
+    told = [repr(report.event) for report in first[:-1] + rest]  # a NaN equals no other
+    assert told == [repr(report.event) for report in whole]
+    assert rest[0].seconds > first[-1].seconds
+
+
+def train_seed(
+    xml: str,
+    settings: Params,
+    agent: str,
+    num_threads: int,
+    stop_after: int | None = None,
+    saved: Saved | None = None,
+) -> list[driver.Report]:
+    """Train seed 0, asked to stop after so many reports."""
+    stop = threading.Event()
+    reports = []
+    for report in driver.train_seed(
+        xml, settings.env, settings.agent(agent), settings.training, 0, stop, num_threads, saved
+    ):
+        reports.append(report)
+        if len(reports) == stop_after:
+            stop.set()
+    return reports
+
+
+def test_a_new_seed_trains_alone(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = small_params(1)
+    more = settings.model_copy(update={"seeds": [0, 5, 6]})
+    driver.train(project, more, "pgpe")
+    expected = digests(project / "models")
+    driver.train(project, settings, "pgpe")
+    shutil.rmtree(project / "models")
+    capsys.readouterr()
+    driver.train(project, more, "pgpe")
+    said = capsys.readouterr().err
+    assert said.count("trained before") == 3, "a seed that was dropped meanwhile, too"
+    assert digests(project / "models") == expected
+
+
+def test_a_training_is_done_again_only_once_dvc_has_recorded_it(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Else something went wrong after it had finished, and it is not thrown away."""
+    settings = small_params(1)
+    timing = project / "results" / "agents" / "pgpe" / "timing.csv"
+
+    def is_trained() -> bool:
+        """Train, as DVC calls it; return whether any seed was trained."""
+        shutil.rmtree(project / "models", ignore_errors=True)
+        timing.unlink(missing_ok=True)
+        capsys.readouterr()
+        driver.train(project, settings, "pgpe")
+        return "seed 5: trained before" not in capsys.readouterr().err
+
+    def record() -> None:
+        digest = hashlib.md5(timing.read_bytes(), usedforsecurity=False).hexdigest()
+        (project / "dvc.lock").write_text(f"- path: {timing}\n  hash: md5\n  md5: {digest}\n")
+
+    assert is_trained()
+    first = timing.read_text()
+    assert not is_trained() and timing.read_text() == first
+    record()
+    assert is_trained() and timing.read_text() != first, "`dvc repro --force`"
+    assert not is_trained(), "forced, but stopped before DVC recorded it"
+    record()
+    assert is_trained()
+
+
+def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
+    settings = small_params(1)
+    agent = settings.agents["sac"]
+    key = driver.dependencies(robot_xml, settings, agent)
+    assert key == driver.dependencies(robot_xml, small_params(2), agent)
+    easier = settings.env.model_copy(update={"min_torso_height": 0.1})
+    changed = {
+        "robot": (robot_xml + " ", settings, agent),
+        "agent": (robot_xml, settings, agent.model_copy(update={"gamma": 0.5})),
+        "trainer": (robot_xml, settings, settings.agents["pgpe"]),
+        "task": (robot_xml, settings.model_copy(update={"env": easier}), agent),
+    }
+    keys = {key} | {driver.dependencies(*what) for what in changed.values()}
+    assert len(keys) == len(changed) + 1
+
+
+def test_a_signal_ends_training_with_a_checkpoint(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = small_params(1)
+    driver.train(project, settings, "sac")
+    expected = digests(project / "models")
+    more = settings.model_dump()
+    more["seeds"] = [5, 0]  # not the same request as before
+    shutil.rmtree(project / ".checkpoints")
+    settings = params_file.check(more)
+    curve = project / "models" / "sac" / "seed-5" / "curve.csv"
+    curve.unlink()
+
+    def send() -> None:
+        while not curve.exists() or curve.read_text().count("\n") < 2:
+            time.sleep(0.001)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    with pytest.raises(StoppedError, match="sac is not trained yet; the next run resumes: seed"):
+        driver.train(project, settings, "sac")
+    sender.join()
+    capsys.readouterr()
+    driver.train(project, settings, "sac")
+    assert "resumes from" in capsys.readouterr().err
+    assert digests(project / "models") == expected
+
+
+def test_a_dead_worker_is_replaced_from_the_checkpoint(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = small_params(2)
+    driver.train(project, settings, "pgpe")
+    expected = digests(project / "models")
+    shutil.rmtree(project / ".checkpoints")
+    slow = settings.model_dump()
+    slow["compute"] = {"workers": 2, "checkpoint_seconds": 1e-9}
+
+    def kill_one() -> None:
+        folder = project / ".checkpoints"
+        while not list(folder.rglob("*.checkpoint")):
+            time.sleep(0.001)
+        workers = [
+            process
+            for process in psutil.Process().children(recursive=True)
+            if "ray::_Worker" in " ".join(process.cmdline())
+        ]
+        workers[0].kill()
+
+    killer = threading.Thread(target=kill_one)
+    killer.start()
+    driver.train(project, params_file.check(slow), "pgpe")
+    killer.join()
+    told = capsys.readouterr().err
+    assert re.search(r"pgpe: seed \d: its worker died, and another takes over", told)
+    assert digests(project / "models") == expected
