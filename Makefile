@@ -17,7 +17,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article check style test test-parts test-whole bench soak ui view watch schema map lock clean
+.PHONY: help install repro article check style test test-smoke test-processes test-rest bench soak ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -55,20 +55,24 @@ style:
 	mypy
 
 test: install .venv/.browser style ## check style, types and behaviour
-	@$(MAKE) --no-print-directory --jobs=2 test-parts test-whole
+	@$(MAKE) --no-print-directory --jobs=3 test-smoke test-processes test-rest
 
 QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/judging tests/test_layers.py \
 	tests/policies tests/test_pipeline.py tests/test_publish.py
 
-# Two halves of equal duration, run in parallel, as the second one often waits for processes: the
-# parts, and the pipeline as a whole with its pages in a browser.
-WHOLE_TESTS = tests/test_smoke.py tests/showing/test_report.py tests/tracking/test_pages.py
+# Three parts of about equal duration, run in parallel, as they often wait for processes: the pipeline
+# as a whole, what starts many processes, and all else.
+SMOKE_TESTS = tests/test_smoke.py
+PROCESS_TESTS = tests/test_soak.py tests/training tests/tracking tests/test_wheel.py
 
-test-parts:
-	CI=1 pytest -q $(addprefix --ignore=,$(WHOLE_TESTS))
+test-smoke:
+	CI=1 pytest -q $(SMOKE_TESTS)
 
-test-whole:
-	CI=1 pytest -q $(WHOLE_TESTS)
+test-processes:
+	CI=1 pytest -q $(PROCESS_TESTS)
+
+test-rest:
+	CI=1 pytest -q $(addprefix --ignore=,$(SMOKE_TESTS) $(PROCESS_TESTS))
 
 bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (ten minutes)
 	python -m benchmarks

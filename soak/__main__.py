@@ -28,7 +28,7 @@ from soak.file_faults import FileFaults
 from soak.injector import AGENT
 from soak.inputs import Inputs
 from soak.kills import Killer
-from soak.operations import TARGETS
+from soak.operations import DVC_STAGE, TARGETS
 
 PATH = PROJECT_ROOT / "results" / "soak.json"
 PARTS = ("kills", "faults", "bad_inputs", "payloads", "mutations", "operations")
@@ -116,9 +116,11 @@ def mislead(
 
 def mutate(project: Checkout, seed: int, troubles: list[str], each: int = MUTATIONS) -> Figures:
     """Change bytes of every kind of file; add what is not answered clearly to the troubles."""
+    project.write_params(projects.settings_of(*mutations.AGENTS))
     mutations.prepare(project)
     command = ("soak.mutations", str(project.folder), "--seed", str(seed), "--each", str(each))
     done = project.run(sys.executable, "-m", *command)
+    project.write_params(projects.settings())
     if done.returncode:
         troubles.append(f"mutations ended with {done.returncode}: {done.stderr[-2000:]}")
         return {}
@@ -133,8 +135,8 @@ def interrupt(
     project: Checkout, troubles: list[str], targets: Sequence[str] = TARGETS, most: int = OPERATIONS
 ) -> Figures:
     """Interrupt operations on files; add what was not survived to the troubles."""
-    project.write_params(projects.settings_of_one(AGENT))
-    project.seconds("dvc", "repro")
+    project.write_params(projects.settings_of(AGENT))
+    project.seconds("dvc", "repro", DVC_STAGE, *(set(targets) - {"dvc"}))
     done = project.run(
         *(sys.executable, "-m", "soak.operations", AGENT, *targets, "--most", str(most))
     )

@@ -13,7 +13,6 @@ import psutil  # type: ignore[import-untyped]
 from scripts.checkout import Checkout
 from soak import project as projects
 
-MAX_KILLS_IN_A_ROW = 4
 AFTER_A_CHECKPOINT = 0.8  # share of kills; much of a short training is its start
 REPRO = ("dvc", "repro", "--single-item", "--no-run-cache")
 
@@ -33,14 +32,18 @@ class Killer:
         project: The project to train in.
         agent: The agent's name.
         generator: Decides when, how often and which processes to kill.
+        most: Kills in a row.
     """
 
-    def __init__(self, project: Checkout, agent: str, generator: random.Random) -> None:
+    def __init__(
+        self, project: Checkout, agent: str, generator: random.Random, most: int = 4
+    ) -> None:
         self.count = Count()
         self.log = project.folder / f"{agent}.log"
         self._project = project
         self._agent = agent
         self._generator = generator
+        self._most = most
         started = time.monotonic()
         process = self._repro("--force")
         projects.await_checkpoint(project, agent, process)
@@ -57,7 +60,7 @@ class Killer:
             RuntimeError: The training fails although it is no longer killed.
         """
         kills = 0
-        wanted = self._generator.randint(1, MAX_KILLS_IN_A_ROW)
+        wanted = self._generator.randint(1, self._most)
         options = ["--force"]
         while kills < wanted:
             process = self._repro(*options)

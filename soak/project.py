@@ -24,6 +24,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
     "metronome-unedited": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
     "pgpe": {"generations": 24, "population_size": 10, "episode_steps": 50},
 }
+LITTLE = {"dqn": 2_000, "sac": 600}
 CHECKPOINT_SECONDS = 0.3
 
 
@@ -40,10 +41,13 @@ def settings() -> Params:
     return params_file.check(content)
 
 
-def settings_of_one(agent: str) -> Params:
-    """Return the same with one agent, which trains in the stage's own process."""
+def settings_of(*agents: str) -> Params:
+    """Return the same with fewer agents, which train a little in the stage's own process."""
     content = settings().model_dump()
-    content["agents"] = {agent: content["agents"][agent]}
+    content["agents"] = {agent: content["agents"][agent] for agent in agents}
+    for agent in set(agents) & LITTLE.keys():
+        content["agents"][agent] |= {"total_steps": LITTLE[agent]}
+    content["env"]["max_episode_steps"] = 60
     content["compute"]["workers"] = 1
     content["record"] |= {"width": 160, "height": 120}
     content["compare"]["bootstrap_samples"] = 200

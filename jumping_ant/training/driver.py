@@ -415,16 +415,21 @@ def _check_memory(
 ) -> None:
     """Tell how much memory training needs; refuse it if this machine has less."""
     anatomy = Anatomy.of(robot.load(xml))
-    needed = num_seeds * agent.memory(anatomy.num_observations, anatomy.num_motors) / 2**30
-    available = machine.available_memory() / 2**30
+    needed = num_seeds * agent.memory(anatomy.num_observations, anatomy.num_motors)
+    available = machine.available_memory()
     seeds = "1 seed" if num_seeds == 1 else f"{num_seeds} seeds"
-    told = f"about {needed:,.1f} GiB of memory, {seeds} at a time"
+    told = f"about {_size(needed)} of memory, {seeds} at a time"
     if needed > available:
         raise InputError(
-            f"agents.{name}: given sizes that need {told}, allowed: the {available:,.1f} GiB that "
+            f"agents.{name}: given sizes that need {told}, allowed: the {_size(available)} that "
             "are free; reduce them or `compute.workers`"
         )
-    say(f"needs {told}; {available:,.1f} GiB are free")
+    say(f"needs {told}; {_size(available)} are free")
+
+
+def _size(num_bytes: float) -> str:
+    mebibytes = num_bytes / 2**20
+    return f"{mebibytes:,.0f} MiB" if mebibytes < 1000 else f"{mebibytes / 1024:,.1f} GiB"
 
 
 def _is_asked_again(root: Path, checkpoints: Checkpoints, seeds: Sequence[int]) -> bool:

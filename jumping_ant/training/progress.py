@@ -49,8 +49,9 @@ class TrainingProgress:
     def __enter__(self) -> Self:
         """Print how progress will be reported if there are no bars."""
         if not self._is_terminal:
+            seeds = "1 seed" if len(self._bars) == 1 else f"{len(self._bars)} seeds"
             self._print(
-                f"{self._agent}: training {len(self._bars)} seeds; output is not a terminal, "
+                f"{self._agent}: training {seeds}; output is not a terminal, "
                 f"so a line per seed every {SECONDS_BETWEEN_LINES:.0f} s"
             )
         return self

@@ -361,7 +361,8 @@ def run_stage(project: Path) -> subprocess.CompletedProcess[str]:
 
 def test_the_stage_writes_the_same_files_every_time(tmp_path):
     content = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
-    content |= {"seeds": SEEDS, "compare": COMPARE.model_dump()}
+    few = {name: content["agents"][name] for name in ("random", "dqn", "sac", "pgpe")}
+    content |= {"seeds": SEEDS, "compare": COMPARE.model_dump(), "agents": few}
     with (tmp_path / "params.yaml").open("w") as file:
         YAML().dump(content, file)
     agents = {name: block["algorithm"] for name, block in content["agents"].items()}
