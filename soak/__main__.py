@@ -35,7 +35,7 @@ PARTS = ("kills", "faults", "bad_inputs", "payloads", "mutations", "operations")
 INPUTS_SHARE = 0.2  # share of the time for bad input, if other parts run, too
 LEAST_INPUTS = 300
 MUTATIONS = 500  # changed versions of each file
-OPERATIONS = 40  # interrupted, of each kind and stage, evenly spread over those of a run
+OPERATIONS_SECONDS = 40.0  # for each stage and kind of interruption
 
 Figures = dict[str, Any]
 
@@ -67,7 +67,7 @@ def main() -> None:
         if "mutations" in parts:
             figures |= mutate(project, arguments.seed, troubles)
         if "operations" in parts:
-            figures |= interrupt(project, troubles)
+            figures |= interrupt(project, arguments.seed, troubles)
         figures |= hurt(project, generator, deadline, parts, troubles)
     minutes = (time.monotonic() - started) / 60
     figures = {"minutes": round(minutes, 1)} | {part: figures.get(part, {}) for part in PARTS}
@@ -132,14 +132,17 @@ def mutate(project: Checkout, seed: int, troubles: list[str], each: int = MUTATI
 
 
 def interrupt(
-    project: Checkout, troubles: list[str], targets: Sequence[str] = TARGETS, most: int = OPERATIONS
+    project: Checkout,
+    seed: int,
+    troubles: list[str],
+    targets: Sequence[str] = TARGETS,
+    seconds: float = OPERATIONS_SECONDS,
 ) -> Figures:
     """Interrupt operations on files; add what was not survived to the troubles."""
     project.write_params(projects.settings_of(AGENT))
     project.seconds("dvc", "repro", DVC_STAGE, *(set(targets) - {"dvc"}))
-    done = project.run(
-        *(sys.executable, "-m", "soak.operations", AGENT, *targets, "--most", str(most))
-    )
+    command = ("soak.operations", AGENT, *targets, "--seconds", str(seconds), "--seed", str(seed))
+    done = project.run(sys.executable, "-m", *command)
     project.write_params(projects.settings())
     if done.returncode:
         troubles.append(f"operations ended with {done.returncode}: {done.stderr[-2000:]}")

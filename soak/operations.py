@@ -1,6 +1,6 @@
 """Every n-th operation on files fails, or is preceded by a kill, in every stage and in DVC.
 
-Usage: python -m soak.operations AGENT TARGET... [--most COUNT]
+Usage: python -m soak.operations AGENT TARGET... [--seconds SECONDS] [--seed SEED]
 
 Runs in the folder of a project whose stages are up to date, and prints the counts as JSON.
 Operations are those that change files in that folder: opening one to write, flushing, linking,
@@ -16,11 +16,13 @@ import errno
 import importlib
 import json
 import os
+import random
 import re
 import shutil
 import signal
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -44,6 +46,7 @@ TARGETS = (
 )
 PRELOADED = {"train": ("jumping_ant.training.driver", "jumping_ant.agents.evolution.trainer")}
 OLD = b"as it was before\n"
+A_FEW = 4
 MARK, TOTAL = "interrupted: ", "operations: "
 CHANGES = {"os.rename", "os.remove", "os.link", "os.symlink", "os.truncate"}
 GROWING = "curve.csv"  # row by row, while training runs
@@ -73,12 +76,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m soak.operations")
     parser.add_argument("agent")
     parser.add_argument("targets", nargs="+", choices=TARGETS, metavar="TARGET")
-    parser.add_argument("--most", type=int, default=40, help="operations of a target and kind")
+    parser.add_argument("--seconds", type=float, default=40.0, help="for each target and kind")
+    parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
+    generator = random.Random(arguments.seed)
     counts = {}
     for name in arguments.targets:
         target = Target(name, arguments.agent)
-        counts[name] = {kind: asdict(count) for kind, count in target.all(arguments.most).items()}
+        found = target.interrupt(arguments.seconds, generator)
+        counts[name] = {kind: asdict(count) for kind, count in found.items()}
         print(f"operations: {name}: {counts[name]}", file=sys.stderr, flush=True)
     print(json.dumps(counts))
 
@@ -105,15 +111,23 @@ class Target:
             self._first = partial(dvc, ["repro", "--force", full_name])
             self._again = partial(dvc, ["repro", full_name])
 
-    def all(self, most: int) -> dict[str, Count]:
-        """Interrupt operations, at most so many of a kind and evenly spread; return the counts."""
+    def interrupt(self, seconds: float, generator: random.Random) -> dict[str, Count]:
+        """Interrupt every operation in turn; return the counts.
+
+        Args:
+            seconds: Time for each kind of interruption, after which a few must do.
+            generator: Decides which ones come first.
+        """
         self._reset()
         undisturbed = self._run(self._first)
         new = self._contents()
         total = int(undisturbed.told.rpartition(TOTAL)[2])
         counts = {kind: Count() for kind in KINDS}
         for kind, count in counts.items():
-            for number in range(0, total, -(-total // most)):
+            deadline = time.monotonic() + seconds
+            for done, number in enumerate(generator.sample(range(total), total)):
+                if done >= A_FEW and time.monotonic() > deadline:
+                    break
                 self._reset()
                 ended = self._run(self._first, kind, number)
                 is_whole = self._is_whole(kind, ended, new)

@@ -9,6 +9,7 @@ Writes: digests/STAGE.json, for training digests/train-TRAINER.json: the SHA-256
 import argparse
 from pathlib import Path
 
+from jumping_ant.agents.code import code_of, trainers
 from jumping_ant.base import imports
 from jumping_ant.base.files import PROJECT_ROOT, digest, to_json, write_all
 from jumping_ant.base.paths import Paths
@@ -17,27 +18,19 @@ from . import run
 
 TRAIN = "train"
 # Modules that a stage does not import: MLflow's models hold this one.
-MORE = {"track": "tracking/serving.py"}
+MORE = {"track": "jumping_ant/tracking/serving.py"}
 OTHER_SUFFIXES = (".py", ".typed", ".tmp")
-LIBRARY = PROJECT_ROOT / "jumping_ant"
 
 
 def code() -> dict[str, set[Path]]:
-    """Return the files that each stage runs, by the name of its digests.
-
-    Training imports the trainer that an agent's block names. Of the trainers' packages only the
-    agent's own counts.
-    """
-    scripts = set((PROJECT_ROOT / "stages").glob("[a-z]*.py")) - {Path(__file__)}
-    found = {script.stem: imports.closure(script) for script in scripts}
+    """Return the files that each stage runs, by the name of its digests."""
+    scripts = {path.stem: path for path in (PROJECT_ROOT / "stages").glob("[a-z]*.py")}
+    del scripts[Path(__file__).stem]
+    train = scripts.pop(TRAIN)
+    found = {stage: imports.closure(script) for stage, script in scripts.items()}
     for stage, module in MORE.items():
-        found[stage] |= imports.closure(LIBRARY / module)
-    train = found.pop(TRAIN)
-    packages = {trainer.parent for trainer in (LIBRARY / "agents").glob("*/trainer.py")}
-    for own in packages:
-        files = train | imports.closure(own / "trainer.py")
-        common = {file for file in files if packages.isdisjoint(file.parents)}
-        found[f"{TRAIN}-{own.name}"] = common | set(own.rglob("*.py"))
+        found[stage] |= imports.closure(PROJECT_ROOT / module)
+    found |= {f"{TRAIN}-{trainer}": code_of(trainer, train) for trainer in trainers()}
     return {name: files | _beside(files) for name, files in found.items()}
 
 

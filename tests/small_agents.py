@@ -7,7 +7,7 @@ from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.experiment import presets
 
 PARAMS = presets.load("families")
-# Settings of each family that train in a second.
+# Settings of each family, and of some algorithms, that train in a second.
 SMALL: dict[str, dict[str, Any]] = {
     "off_policy": {
         "total_steps": 240,
@@ -17,17 +17,32 @@ SMALL: dict[str, dict[str, Any]] = {
         "net_arch": [16],
         "log_interval": 30,
     },
+    "on_policy": {
+        "total_steps": 240,
+        "num_envs": 4,
+        "n_steps": 5,
+        "net_arch": [16],
+        "log_interval": 40,
+    },
     "evolution": {"generations": 6, "population_size": 4, "episode_steps": 20},
     "open_loop": {"half_periods": [2, 3], "episodes": 2, "episode_steps": 20},
     "random": {},
+    "ppo": {"batch_size": 20, "n_epochs": 2},
+    "ars": {"n_top": 1},
+    "cem": {"parenthood_ratio": 0.5},
 }
+
+
+def smaller(agent: AgentBlock) -> dict[str, Any]:
+    """Return changes of an agent's settings that let it train in a second."""
+    return SMALL[agent.trainer] | SMALL.get(agent.algorithm, {})
 
 
 def agents() -> dict[str, AgentBlock]:
     """Return a small agent of every algorithm, by the algorithm's name."""
     found: dict[str, AgentBlock] = {}
     for agent in PARAMS.agents.values():
-        small = agent.model_copy(update=SMALL[agent.trainer])
+        small = agent.model_copy(update=smaller(agent))
         found.setdefault(agent.algorithm, type(agent).model_validate(small.model_dump()))
     assert found.keys() == ALGORITHMS.keys(), "presets/families has an agent of every algorithm"
     return found

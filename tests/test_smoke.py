@@ -209,7 +209,7 @@ def test_changed_code_reruns_what_runs_it(project: Project) -> None:
         ("agents.sac.learning_rte", 0.1, "agents.sac.learning_rte: unknown key"),
         ("agents.sac.learning_rate", "fast", "agents.sac.learning_rate: given 'fast'"),
         ("agents.sac.gamma", 2, "agents.sac.gamma: given 2"),
-        ("agents.sac.algorithm", "ppo", "agents.sac.algorithm: given 'ppo'"),
+        ("agents.sac.algorithm", "sarsa", "agents.sac.algorithm: given 'sarsa'"),
         ("seeds", [], "seeds: "),
         ("seeds", [1, 1], "seeds holds 1 more than once"),
     ],

@@ -3,11 +3,16 @@
 from jumping_ant.agents.algorithm import AgentBlock, Algorithm
 from jumping_ant.agents.evolution import algorithms as evolution
 from jumping_ant.agents.off_policy import algorithms as off_policy
+from jumping_ant.agents.on_policy import algorithms as on_policy
 from jumping_ant.agents.open_loop import algorithms as open_loop
 from jumping_ant.agents.random import algorithms as random
 
 ALGORITHMS: dict[str, Algorithm] = (
-    random.ALGORITHMS | open_loop.ALGORITHMS | off_policy.ALGORITHMS | evolution.ALGORITHMS
+    random.ALGORITHMS
+    | open_loop.ALGORITHMS
+    | off_policy.ALGORITHMS
+    | on_policy.ALGORITHMS
+    | evolution.ALGORITHMS
 )
 
 

@@ -9,11 +9,13 @@ import importlib.metadata
 import math
 import os
 import platform
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("evotorch", "gymnasium", "mujoco", "numpy", "stable-baselines3", "torch")
+PACKAGES = ("evotorch", "gymnasium", "mujoco", "numpy", "sb3-contrib", "stable-baselines3", "torch")
+KEYS = ("cpu family", "model")  # in /proc/cpuinfo
 CONTROL_GROUP = Path("/sys/fs/cgroup")
 BLAS_THREADS = 1  # per worker; simulations may use more, which does not affect results
 
@@ -53,10 +55,14 @@ def available_memory() -> float:
 
 
 def processor() -> str:
-    """Return the processor's name, from `/proc/cpuinfo` if it has one, else from Python."""
+    """Return the processor's name and model, from `/proc/cpuinfo` if they are there, else the name.
+
+    Clouds give one name to processors that compute with different instructions.
+    """
     with suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        names = [line.partition(": ")[2] for line in lines if line.startswith("model name")]
-        if names:
-            return names[0]
+        first = Path("/proc/cpuinfo").read_text().partition("\n\n")[0]
+        fields = dict(re.findall(r"^(.*?)\s*: (.*)$", first, re.MULTILINE))
+        if "model name" in fields:
+            numbers = [f"{key.removeprefix('cpu ')} {fields[key]}" for key in KEYS if key in fields]
+            return f"{fields['model name']} ({', '.join(numbers)})"
     return platform.processor() or platform.machine()

@@ -20,7 +20,7 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base.seeding import derive
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.policies.networks import TanhActor
+from jumping_ant.policies.networks import Network
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 
@@ -90,7 +90,7 @@ def make(
         num_threads: Threads that step the simulations; results do not depend on it.
     """
     variants: dict[str, Policy] = {"final": final}
-    if isinstance(published, TanhActor | LinearPolicy):
+    if isinstance(published, Network | LinearPolicy) and published.actions.table is None:
         commands = AMPLITUDE * np.array(env.commands, dtype=np.float64)
         variants["rounded"] = RoundedPolicy(published, commands)
     if isinstance(final, LinearPolicy):

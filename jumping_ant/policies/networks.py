@@ -3,7 +3,7 @@
 import io
 import itertools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
@@ -20,10 +20,11 @@ from jumping_ant.policies.policy import (
 )
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inputs), bias (outputs,)
+State = dict[str, NDArray[Any]]  # a network's numbers by name
 
 
 @dataclass(frozen=True)
-class _Network:
+class Network:
     """The network of an SB3 policy: fully connected, ReLU between layers.
 
     Attributes:
@@ -63,26 +64,35 @@ class _Network:
         """Return the outputs of the last hidden layer, shape (n, units)."""
         values = observations.astype(np.float32) * self.factors
         for layer in self.layers[:-1]:
-            values = np.maximum(_affine(values, layer), np.float32(0.0))
+            values = self._activate(_affine(values, layer))
         return values
+
+    def _activate(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.maximum(values, np.float32(0.0))
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> Self:
         """Build the policy from a policy file's entries; only tensors are read."""
-        state = _tensors(entries)
+        actions = action_set(header, entries)
+        state = cls._folded(_numbers(entries), actions)
         layers = _layers(state, cls.PREFIXES)
-        actions, outputs = action_set(header, entries), len(layers[-1][1])
+        outputs = len(layers[-1][1])
         if actions.table is not None and outputs != len(actions.table):
             raise ValueError(f"a network of {outputs} outputs instead of {len(actions.table)}")
-        return cls(state[cls.FACTORS].numpy(), actions, layers, **cls._heads(state))
+        return cls(state[cls.FACTORS], actions, layers, **cls._heads(state))
 
     @classmethod
-    def _heads(cls, state: Mapping[str, Any]) -> dict[str, Any]:
+    def _folded(cls, state: State, actions: ActionSet) -> State:
+        """Return the same function with layers only; a subclass folds what else it has."""
+        return state
+
+    @classmethod
+    def _heads(cls, state: State) -> dict[str, Any]:
         """Return the fields that a subclass adds, from the tensors by name."""
         return {}
 
 
-class TanhActor(_Network):
+class TanhActor(Network):
     """TD3's actor (Fujimoto et al. 2018): torques are the tanh of a network's outputs."""
 
     PREFIXES: ClassVar[tuple[str, ...]] = ("actor.mu.",)
@@ -127,7 +137,7 @@ class GaussianActor(TanhActor):
         return _affine(hidden, self.layers[-1]), np.exp(log_stdev)
 
     @classmethod
-    def _heads(cls, state: Mapping[str, Any]) -> dict[str, Any]:
+    def _heads(cls, state: State) -> dict[str, Any]:
         (layer,) = _layers(state, (cls.LOG_STDEV_PREFIX,))
         (mean,) = _layers(state, ("actor.mu.",))
         if layer[0].shape != mean[0].shape:
@@ -135,7 +145,36 @@ class GaussianActor(TanhActor):
         return {"log_stdev": layer}
 
 
-class GreedyCommands(_Network):
+class NormalizedActor(GaussianActor):
+    """CrossQ's actor (Bhatt et al. 2024): SAC's with batch renormalisation before each layer.
+
+    Once trained, a normalisation is a factor and a shift of each input, which the layer after it
+    takes over.
+    """
+
+    EPSILON = 0.001  # added to variances, as SB3-Contrib does
+
+    @classmethod
+    def _folded(cls, state: State, actions: ActionSet) -> State:
+        modules = [name.rpartition(".")[0] for name in state if name.startswith("actor.latent_pi.")]
+        factors, shifts = np.ones(()), np.zeros(())
+        folded = dict(state)
+        for module in [*dict.fromkeys(modules), "actor.mu", "actor.log_std"]:
+            if f"{module}.ra_var" in state:
+                scale, bias, mean, variance = (
+                    state[f"{module}.{name}"].astype(np.float64)
+                    for name in ("scale", "bias", "ra_mean", "ra_var")
+                )
+                factors = scale / np.sqrt(variance + cls.EPSILON)
+                shifts = bias - factors * mean
+            else:
+                weight, bias = state[f"{module}.weight"], state[f"{module}.bias"]
+                folded[f"{module}.weight"] = (weight * factors).astype(np.float32)
+                folded[f"{module}.bias"] = (bias + weight @ shifts).astype(np.float32)
+        return folded
+
+
+class GreedyCommands(Network):
     """DQN's Q-network, which acts with the command of the highest value."""
 
     PREFIXES = ("q_net.q_net.",)
@@ -165,35 +204,69 @@ class GreedyCommands(_Network):
         return self.actions.torques(choices).astype(np.float64)
 
 
+class QuantileCommands(GreedyCommands):
+    """QR-DQN's network (Dabney et al. 2018): a command's value is the mean of its quantiles."""
+
+    PREFIXES = ("quantile_net.quantile_net.",)
+    FACTORS = "quantile_net.features_extractor.factors"
+
+    @classmethod
+    def _folded(cls, state: State, actions: ActionSet) -> State:
+        last = [name for name in state if name.startswith(cls.PREFIXES)][-1].rpartition(".")[0]
+        num_commands = 1 if actions.table is None else len(actions.table)
+        means = {
+            name: state[name].reshape(-1, num_commands, *state[name].shape[1:]).mean(axis=0)
+            for name in (f"{last}.weight", f"{last}.bias")
+        }
+        return state | means
+
+
+class ActorCritic(Network):
+    """The actor of A2C and PPO: the mean of a Gaussian, or the most probable command."""
+
+    PREFIXES = ("mlp_extractor.policy_net.", "action_net.")
+    FACTORS = "features_extractor.factors"
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, shape (n, num_motors)."""
+        outputs = self._forward(observations)
+        if self.actions.table is None:
+            return self.actions.torques(np.clip(outputs, -1.0, 1.0).astype(np.float64))
+        return self.actions.torques(np.argmax(outputs, axis=1)).astype(np.float64)
+
+    def _activate(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.tanh(values)
+
+
 def _affine(inputs: NDArray[np.float32], layer: Layer) -> NDArray[np.float32]:
     weight, bias = layer
     return np.asarray(inputs @ weight.T + bias, dtype=np.float32)
 
 
-def _tensors(entries: Entries) -> dict[str, Any]:
+def _numbers(entries: Entries) -> State:
     """Return the tensors of a Stable-Baselines3 archive, by name."""
     import torch  # takes seconds, so imported only to read a network
 
     content = entries["policy.pth"]
     archive = Archive(content)
     sizes = Counter(archive.size(name) for name in archive)
-    state: dict[str, Any] = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     for name, tensor in state.items():
         # A tensor says how large its storage is and how it lies in it, and torch believes it.
         storage = tensor.untyped_storage().nbytes()
         if not sizes[storage] or not tensor.is_contiguous():
             raise ValueError(f"{name}: {tuple(tensor.shape)} numbers in {storage} bytes")
-    return state
+    return {name: tensor.numpy() for name, tensor in state.items()}
 
 
-def _layers(state: Mapping[str, Any], prefixes: tuple[str, ...]) -> list[Layer]:
+def _layers(state: State, prefixes: tuple[str, ...]) -> list[Layer]:
     """Return the layers whose parameters' names begin with one of the prefixes, in order."""
     names = [
         name.removesuffix(".weight")
         for name in state
         if name.startswith(prefixes) and name.endswith(".weight")
     ]
-    layers = [(state[f"{name}.weight"].numpy(), state[f"{name}.bias"].numpy()) for name in names]
+    layers = [(state[f"{name}.weight"], state[f"{name}.bias"]) for name in names]
     for weight, bias in layers:
         if weight.ndim != 2 or bias.shape != weight.shape[:1]:
             raise ValueError(f"a layer of weights {weight.shape} and biases {bias.shape}")

@@ -10,7 +10,14 @@ from jumping_ant.base.archive import Archive
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.policies.networks import GaussianActor, GreedyCommands, TanhActor
+from jumping_ant.policies.networks import (
+    ActorCritic,
+    GaussianActor,
+    GreedyCommands,
+    NormalizedActor,
+    QuantileCommands,
+    TanhActor,
+)
 from jumping_ant.policies.policy import HEADER, Interface, Policy, interface_of
 
 KINDS: dict[str, Any] = {
@@ -19,6 +26,12 @@ KINDS: dict[str, Any] = {
     "linear": LinearPolicy,
     "sac": GaussianActor,
     "td3": TanhActor,
+    "qrdqn": QuantileCommands,
+    "tqc": GaussianActor,
+    "crossq": NormalizedActor,
+    "ddpg": TanhActor,
+    "a2c": ActorCritic,
+    "ppo": ActorCritic,
     "dqn": GreedyCommands,
 }
 

@@ -30,9 +30,10 @@ from zipfile import BadZipFile
 import numpy as np
 
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.code import code_of
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
-from jumping_ant.base import imports, machine
+from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError, StoppedError
 from jumping_ant.base.files import to_json, write_all, write_text
 from jumping_ant.base.paths import Paths, SeedPaths
@@ -56,6 +57,7 @@ COLUMNS = (
 )
 
 
+WORTH_TELLING = 2**20  # [bytes] of memory
 # What reading a checkpoint of wrong content raises; not the memory or a file that is lacking.
 WRONG_CONTENT = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, BadZipFile)
 
@@ -242,10 +244,7 @@ def dependencies(xml: str, params: Params, agent: AgentBlock) -> str:
         params: All parameters; only the task and the evaluation of snapshots are included.
         agent: The agent's block.
     """
-    families = Path(__file__).parents[1] / "agents"
-    own = families / agent.trainer
-    files = imports.closure(Path(__file__), own / "trainer.py") | set(own.rglob("*.py"))
-    code = [file for file in sorted(files) if _is_of(file, own, families)]
+    code = sorted(code_of(agent.trainer, Path(__file__)))
     content = {
         "robot": xml,
         "params": [block.model_dump() for block in (params.env, params.training, agent)],
@@ -253,11 +252,6 @@ def dependencies(xml: str, params: Params, agent: AgentBlock) -> str:
         "machine": machine.describe(),
     }
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
-
-
-def _is_of(file: Path, own: Path, families: Path) -> bool:
-    """Return whether a file belongs to the agent's own family, or to no family of agents."""
-    return file.is_relative_to(own) or file.parent == families or families not in file.parents
 
 
 class _Seed:
@@ -424,7 +418,8 @@ def _check_memory(
             f"agents.{name}: given sizes that need {told}, allowed: the {_size(available)} that "
             "are free; reduce them or `compute.workers`"
         )
-    say(f"needs {told}; {_size(available)} are free")
+    if needed >= WORTH_TELLING:
+        say(f"needs {told}; {_size(available)} are free")
 
 
 def _size(num_bytes: float) -> str:

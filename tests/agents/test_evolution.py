@@ -1,4 +1,4 @@
-"""PGPE: EvoTorch's own problem and search, on a batch of simulations."""
+"""Evolution: EvoTorch's own problem and searches, on a batch of simulations."""
 
 from typing import Any
 
@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import small_agents
 import torch
-from evotorch import SolutionBatch
+from evotorch import Problem, SolutionBatch
 from evotorch.neuroevolution import GymNE
 from evotorch.neuroevolution.net import RunningStat
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.evolution.problem import JumpProblem
+from jumping_ant.agents.evolution.searchers import AugmentedRandomSearch
 from jumping_ant.agents.evolution.trainer import train
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive
@@ -118,3 +119,31 @@ def test_events_tell_the_run(robot_xml: str) -> None:
     assert sum(isinstance(event, Snapshot) for event in events) == 3
     assert isinstance(events[-1], Finished)
     assert isinstance(policy_file.parse(events[-1].policy), LinearPolicy)
+
+
+def test_random_search_takes_the_step_of_its_paper() -> None:
+    """Mania, Guy and Recht 2018, algorithm 2, on returns that anyone can compute."""
+    seen: list[np.ndarray] = []
+
+    def returns(values: torch.Tensor) -> torch.Tensor:
+        seen.append(values.numpy().astype(np.float64))
+        return 3.0 * values[:, 0] - values[:, 1].square()
+
+    problem = Problem("max", returns, solution_length=3, initial_bounds=(0, 0), vectorized=True)
+    agent = small_agents.agents()["ars"].model_copy(
+        update={"population_size": 8, "n_top": 2, "delta_std": 0.5, "learning_rate": 0.25}
+    )
+    searcher = AugmentedRandomSearch(problem, agent)
+    searcher.step()
+    (policies,) = seen
+    directions = policies[:4] / 0.5
+    np.testing.assert_allclose(policies[4:], -policies[:4])
+    forward, backward = (3 * part[:, 0] - part[:, 1] ** 2 for part in np.split(policies, 2))
+    best = np.argsort(np.maximum(forward, backward))[-2:]
+    deviation = np.concatenate([forward[best], backward[best]]).std()
+    step = ((forward - backward)[best, None] * directions[best]).sum(0)
+    expected = 0.25 / (2 * deviation) * step
+    np.testing.assert_allclose(searcher.center.numpy(), expected, rtol=1e-5)
+    for _ in range(20):
+        searcher.step()
+    assert searcher.center[0] > 1 and searcher.generation == 21

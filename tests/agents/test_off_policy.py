@@ -13,7 +13,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job
-from jumping_ant.agents.off_policy.trainer import make_envs, make_model, train
+from jumping_ant.agents.off_policy.trainer import make_model, train
+from jumping_ant.agents.sb3.model import make_envs
 from jumping_ant.base.archive import Archive
 from jumping_ant.base.seeding import derive
 from jumping_ant.sim.env import Decisions, RobotEnv

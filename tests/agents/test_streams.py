@@ -21,7 +21,8 @@ NETWORKS = {
 }
 POPULATION = {"generations": 2, "population_size": NUM_STARTS, "episode_steps": EPISODE_STEPS}
 RHYTHMS = {"half_periods": [2, 3], "episodes": NUM_STARTS, "episode_steps": EPISODE_STEPS}
-SMALL = {"off_policy": NETWORKS, "evolution": POPULATION, "open_loop": RHYTHMS}
+ROUNDS = {name: value for name, value in NETWORKS.items() if name != "learning_starts"}
+SMALL = {"off_policy": NETWORKS, "on_policy": ROUNDS, "evolution": POPULATION, "open_loop": RHYTHMS}
 AGENTS = {
     name: agent.model_copy(update=SMALL[agent.trainer])
     for name, agent in small_agents.agents().items()

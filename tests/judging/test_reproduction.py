@@ -8,7 +8,8 @@ import torch
 from evotorch.neuroevolution import GymNE
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_bytes
+from jumping_ant.agents.off_policy.trainer import make_model
+from jumping_ant.agents.sb3.model import make_envs, policy_bytes
 from jumping_ant.experiment import params_file
 from jumping_ant.judging import reproduction
 from jumping_ant.judging.reproduction import Trace, percentile_among, place, play

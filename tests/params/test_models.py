@@ -26,7 +26,7 @@ KEYS_OF_ENV = (
     "frame_skip, reset_noise_scale, drop_height, max_episode_steps, min_torso_height, "
     "max_torso_height, max_tilt, commands, reward"
 )
-ALGORITHMS = "random, open_loop, dqn, sac, td3, pgpe, snes"
+ALGORITHMS = "random, open_loop, dqn, sac, ddpg, td3, a2c, ppo, pgpe, snes, xnes, cem, cmaes, ars"
 ROBOTS = "ant, hopper, walker2d, half_cheetah, humanoid, or a file robots/NAME.xml"
 
 
@@ -166,8 +166,8 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
     [
         (
             "agents.dqn.algorithm",
-            "ppo",
-            f"agents.dqn.algorithm: given 'ppo', allowed: {ALGORITHMS}",
+            "sarsa",
+            f"agents.dqn.algorithm: given 'sarsa', allowed: {ALGORITHMS}",
         ),
         (
             "agents.dqn.algorithm",

@@ -54,7 +54,7 @@ def test_every_key_is_explained() -> None:
         ("seeds", [1, 1]),
         ("robot.density", 0),
         ("robot.densty", 1.0),
-        ("agents.sac.algorithm", "ppo"),
+        ("agents.sac.algorithm", "sarsa"),
         ("agents.sac.gamma", 2),
         ("agents.sac.learning_rte", 0.1),
         ("agents.sac.ent_coef", "often"),

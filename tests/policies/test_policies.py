@@ -11,24 +11,41 @@ from typing import Any
 
 import numpy as np
 import pytest
+import small_agents
 import torch
 from commands import COMMAND_SIGNS
-from stable_baselines3 import DQN, SAC
+from sb3_contrib import QRDQN, TQC, CrossQ
+from stable_baselines3 import DDPG, DQN, SAC, TD3
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.agents.off_policy.trainer import make_envs, make_model, policy_bytes
+from jumping_ant.agents.off_policy.trainer import make_model
+from jumping_ant.agents.sb3.model import make_envs, policy_bytes
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import InputError
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.policies.networks import GaussianActor, GreedyCommands
+from jumping_ant.policies.networks import (
+    GaussianActor,
+    GreedyCommands,
+    NormalizedActor,
+    QuantileCommands,
+    TanhActor,
+)
 from jumping_ant.sim.env import Decisions, RobotEnv
 
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
 COMMANDS = ActionSet(0.5 * COMMAND_SIGNS, hold=3)
-SB3 = {"sac": (SAC, GaussianActor), "dqn": (DQN, GreedyCommands)}
+SB3: dict[str, tuple[Any, type]] = {
+    "sac": (SAC, GaussianActor),
+    "td3": (TD3, TanhActor),
+    "ddpg": (DDPG, TanhActor),
+    "tqc": (TQC, GaussianActor),
+    "crossq": (CrossQ, NormalizedActor),
+    "dqn": (DQN, GreedyCommands),
+    "qrdqn": (QRDQN, QuantileCommands),
+}
 
 
 def linear_policy(actions: ActionSet = ActionSet()) -> LinearPolicy:  # noqa: B008 - it is frozen
@@ -44,22 +61,26 @@ def linear_policy(actions: ActionSet = ActionSet()) -> LinearPolicy:  # noqa: B0
     )
 
 
-@pytest.fixture(scope="module", params=["sac", "dqn"])
+@pytest.fixture(scope="module", params=SB3)
 def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params) -> Any:
     """An untrained model of Stable-Baselines3 and its policy file, written twice."""
     small = {"net_arch": [16, 8], "buffer_size": 10, "num_envs": 1, "velocity_scale": 0.3}
-    agent = known_params.agents[request.param]
+    agent = small_agents.agents()[request.param]
     actions = agent.actions.model_copy(update={"amplitude": 0.75, "hold": 2})
     agent = agent.model_copy(update=small | {"actions": actions})
     chosen = ActionSet.of(actions, known_params.env.commands)
     model = make_model(make_envs(robot_xml, known_params.env, agent, seed=5), agent, seed=5)
+    generator = torch.Generator().manual_seed(0)
+    for name, numbers in model.policy.state_dict().items():  # as if it had learned something
+        if name.endswith((".weight", ".bias", ".scale", ".ra_mean", ".ra_var")):
+            numbers += 0.3 * torch.rand(numbers.shape, generator=generator)
     files = [policy_bytes(model, agent, chosen) for _ in range(2)]
     return request.param, model, *files
 
 
 def sb3_torques(algorithm: str, model: Any) -> np.ndarray:
     actions, _ = model.predict(OBSERVATIONS.astype(np.float32), deterministic=True)
-    return 0.75 * (actions if algorithm == "sac" else COMMAND_SIGNS[actions])
+    return 0.75 * (COMMAND_SIGNS[actions] if algorithm in ("dqn", "qrdqn") else actions)
 
 
 def test_networks_act_as_in_stable_baselines3(network: Any) -> None:

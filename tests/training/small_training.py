@@ -19,6 +19,8 @@ TRAINED = sorted(
         if not AGENTS[name].is_baseline
     }.values()
 )
+# For what is the same for all algorithms of a family.
+ONE_OF_EACH = sorted({small_agents.PARAMS.agents[name].trainer: name for name in TRAINED}.values())
 SMALL_OF_ALL = [*TRAINED, "random", "random-commands", "metronome"]
 
 
@@ -30,7 +32,7 @@ def small_params(workers: int) -> Params:
     settings["training"]["evaluations"] = 2
     settings["compute"]["workers"] = workers
     for name in SMALL_OF_ALL:
-        settings["agents"][name] |= small_agents.SMALL[settings["agents"][name]["trainer"]]
+        settings["agents"][name] |= small_agents.smaller(small_agents.PARAMS.agents[name])
     return params_file.check(settings)
 
 

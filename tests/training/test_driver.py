@@ -8,7 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_training import SMALL_OF_ALL, TRAINED, KillError, digests, forget, rows, small_params
+from small_training import (
+    ONE_OF_EACH,
+    SMALL_OF_ALL,
+    KillError,
+    digests,
+    forget,
+    rows,
+    small_params,
+)
 
 from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
@@ -87,7 +95,7 @@ def test_a_machine_is_named_beside_each_policy(project: Path) -> None:
         assert set(told["versions"]) >= {"mujoco", "numpy", "torch"}
 
 
-@pytest.mark.parametrize("agent", TRAINED)
+@pytest.mark.parametrize("agent", ONE_OF_EACH)
 def test_curve_and_timing(project: Path, agent: str) -> None:
     driver.train(project, small_params(1), agent)
     for seed in (0, 5):
@@ -135,7 +143,7 @@ def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[by
     return means
 
 
-@pytest.mark.parametrize("agent", TRAINED)
+@pytest.mark.parametrize("agent", ONE_OF_EACH)
 def test_the_best_snapshot_in_validation_is_published(project: Path, agent: str) -> None:
     """And the last policy beside it."""
     settings = with_training(evaluations=3)
@@ -152,7 +160,7 @@ def test_the_best_snapshot_in_validation_is_published(project: Path, agent: str)
         assert np.nanmax(told) == means[best]
 
 
-@pytest.mark.parametrize("agent", TRAINED)
+@pytest.mark.parametrize("agent", ONE_OF_EACH)
 def test_the_last_policy_is_published_if_asked_for(project: Path, agent: str) -> None:
     settings = with_training(evaluations=3, publish="final")
     driver.train(project, settings, agent)

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from jumping_ant.agents.algorithm import AgentBlock, Algorithm
 from jumping_ant.params.blocks import Count, Fraction, NonNegative, Number, Positive, TorqueParams
@@ -75,8 +75,74 @@ class SNESParams(GaussianParams):
     """Algorithm that the trainer runs."""
 
 
+class XNESParams(GaussianParams):
+    """Exponential natural evolution strategies, full covariance (Glasmachers et al. 2010)."""
+
+    algorithm: Literal["xnes"]
+    """Algorithm that the trainer runs."""
+
+
+class CEMParams(EvolutionParams):
+    """Cross-entropy method (Rubinstein 1999)."""
+
+    algorithm: Literal["cem"]
+    """Algorithm that the trainer runs."""
+    parenthood_ratio: Annotated[float, Field(gt=0, lt=1)]
+    """[-] Share of a generation that the next distribution is fitted to."""
+    stdev_init: Positive
+    """[-] Initial width of the distribution."""
+
+    @model_validator(mode="after")
+    def _there_are_two_parents(self) -> Self:
+        if self.parenthood_ratio * self.population_size < 2:
+            raise ValueError(
+                f"parenthood_ratio is {self.parenthood_ratio}, but a distribution is fitted to two "
+                f"policies or more, {2 / self.population_size} of population_size"
+            )
+        return self
+
+
+class CMAESParams(EvolutionParams):
+    """Covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001)."""
+
+    algorithm: Literal["cmaes"]
+    """Algorithm that the trainer runs."""
+    stdev_init: Positive
+    """[-] Initial step size."""
+    separable: bool
+    """Whether the covariance matrix is diagonal."""
+
+
+class ARSParams(EvolutionParams):
+    """Augmented random search (Mania, Guy and Recht 2018), named as in SB3-Contrib."""
+
+    algorithm: Literal["ars"]
+    """Algorithm that the trainer runs."""
+    population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
+    """[policies] Size of a generation, in mirrored pairs: twice the number of directions."""
+    learning_rate: Positive
+    """[-] Step size, before it is divided by the deviation of the best returns."""
+    delta_std: Positive
+    """[-] Standard deviation of the directions."""
+    n_top: Count
+    """[-] Number of directions, the best, that a step follows."""
+
+    @model_validator(mode="after")
+    def _there_are_so_many_directions(self) -> Self:
+        if self.n_top > self.population_size // 2:
+            raise ValueError(
+                f"n_top is {self.n_top}, but population_size has {self.population_size // 2} "
+                "directions"
+            )
+        return self
+
+
 _SEARCHERS = "jumping_ant.agents.evolution.searchers"
 ALGORITHMS = {
     "pgpe": Algorithm(PGPEParams, learner=f"{_SEARCHERS}:pgpe"),
     "snes": Algorithm(SNESParams, learner=f"{_SEARCHERS}:snes"),
+    "xnes": Algorithm(XNESParams, learner=f"{_SEARCHERS}:xnes"),
+    "cem": Algorithm(CEMParams, learner=f"{_SEARCHERS}:cem"),
+    "cmaes": Algorithm(CMAESParams, learner=f"{_SEARCHERS}:cmaes"),
+    "ars": Algorithm(ARSParams, learner=f"{_SEARCHERS}:AugmentedRandomSearch"),
 }

@@ -25,8 +25,18 @@ def not_installed(*names: str) -> Iterator[None]:
 
 with not_installed(*UNUSED):
     from evotorch import Problem, SolutionBatch
-    from evotorch.algorithms import PGPE, SNES
+    from evotorch.algorithms import CEM, CMAES, PGPE, SNES, XNES
     from evotorch.algorithms.distributed.gaussian import GaussianSearchAlgorithm
     from evotorch.neuroevolution.net import RunningNorm
 
-__all__ = ["PGPE", "SNES", "GaussianSearchAlgorithm", "Problem", "RunningNorm", "SolutionBatch"]
+__all__ = [
+    "CEM",
+    "CMAES",
+    "PGPE",
+    "SNES",
+    "XNES",
+    "GaussianSearchAlgorithm",
+    "Problem",
+    "RunningNorm",
+    "SolutionBatch",
+]

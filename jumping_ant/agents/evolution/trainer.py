@@ -1,18 +1,16 @@
-"""Evolution of a linear policy, on EvoTorch."""
+"""Evolution of a linear policy, mostly on EvoTorch."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-import torch
 
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
-from jumping_ant.agents.evolution import state
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
-from jumping_ant.agents.evolution.library import GaussianSearchAlgorithm
 from jumping_ant.agents.evolution.problem import JumpProblem
+from jumping_ant.agents.evolution.searchers import Searcher
 from jumping_ant.agents.job import Job, resolve
+from jumping_ant.base.archive import pack_state, unpack_state
 
 
 def train(job: Job[EvolutionParams]) -> Iterator[Event]:
@@ -24,12 +22,14 @@ def train(job: Job[EvolutionParams]) -> Iterator[Event]:
     """
     agent = job.agent
     problem = JumpProblem(job.xml, job.env, agent, job.seed, job.num_threads)
-    searcher: Any = resolve(row(agent).learner)(problem, agent)
+    searcher: Searcher = resolve(row(agent).learner)(problem, agent)
     if job.checkpoint is not None:
-        state.restore(searcher, problem, job.checkpoint)
-    while searcher.step_count < agent.generations:
+        state = unpack_state(job.checkpoint)
+        searcher.load_state(state["searcher"])
+        problem.load_state(state["problem"])
+    while searcher.generation < agent.generations:
         searcher.step()
-        generation, center = searcher.step_count, searcher.status["center"]
+        generation = searcher.generation
         yield Progress(
             env_steps=problem.env_steps,
             updates=generation,
@@ -41,18 +41,18 @@ def train(job: Job[EvolutionParams]) -> Iterator[Event]:
                 "fitness_mean": float(problem.fitness.mean()),
                 "fitness_median": float(np.median(problem.fitness)),
                 "fitness_best": float(problem.fitness.max()),
-                "center_norm": float(center.norm()),
-                "stdev_mean": float(searcher.status["stdev"].mean()),
+                "center_norm": float(searcher.center.norm()),
+                "stdev_mean": float(searcher.spread.mean()),
             },
         )
         if generation * job.evaluations % agent.generations < job.evaluations:
             yield Snapshot(problem.env_steps, _policy_bytes(searcher, problem))
         if job.is_checkpoint_due():
-            yield Checkpoint(problem.env_steps, state.capture(searcher, problem))
+            state = {"searcher": searcher.save_state(), "problem": problem.save_state()}
+            yield Checkpoint(problem.env_steps, pack_state(state))
     yield Finished(problem.env_steps, _policy_bytes(searcher, problem))
 
 
-def _policy_bytes(searcher: GaussianSearchAlgorithm, problem: JumpProblem) -> bytes:
+def _policy_bytes(searcher: Searcher, problem: JumpProblem) -> bytes:
     """Return the policy at the distribution's centre, as a policy file."""
-    status = (searcher.status[name].as_subclass(torch.Tensor) for name in ("center", "stdev"))
-    return problem.policy(*status).to_bytes()
+    return problem.policy(searcher.center, searcher.spread).to_bytes()

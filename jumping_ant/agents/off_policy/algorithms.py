@@ -6,13 +6,13 @@ to it by name.
 """
 
 import operator
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import AgentBlock, Algorithm
+from jumping_ant.agents.algorithm import Algorithm
+from jumping_ant.agents.sb3.settings import SB3Params
 from jumping_ant.params.blocks import (
-    ActionParams,
     CommandParams,
     Count,
     Fraction,
@@ -27,57 +27,23 @@ NETWORKS = 5  # an actor, two critics and their targets; DQN has fewer
 COPIES = 4  # of a learned number: itself, its gradient and Adam's two means
 
 
-class OffPolicyParams(AgentBlock):
-    """Settings shared by the off-policy algorithms, named as in Stable-Baselines3.
-
-    A transition is a decision; if actions are held for several control steps, it spans as many.
-    """
+class OffPolicyParams(SB3Params):
+    """Settings shared by the off-policy algorithms, named as in Stable-Baselines3."""
 
     trainer: Literal["off_policy"]
     """Package of jumping_ant/agents/ that trains the agent."""
-    actions: ActionParams
-    """Actions that the agent chooses from."""
-    total_steps: Steps
-    """[control steps] Training budget of a seed."""
-    episode_steps: Count | None
-    """[control steps] Training episodes are truncated here; null never truncates them."""
-    long_episodes: Fraction
-    """[-] Share of the environments whose episodes last for `env.max_episode_steps` instead."""
-    tumbled_starts: Fraction
-    """[-] Share of the training episodes that start in the air, in any orientation."""
-    num_envs: Annotated[int, Field(ge=1, le=10_000)]
-    """[-] Simulations stepped in parallel."""
-    learning_rate: Annotated[float, Field(gt=0, le=1)]
-    """[-] Initial learning rate of Adam."""
-    final_learning_rate: Fraction
-    """[-] Final learning rate of Adam; linear in between."""
     buffer_size: Annotated[int, Field(ge=1, le=10**9)]
     """[transitions] Capacity of the replay buffer."""
     learning_starts: Annotated[int, Field(ge=0, le=10**9)]
     """[transitions] Random actions before the first update."""
     batch_size: Count
     """[transitions] Batch size of a gradient step."""
-    tau: Fraction
-    """[-] Weight of the online networks in an update of the target networks."""
-    gamma: Fraction
-    """[-] Discount factor per decision."""
     n_steps: Count
     """[decisions] Number of rewards before the bootstrap."""
     train_freq: Count
     """[decisions of each environment] Interval between rounds of updates."""
     gradient_steps: Count
     """[-] Gradient steps per round of updates."""
-    net_arch: Annotated[list[Annotated[int, Field(ge=1, le=65_536)]], Field(min_length=1)]
-    """[units] Sizes of the hidden layers."""
-    velocity_scale: Positive
-    """[-] Factor on the velocities that the agent observes."""
-    log_interval: Steps
-    """[transitions] Interval between rows of the learning curve."""
-
-    @property
-    def max_env_steps(self) -> int:
-        """Budget of a seed [control steps]."""
-        return self.total_steps
 
     def for_timing(self) -> Self:
         """Return settings whose rows, from the second on, are a few rounds with updates."""
@@ -119,11 +85,16 @@ class OffPolicyParams(AgentBlock):
         return self
 
 
-class DQNParams(OffPolicyParams):
-    """Deep Q-network on discrete commands (Mnih et al. 2015)."""
+class TargetParams(OffPolicyParams):
+    """Settings of the algorithms that learn towards targets of slower networks."""
 
-    algorithm: Literal["dqn"]
-    """Algorithm that the trainer runs."""
+    tau: Fraction
+    """[-] Weight of the online networks in an update of the target networks."""
+
+
+class ValueParams(TargetParams):
+    """Settings of the algorithms that learn the values of discrete commands."""
+
     actions: CommandParams
     """Actions that the agent chooses from: commands."""
     target_update_interval: Steps
@@ -138,7 +109,25 @@ class DQNParams(OffPolicyParams):
     """[-] Gradients are clipped to this norm."""
 
 
-class SACParams(OffPolicyParams):
+class DQNParams(ValueParams):
+    """Deep Q-network on discrete commands (Mnih et al. 2015)."""
+
+    algorithm: Literal["dqn"]
+    """Algorithm that the trainer runs."""
+
+
+class QRDQNParams(ValueParams):
+    """Quantile regression deep Q-network on discrete commands (Dabney et al. 2018)."""
+
+    algorithm: Literal["qrdqn"]
+    """Algorithm that the trainer runs."""
+    n_quantiles: Annotated[int, Field(ge=1, le=10_000)]
+    """[-] Quantiles of each command's return."""
+
+    POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "n_quantiles")
+
+
+class SACParams(TargetParams):
     """Soft actor-critic on continuous torques (Haarnoja et al. 2018)."""
 
     algorithm: Literal["sac"]
@@ -149,7 +138,55 @@ class SACParams(OffPolicyParams):
     """[-] Weight of the policy's entropy, or `auto` to learn it."""
 
 
-class TD3Params(OffPolicyParams):
+class TQCParams(SACParams):
+    """Truncated quantile critics on continuous torques (Kuznetsov et al. 2020)."""
+
+    algorithm: Literal["tqc"]  # type: ignore[assignment]
+    """Algorithm that the trainer runs."""
+    n_quantiles: Annotated[int, Field(ge=1, le=10_000)]
+    """[-] Quantiles of each critic."""
+    n_critics: Annotated[int, Field(ge=1, le=100)]
+    """[-] Number of critics."""
+    top_quantiles_to_drop_per_net: Annotated[int, Field(ge=0, le=10_000)]
+    """[-] Highest quantiles of each critic that targets leave out."""
+
+    POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "n_quantiles", "n_critics")
+
+    @model_validator(mode="after")
+    def _some_quantiles_are_left(self) -> Self:
+        if self.top_quantiles_to_drop_per_net >= self.n_quantiles:
+            raise ValueError(
+                f"top_quantiles_to_drop_per_net is {self.top_quantiles_to_drop_per_net}, but "
+                f"n_quantiles is {self.n_quantiles}, of which some must be left"
+            )
+        return self
+
+
+class CrossQParams(OffPolicyParams):
+    """CrossQ on continuous torques: batch renormalisation, no targets (Bhatt et al. 2024)."""
+
+    algorithm: Literal["crossq"]
+    """Algorithm that the trainer runs."""
+    actions: TorqueParams
+    """Actions that the agent chooses from: torques."""
+    ent_coef: Positive | Literal["auto"]
+    """[-] Weight of the policy's entropy, or `auto` to learn it."""
+    policy_delay: Count
+    """[gradient steps] Critic updates per actor update."""
+
+
+class DDPGParams(TargetParams):
+    """Deep deterministic policy gradients on continuous torques (Lillicrap et al. 2016)."""
+
+    algorithm: Literal["ddpg"]
+    """Algorithm that the trainer runs."""
+    actions: TorqueParams
+    """Actions that the agent chooses from: torques."""
+    action_noise: NonNegative
+    """[-] Standard deviation of the Gaussian exploration noise on the torques."""
+
+
+class TD3Params(TargetParams):
     """Twin delayed deterministic policy gradients on continuous torques (Fujimoto et al. 2018)."""
 
     algorithm: Literal["td3"]
@@ -178,6 +215,27 @@ ALGORITHMS = {
         SACParams,
         learner=f"{_LEAN}:LeanSAC",
         logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
+    ),
+    "qrdqn": Algorithm(
+        QRDQNParams,
+        learner="sb3_contrib:QRDQN",
+        logged=("train/loss", "rollout/exploration_rate"),
+        counters=("_n_calls", "exploration_rate"),
+    ),
+    "tqc": Algorithm(
+        TQCParams,
+        learner="sb3_contrib:TQC",
+        logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
+    ),
+    "crossq": Algorithm(
+        CrossQParams,
+        learner="sb3_contrib:CrossQ",
+        logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
+    ),
+    "ddpg": Algorithm(
+        DDPGParams,
+        learner="stable_baselines3:DDPG",
+        logged=("train/actor_loss", "train/critic_loss"),
     ),
     "td3": Algorithm(
         TD3Params,

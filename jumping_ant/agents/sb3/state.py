@@ -1,7 +1,7 @@
-"""State that off-policy training resumes from: that of the model and of its environments.
+"""State that training resumes from: that of the model and of its environments.
 
 It consists of networks, optimisers, replay buffer, counters, simulations, and every random number
-generator in use.
+generator in use. An on-policy model has no replay buffer, and no experience left between rounds.
 """
 
 from collections.abc import Iterator, Sequence
@@ -9,20 +9,22 @@ from typing import Any, cast
 
 import numpy as np
 import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from torch import Tensor
 
-from jumping_ant.agents.off_policy.vec_env import SB3VecEnv
+from jumping_ant.agents.sb3.vec_env import SB3VecEnv
 from jumping_ant.base.archive import pack_state, unpack_state
 
 # Counters of Stable-Baselines3's training loop.
 COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
+# What its optimisers keep for each parameter.
+MOMENTS = {torch.optim.Adam: ("exp_avg", "exp_avg_sq"), torch.optim.RMSprop: ("square_avg",)}
 # Arrays of its replay buffer.
 COLUMNS = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
-def capture(model: OffPolicyAlgorithm, counters: Sequence[str], own: Any) -> bytes:
+def capture(model: BaseAlgorithm, counters: Sequence[str], own: Any) -> bytes:
     """Return the state of a model between two rounds of `learn`.
 
     Args:
@@ -30,15 +32,17 @@ def capture(model: OffPolicyAlgorithm, counters: Sequence[str], own: Any) -> byt
         counters: Attributes of its counters in addition to those of Stable-Baselines3's loop.
         own: The trainer's own state, as JSON-compatible values.
     """
+    replay = cast(ReplayBuffer | None, getattr(model, "replay_buffer", None))
     return pack_state(
         {
             "learner": {name: vector.numpy() for name, vector in _vectors(model).items()},
             "learning_rates": {
                 name: optimizer.param_groups[0]["lr"] for name, optimizer in _optimizers(model)
             },
-            "replay": _save_replay(cast(ReplayBuffer, model.replay_buffer)),
+            "replay": _save_replay(replay) if replay else None,
             "envs": cast(SB3VecEnv, model.env).save_state(),
             "last_obs": model._last_obs,
+            "episode_starts": model._last_episode_starts,
             "counters": {name: getattr(model, name) for name in (*COUNTERS, *counters)},
             "logged": {key: float(value) for key, value in model.logger.name_to_value.items()},
             "actions": model.action_space.np_random.bit_generator.state,
@@ -49,7 +53,7 @@ def capture(model: OffPolicyAlgorithm, counters: Sequence[str], own: Any) -> byt
     )
 
 
-def restore(model: OffPolicyAlgorithm, counters: Sequence[str], content: bytes) -> Any:
+def restore(model: BaseAlgorithm, counters: Sequence[str], content: bytes) -> Any:
     """Put a fresh model into a captured state.
 
     Args:
@@ -65,9 +69,11 @@ def restore(model: OffPolicyAlgorithm, counters: Sequence[str], content: bytes) 
         vector.copy_(torch.from_numpy(state["learner"][name]))
     for name, optimizer in _optimizers(model):
         optimizer.param_groups[0]["lr"] = state["learning_rates"][name]
-    _load_replay(cast(ReplayBuffer, model.replay_buffer), state["replay"])
+    if state["replay"]:
+        _load_replay(cast(Any, model).replay_buffer, state["replay"])
     cast(SB3VecEnv, model.env).load_state(state["envs"])
     model._last_obs = state["last_obs"]
+    model._last_episode_starts = state["episode_starts"]
     for name in (*COUNTERS, *counters):
         setattr(model, name, state["counters"][name])
     for key, value in state["logged"].items():
@@ -78,23 +84,23 @@ def restore(model: OffPolicyAlgorithm, counters: Sequence[str], content: bytes) 
     return state["own"]
 
 
-def _vectors(model: OffPolicyAlgorithm) -> dict[str, Tensor]:
+def _vectors(model: BaseAlgorithm) -> dict[str, Tensor]:
     """Return all tensors that learning modifies, by name; they are not copied.
 
     A lean learner names its own. For other learners these are the parameters that Stable-Baselines3
-    saves and the moments of its optimisers, which are all Adam.
+    saves and the moments of its optimisers.
     """
     if hasattr(model, "vectors"):
         own: dict[str, Tensor] = model.vectors
         return own
     vectors = {f"policy.{key}": tensor for key, tensor in model.policy.state_dict().items()}
     for name, optimizer in _optimizers(model):
-        vectors |= {f"{name}.{key}": tensor for key, tensor in _means(optimizer).items()}
+        vectors |= {f"{name}.{key}": tensor for key, tensor in _moments(optimizer).items()}
     variables = model._get_torch_save_params()[1]
     return vectors | {name: _attribute(model, name).detach() for name in variables}
 
 
-def _optimizers(model: OffPolicyAlgorithm) -> Iterator[tuple[str, torch.optim.Optimizer]]:
+def _optimizers(model: BaseAlgorithm) -> Iterator[tuple[str, torch.optim.Optimizer]]:
     """Yield the optimisers that Stable-Baselines3 saves, with their names."""
     for name in model._get_torch_save_params()[0]:
         part = _attribute(model, name)
@@ -102,7 +108,7 @@ def _optimizers(model: OffPolicyAlgorithm) -> Iterator[tuple[str, torch.optim.Op
             yield name, part
 
 
-def _attribute(model: OffPolicyAlgorithm, name: str) -> Any:
+def _attribute(model: BaseAlgorithm, name: str) -> Any:
     """Return the attribute with a dotted name."""
     part: Any = model
     for key in name.split("."):
@@ -110,17 +116,17 @@ def _attribute(model: OffPolicyAlgorithm, name: str) -> Any:
     return part
 
 
-def _means(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """Return Adam's state for each parameter, which is zero before the first step."""
-    means: dict[str, Tensor] = {}
+def _moments(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """Return what the optimiser keeps for each parameter, which is zero before the first step."""
+    moments: dict[str, Tensor] = {}
     parameters = [each for group in optimizer.param_groups for each in group["params"]]
     for number, parameter in enumerate(parameters):
         kept = optimizer.state[parameter]
         if not kept:
             kept |= {"step": torch.zeros(())}
-            kept |= {key: torch.zeros_like(parameter) for key in ("exp_avg", "exp_avg_sq")}
-        means |= {f"{number}.{key}": kept[key] for key in ("step", "exp_avg", "exp_avg_sq")}
-    return means
+            kept |= {key: torch.zeros_like(parameter) for key in MOMENTS[type(optimizer)]}
+        moments |= {f"{number}.{key}": kept[key] for key in ("step", *MOMENTS[type(optimizer)])}
+    return moments
 
 
 def _save_replay(replay: ReplayBuffer) -> dict[str, Any]:

@@ -1,0 +1,165 @@
+"""Models of Stable-Baselines3: their environments, their construction and their policy files."""
+
+import inspect
+import io
+import json
+from typing import Any, cast
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.utils import LinearSchedule
+from stable_baselines3.common.vec_env import VecEnv
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.agents.catalogue import row
+from jumping_ant.agents.job import resolve
+from jumping_ant.agents.sb3.settings import SB3Params
+from jumping_ant.agents.sb3.vec_env import SB3VecEnv
+from jumping_ant.base.archive import Archive, pack
+from jumping_ant.base.seeding import derive, derive_all
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.policies.policy import Interface, header_entries
+from jumping_ant.sim.task import Task
+from jumping_ant.sim.vector import RobotVectorEnv
+
+# State of the run rather than of the policy, and so excluded from policy files: times, and the last
+# observations and episodes.
+RUN_STATE = (
+    "start_time",
+    "ep_info_buffer",
+    "ep_success_buffer",
+    "_last_obs",
+    "_last_original_obs",
+    "_last_episode_starts",
+    "_logger",
+)
+
+
+class ScaledObservations(BaseFeaturesExtractor):
+    """Multiplies velocities by a factor, so that network inputs have similar magnitudes.
+
+    Args:
+        observation_space: The space of one observation.
+        velocity_scale: The factor.
+        first_velocity: Index of the first velocity; positions come before it.
+    """
+
+    def __init__(
+        self, observation_space: spaces.Box, velocity_scale: float, first_velocity: int
+    ) -> None:
+        super().__init__(observation_space, features_dim=observation_space.shape[0])
+        factors = torch.ones(observation_space.shape)
+        factors[first_velocity:] = velocity_scale
+        self.factors: torch.Tensor
+        self.register_buffer("factors", factors)
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        """Return scaled observations, shape (n, num_observations)."""
+        return observations * self.factors
+
+
+def make_model(envs: VecEnv, agent: SB3Params, seed: int, **more: Any) -> Any:
+    """Return the untrained Stable-Baselines3 model of an agent.
+
+    Args:
+        envs: Environments to learn in.
+        agent: The agent's block; settings that are parameters of the model's class are passed by
+            name, those of `POLICY_SETTINGS` to its policy.
+        seed: Seed that determines the run.
+        more: Other arguments of the model's class.
+    """
+    learner = resolve(row(agent).learner)
+    known = inspect.signature(learner).parameters
+    settings: dict[str, Any] = {
+        name: getattr(agent, name) for name in type(agent).model_fields if name in known
+    }
+    settings["learning_rate"] = LinearSchedule(
+        agent.learning_rate, agent.final_learning_rate, end_fraction=1.0
+    )
+    policy_kwargs = {name: getattr(agent, name) for name in agent.POLICY_SETTINGS} | {
+        "features_extractor_class": ScaledObservations,
+        "features_extractor_kwargs": {
+            "velocity_scale": agent.velocity_scale,
+            "first_velocity": _task(envs).anatomy.num_observed_positions,
+        },
+    }
+    model: BaseAlgorithm = learner(
+        "MlpPolicy",
+        envs,
+        policy_kwargs=policy_kwargs,
+        seed=derive(seed, "learner", bits=32),
+        device="cpu",
+        **settings | more,
+    )
+    # SB3 seeds all generators alike; the networks' weights and noise keep that seed.
+    np.random.seed(derive(seed, "replay", bits=32))  # for minibatches and exploration
+    model.action_space.seed(derive(seed, "actions"))
+    return model
+
+
+def make_envs(
+    xml: str, env: EnvParams, agent: SB3Params, seed: int, num_threads: int = 1
+) -> VecEnv:
+    """Return the environments that an agent learns in.
+
+    Episodes are truncated as the agent's block specifies; learners treat this as a time limit.
+
+    Args:
+        xml: The robot as MJCF text.
+        env: The task.
+        agent: The agent's block.
+        seed: Seed of the start states.
+        num_threads: Threads that step the simulations; results do not depend on it.
+    """
+    episode_steps = np.full(agent.num_envs, agent.episode_steps or np.inf)
+    episode_steps[: round(agent.long_episodes * agent.num_envs)] = env.max_episode_steps
+    envs = RobotVectorEnv(
+        xml,
+        env,
+        agent.num_envs,
+        num_threads,
+        actions=ActionSet.of(agent.actions, env.commands),
+        episode_steps=episode_steps,
+        tumbled_starts=agent.tumbled_starts,
+    )
+    return SB3VecEnv(envs, derive_all(seed, "starts", agent.num_envs))
+
+
+def policy_bytes(model: BaseAlgorithm, agent: SB3Params, actions: ActionSet) -> bytes:
+    """Return a policy file that `SAC.load` or `DQN.load` can also read.
+
+    Stable-Baselines3's archive contains dates and the state of the run; this one contains only the
+    policy, and has the same bytes for the same run.
+
+    Args:
+        model: The model.
+        agent: The agent's block.
+        actions: Actions that it chooses from.
+    """
+    buffer = io.BytesIO()
+    model.save(buffer, exclude=RUN_STATE)
+    entries = dict(Archive(buffer.getvalue()))
+    del entries["system_info.txt"]
+    entries["data"] = json.dumps(_without_addresses(json.loads(entries["data"]))).encode()
+    anatomy = _task(model.env).anatomy
+    interface = Interface(actions, anatomy.num_observations, anatomy.num_motors)
+    return pack(header_entries(agent.algorithm, interface) | entries)
+
+
+def _task(envs: VecEnv | None) -> Task:
+    """Return the task of the environments that a model learns in."""
+    task: Task = cast(VecEnv, envs).get_attr("task")[0]
+    return task
+
+
+def _without_addresses(data: dict[str, Any]) -> dict[str, Any]:
+    """Drop SB3's descriptions of pickled entries, which show memory addresses."""
+    return {
+        key: {":type:": value[":type:"], ":serialized:": value[":serialized:"]}
+        if isinstance(value, dict) and ":serialized:" in value
+        else value
+        for key, value in data.items()
+    }
