@@ -26,7 +26,10 @@ KEYS_OF_ENV = (
     "frame_skip, reset_noise_scale, drop_height, max_episode_steps, min_torso_height, "
     "max_torso_height, max_tilt, commands, reward"
 )
-ALGORITHMS = "random, open_loop, dqn, sac, ddpg, td3, a2c, ppo, pgpe, snes, xnes, cem, cmaes, ars"
+ALGORITHMS = (
+    "random, open_loop, dqn, sac, qrdqn, tqc, crossq, ddpg, td3, a2c, ppo, "
+    "pgpe, snes, xnes, cem, cmaes, ars"
+)
 ROBOTS = "ant, hopper, walker2d, half_cheetah, humanoid, or a file robots/NAME.xml"
 
 
