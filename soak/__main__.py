@@ -35,7 +35,7 @@ PARTS = ("kills", "faults", "bad_inputs", "payloads", "mutations", "operations")
 INPUTS_SHARE = 0.2  # share of the time for bad input, if other parts run, too
 LEAST_INPUTS = 300
 MUTATIONS = 500  # changed versions of each file
-OPERATIONS_SECONDS = 40.0  # for each stage and kind of interruption
+OPERATIONS_SECONDS = 25.0  # for each stage and kind of interruption
 
 Figures = dict[str, Any]
 

@@ -76,7 +76,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m soak.operations")
     parser.add_argument("agent")
     parser.add_argument("targets", nargs="+", choices=TARGETS, metavar="TARGET")
-    parser.add_argument("--seconds", type=float, default=40.0, help="for each target and kind")
+    parser.add_argument("--seconds", type=float, default=25.0, help="for each target and kind")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     generator = random.Random(arguments.seed)
