@@ -38,6 +38,23 @@ class ActionSet:
             return cls(table, 1.0, params.hold)
         return cls(None, params.amplitude, params.hold)
 
+    def num_outputs(self, num_motors: int) -> int:
+        """Return how many outputs a policy has that chooses from this set."""
+        return num_motors if self.table is None else len(self.table)
+
+    def choices(self, outputs: NDArray[Any]) -> NDArray[Any]:
+        """Return what a policy's outputs choose.
+
+        Args:
+            outputs: Shape (n, num_outputs).
+
+        Returns:
+            The torques, clipped to [-1, 1], or the index of the command of the largest output.
+        """
+        if self.table is not None:
+            return np.argmax(outputs, axis=1)
+        return np.clip(outputs, -1.0, 1.0).astype(np.float64)
+
     def torques(self, choices: NDArray[Any]) -> NDArray[Any]:
         """Return the torques over peak torques of each choice.
 

@@ -14,17 +14,17 @@ from jumping_ant.policies.policy import Array, Entries, Header, action_set, head
 
 @dataclass(frozen=True)
 class LinearPolicy:
-    """A linear map of normalised observations, clipped to the torques' range.
+    """A linear map of normalised observations: torques, or a preference for each command.
 
     Attributes:
-        weight: Shape (num_motors, num_observations).
-        bias: Shape (num_motors,).
+        weight: Shape (num_outputs, num_observations).
+        bias: Shape (num_outputs,).
         mean: Subtracted from observations, shape (num_observations,).
         stdev: Observations are then divided by it, shape (num_observations,).
         weight_spread: Standard deviation of each weight in the distribution that the policy is
             the centre of, same shape as the weight.
-        bias_spread: Standard deviation of each bias in it, shape (num_motors,).
-        actions: The action set that the outputs, clipped to [-1, 1], choose from.
+        bias_spread: Standard deviation of each bias in it, shape (num_outputs,).
+        actions: The action set that the outputs choose from.
     """
 
     weight: NDArray[np.float32]
@@ -45,7 +45,8 @@ class LinearPolicy:
     @property
     def num_motors(self) -> int:
         """Number of torques that the policy returns."""
-        return self.weight.shape[0]
+        table = self.actions.table
+        return self.weight.shape[0] if table is None else table.shape[1]
 
     def start(self, episode_seeds: Sequence[int]) -> None:
         """Begin one episode per seed; this policy has no state."""
@@ -53,8 +54,8 @@ class LinearPolicy:
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
         normalized = (observations.astype(np.float32) - self.mean) / self.stdev
-        choices = np.clip(normalized @ self.weight.T + self.bias, -1.0, 1.0)
-        return self.actions.torques(choices.astype(np.float64))
+        choices = self.actions.choices(normalized @ self.weight.T + self.bias)
+        return self.actions.torques(choices).astype(np.float64, copy=False)
 
     def sample(self, generator: np.random.Generator) -> "LinearPolicy":
         """Draw another policy from the distribution that this one is the centre of."""
@@ -77,11 +78,14 @@ class LinearPolicy:
     def from_entries(cls, header: Header, entries: Entries) -> "LinearPolicy":
         """Build the policy from a policy file's entries."""
         arrays = {name: to_array(entries[f"{name}.npy"]) for name in cls.ARRAYS}
-        motors, observations = matrix = arrays["weight"].shape
-        shapes = (matrix, (motors,), (observations,), (observations,), matrix, (motors,))
+        outputs, observations = matrix = arrays["weight"].shape
+        shapes = (matrix, (outputs,), (observations,), (observations,), matrix, (outputs,))
         for (name, array), shape in zip(arrays.items(), shapes, strict=True):
             if array.shape != shape:
                 raise ValueError(f"{name}: given shape {array.shape}, allowed: {shape}")
         if not (arrays["stdev"] > 0).all():
             raise ValueError("stdev: given numbers that are not positive")
-        return cls(**arrays, actions=action_set(header, entries))
+        actions = action_set(header, entries)
+        if actions.table is not None and outputs != len(actions.table):
+            raise ValueError(f"{outputs} outputs instead of {len(actions.table)}")
+        return cls(**arrays, actions=actions)

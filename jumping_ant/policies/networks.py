@@ -182,7 +182,7 @@ class GreedyCommands(Network):
 
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
-        return self._torques(np.argmax(self._forward(observations), axis=1))
+        return self._torques(self.actions.choices(self._forward(observations)))
 
     def explore(
         self, observations: Array, generators: Sequence[np.random.Generator], epsilon: float
@@ -229,10 +229,8 @@ class ActorCritic(Network):
 
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
-        outputs = self._forward(observations)
-        if self.actions.table is None:
-            return self.actions.torques(np.clip(outputs, -1.0, 1.0).astype(np.float64))
-        return self.actions.torques(np.argmax(outputs, axis=1)).astype(np.float64)
+        choices = self.actions.choices(self._forward(observations))
+        return self.actions.torques(choices).astype(np.float64)
 
     def _activate(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.tanh(values)

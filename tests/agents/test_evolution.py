@@ -18,6 +18,7 @@ from jumping_ant.agents.evolution.trainer import train
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment import params_file
+from jumping_ant.params.blocks import ActionParams
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim.env import Decisions, RobotEnv
@@ -29,19 +30,21 @@ AGENT = PARAMS.agents["pgpe"].model_copy(
 
 
 @pytest.mark.parametrize(
-    ("hold", "amplitude", "decrease"),
-    [(1, 1.0, 1.0), (3, 0.5, 0.0)],  # GymNE takes something off every decision, not control step
+    ("kind", "hold", "amplitude", "decrease"),
+    # GymNE takes something off every decision, not control step.
+    [("torques", 1, 1.0, 1.0), ("torques", 3, 0.5, 0.0), ("commands", 3, 0.5, 0.0)],
 )
 def test_returns_are_those_of_gymne(
-    robot_xml: str, hold: int, amplitude: float, decrease: float
+    robot_xml: str, kind: str, hold: int, amplitude: float, decrease: float
 ) -> None:
     """Same parameter vectors, start states and normaliser as EvoTorch's own Gymnasium problem."""
-    actions = AGENT.actions.model_copy(update={"hold": hold, "amplitude": amplitude})
+    actions = ActionParams(kind=kind, hold=hold, amplitude=amplitude)
+    num_outputs = 8 if kind == "torques" else len(PARAMS.env.commands)
     agent = AGENT.model_copy(update={"actions": actions, "decrease_rewards_by": decrease})
     task = PARAMS.env.model_copy(update={"max_episode_steps": agent.episode_steps})
     generator = np.random.default_rng(0)
     seen = generator.normal(0.5, 2.0, (500, 27)).astype(np.float32)
-    solutions = torch.from_numpy(generator.normal(0, 0.2, (6, 8 * 28))).float()
+    solutions = torch.from_numpy(generator.normal(0, 0.2, (6, num_outputs * 28))).float()
 
     problem = JumpProblem(robot_xml, PARAMS.env, agent, seed=10)
     for observation in seen:

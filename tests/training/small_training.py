@@ -15,7 +15,7 @@ AGENTS = {name: row(agent) for name, agent in small_agents.PARAMS.agents.items()
 TRAINED = sorted(
     {
         agent.algorithm: name
-        for name, agent in small_agents.PARAMS.agents.items()
+        for name, agent in reversed(small_agents.PARAMS.agents.items())
         if not AGENTS[name].is_baseline
     }.values()
 )

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from jumping_ant.agents.algorithm import AgentBlock, Algorithm
-from jumping_ant.params.blocks import Count, Fraction, NonNegative, Number, Positive, TorqueParams
+from jumping_ant.params.blocks import ActionParams, Count, Fraction, NonNegative, Number, Positive
 
 COPIES = 6  # of each policy: as sampled, in EvoTorch's batches and in the problem's
 ROBOT_BYTES = 4_000  # state of one simulated robot
@@ -16,8 +16,8 @@ class EvolutionParams(AgentBlock):
 
     trainer: Literal["evolution"]
     """Package of jumping_ant/agents/ that trains the agent."""
-    actions: TorqueParams
-    """How the policies' outputs are applied: as torques."""
+    actions: ActionParams
+    """Actions that the policies choose from."""
     generations: Count
     """[-] Training budget of a seed."""
     population_size: Annotated[int, Field(ge=2, le=10**6)]

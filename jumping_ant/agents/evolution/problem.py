@@ -24,17 +24,18 @@ from jumping_ant.sim import robot
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.vector import RobotVectorEnv
 
-Network = tuple[torch.Tensor, torch.Tensor]  # weight (motors, observations) and bias (motors,)
+Network = tuple[torch.Tensor, torch.Tensor]  # weight (outputs, observations), bias (outputs,)
 INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the initial centre, as in EvoTorch's GymNE
 
 
 class JumpProblem(Problem):
     """The EvoTorch problem of finding a linear policy that jumps.
 
-    A solution is the flat weight (num_motors, num_observations) followed by the bias
-    (num_motors,). Its fitness is the return of one episode, less `decrease_rewards_by` per control
-    step survived. The normaliser is fixed within a generation, so that all of its policies are
-    evaluated alike, and is then updated with their observations.
+    A solution is the flat weight (num_outputs, num_observations) followed by the bias
+    (num_outputs,); the outputs are torques, or preferences for commands. Its fitness is the return
+    of one episode, less `decrease_rewards_by` per control step survived. The normaliser is fixed
+    within a generation, so that all of its policies are evaluated alike, and is then updated with
+    their observations.
 
     Args:
         xml: The robot as MJCF text.
@@ -49,16 +50,16 @@ class JumpProblem(Problem):
     ) -> None:
         logging.getLogger("evotorch").setLevel(logging.WARNING)  # it logs every problem
         anatomy = Anatomy.of(robot.load(xml))
-        self._shape = (anatomy.num_motors, anatomy.num_observations)
+        self.actions = ActionSet.of(agent.actions, env.commands)
+        self._shape = (self.actions.num_outputs(anatomy.num_motors), anatomy.num_observations)
         super().__init__(
             "max",
-            solution_length=anatomy.num_motors * (anatomy.num_observations + 1),
+            solution_length=self._shape[0] * (anatomy.num_observations + 1),
             dtype=torch.float32,
             initial_bounds=INITIAL_BOUNDS,
             seed=derive(seed, "search", bits=32),
         )
         self.agent = agent
-        self.actions = ActionSet.of(agent.actions, env.commands)
         self.normalizer = RunningNorm(shape=anatomy.num_observations, dtype=torch.float32)
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
@@ -148,19 +149,19 @@ class JumpProblem(Problem):
     def _play(self, envs: RobotVectorEnv, networks: Sequence[Network]) -> "_Episodes":
         """Run an episode of each policy, as one batch."""
         decisions = -(-self.agent.episode_steps // self.actions.hold)
-        num_motors, num_observations = self._shape
+        num_outputs, num_observations = self._shape
         episodes = _Episodes.empty(decisions, len(networks), num_observations)
-        torques = torch.empty(len(networks), num_motors)
+        outputs = torch.empty(len(networks), num_outputs)
         mean, stdev = self._moments()
         episodes.observations[0], _ = envs.reset()
         episodes.alive[0] = alive = np.ones(len(networks), dtype=np.bool_)
         for step in range(decisions):
             normalized = (torch.from_numpy(episodes.observations[step]) - mean) / stdev
             # Row by row, as GymNE does: a single product of all rows would round differently.
-            for row, (weight, bias), out in zip(normalized, networks, torques, strict=True):
+            for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
                 torch.addmv(bias, weight, row, out=out)
             observations, rewards, terminated, truncated, _ = envs.step(
-                torques.clamp_(-1.0, 1.0).numpy()
+                self.actions.choices(outputs.numpy())
             )
             episodes.observations[step + 1], episodes.alive[step + 1] = observations, alive
             episodes.returns[:] += rewards * alive
@@ -171,8 +172,8 @@ class JumpProblem(Problem):
 
     def _unflatten(self, solution: torch.Tensor) -> Network:
         """Return weight and bias of a flat solution."""
-        num_motors, num_observations = self._shape
-        weight, bias = solution.split([num_motors * num_observations, num_motors])
+        num_outputs, num_observations = self._shape
+        weight, bias = solution.split([num_outputs * num_observations, num_outputs])
         return weight.reshape(self._shape), bias
 
     def _moments(self) -> tuple[torch.Tensor, torch.Tensor]:
