@@ -111,7 +111,6 @@ def test_budgets_are_counted_in_control_steps(
         # Actions that an algorithm cannot take.
         ("agents.dqn.actions.kind", "torques", "given 'torques', allowed: 'commands'"),
         ("agents.sac.actions.kind", "commands", "given 'commands', allowed: 'torques'"),
-        ("agents.sac.actions.kind", "commands", "given 'commands', allowed: 'torques'"),
         ("agents.random.actions.kind", "all", "given 'all', allowed: 'torques' or 'commands'"),
         # Ranges.
         ("robot.density", 0, "given 0, allowed: greater than 0 or null"),
