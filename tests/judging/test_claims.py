@@ -388,3 +388,56 @@ def test_two_agents_without_spread_are_not_tested():
     plain = having(agent("plain", "open_loop", robot="unedited"), apex=[1.0] * 8)
     claim = the_claim(LIGHTER, edited, plain)
     assert (claim["verdict"], claim["p"], claim["seeds_needed"]) == ("inconclusive", 1.0, None)
+
+
+@pytest.mark.parametrize(
+    ("returns", "verdict"), [(HIGH, "supported"), (LOW, "refuted"), (MIDDLE, "inconclusive")]
+)
+def test_an_action_set_is_judged_beside_a_pgpe_like_it(returns, verdict):
+    torques = agent("pgpe", "pgpe", returns, actions=SimpleNamespace(kind="torques"))
+    commands = agent("typing", "pgpe", MIDDLE, actions=SimpleNamespace(kind="commands"))
+    assert one_verdict(ROUNDED, torques, commands) == verdict
+    found = check(torques, commands, agent("sac", "sac"))
+    assert sum("typing" in claim["text"] for claim in found) == 1  # it stands for nothing else
+
+
+@pytest.mark.parametrize("rival", ["ppo", "sac"])
+@pytest.mark.parametrize(("returns", "verdict"), [(MIDDLE, "supported"), (TORN, "inconclusive")])
+def test_a2c_is_the_less_steady_one(rival, returns, verdict):
+    assert (
+        one_verdict("steadier than", agent(rival, rival, returns), agent("a2c", "a2c", TORN))
+        == verdict
+    )
+
+
+@pytest.mark.parametrize(
+    ("part", "fast", "slow"),
+    [("more efficient than", "ppo", "a2c"), ("more efficient than", "sac", "a2c"),
+     ("The more complex", "dqn", "ddpg"), ("The more complex", "ddpg", "td3")],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("reached_at", "verdict"), [(900, "supported"), (60, "refuted"), (100, "inconclusive")]
+)
+def test_effort_is_counted_in_control_steps(part, fast, slow, reached_at, verdict):
+    slower = agent(slow, slow, HIGH, reached_at)
+    assert one_verdict(part, agent(fast, fast, HIGH, 100), slower, RANDOM) == verdict
+
+
+def test_a_second_critic_is_judged_beside_a_td3_like_it():
+    two = agent("td3", "td3", HIGH, n_critics=2)
+    one = agent("lonely", "td3", LOW, n_critics=1)
+    other = agent("wide", "td3", LOW, n_critics=1, gamma=0.9)
+    assert one_verdict("A second critic", two, one) == "supported"
+    assert not any("A second critic" in claim["text"] for claim in check(two, other))
+    found = check(two, one, agent("ddpg", "ddpg"), RANDOM)
+    assert sum("lonely" in claim["text"] for claim in found) == 1
+
+
+@pytest.mark.parametrize(
+    ("returns", "verdict"), [(LOW, "supported"), (HIGH, "refuted"), (MIDDLE, "inconclusive")]
+)
+def test_pgpe_is_compared_with_all_evolution(returns, verdict):
+    rivals = [agent(name, name, returns, trainer="evolution") for name in ("snes", "cmaes")]
+    found = check(agent("pgpe", "pgpe", MIDDLE, trainer="evolution"), *rivals)
+    told = [claim["verdict"] for claim in found if claim["statement"] == 12]
+    assert told == [verdict] * 2

@@ -201,6 +201,10 @@ class TD3Params(TargetParams):
     """[-] Standard deviation of the noise on the target policy's torques."""
     target_noise_clip: NonNegative
     """[-] Limit to which that noise is clipped."""
+    n_critics: Annotated[int, Field(ge=1, le=100)]
+    """[-] Number of critics; targets are the least of their values."""
+
+    POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "n_critics")
 
 
 _LEAN = "jumping_ant.agents.off_policy.lean.learners"

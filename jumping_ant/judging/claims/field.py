@@ -1,6 +1,6 @@
 """The agents of a run by algorithm, and the measurements that the claims compare."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import permutations
 from typing import Any, Literal
 
@@ -21,13 +21,19 @@ class Field:
         self.random = self._that_run("random")
         self.open_loop = self._that_run("open_loop")
         self.dqn, self.sac = self._that_run("dqn"), self._that_run("sac")
+        self.a2c, self.ppo = self._that_run("a2c"), self._that_run("ppo")
+        self.ddpg, td3 = self._that_run("ddpg"), self._that_run("td3")
         pgpe = self._that_run("pgpe")
-        self.constants = [
-            (agent, other) for agent, other in permutations(pgpe, 2) if lacks_constant(agent, other)
-        ]
-        # An agent that only serves this comparison does not represent its algorithm.
-        self.pgpe = [
-            agent for agent in pgpe if all(agent is not plain for _, plain in self.constants)
+        # An agent that only serves one of these comparisons does not represent its algorithm.
+        self.constants = _pairs(pgpe, lacks_constant)
+        self.action_sets = _pairs(pgpe, lacks_torques)
+        self.critics = _pairs(td3, lacks_a_critic)
+        self.pgpe = _without_seconds(pgpe, [*self.constants, *self.action_sets])
+        self.td3 = _without_seconds(td3, self.critics)
+        self.evolution = [
+            agent
+            for agent in self.all
+            if getattr(agent.block, "trainer", None) == "evolution" and agent not in pgpe
         ]
         self.threshold = max(
             (out_of_luck(agent, evaluation_episodes) for agent in self.random), default=np.inf
@@ -52,12 +58,37 @@ def robot_of(agent: AgentResults) -> str:
     return getattr(agent.block, "robot", None) or "edited"
 
 
+def _pairs(
+    agents: Sequence[AgentResults], lacks: Callable[[AgentResults, AgentResults], bool]
+) -> list[tuple[AgentResults, AgentResults]]:
+    """Return each agent with each of those that are like it but lack something."""
+    return [(agent, other) for agent, other in permutations(agents, 2) if lacks(agent, other)]
+
+
+def _without_seconds(
+    agents: Sequence[AgentResults], pairs: Sequence[tuple[AgentResults, AgentResults]]
+) -> list[AgentResults]:
+    return [agent for agent in agents if all(agent is not other for _, other in pairs)]
+
+
 def lacks_constant(agent: AgentResults, other: AgentResults) -> bool:
     """Return whether the other is the same PGPE with nothing subtracted from the reward."""
     (own, own_rest), (others, others_rest) = (
         _apart(each, "decrease_rewards_by") for each in (agent, other)
     )
     return own != 0 and others == 0 and own_rest == others_rest
+
+
+def lacks_torques(agent: AgentResults, other: AgentResults) -> bool:
+    """Return whether the other is the same agent choosing among commands instead of torques."""
+    (_, own), (_, others) = _apart(agent, "actions"), _apart(other, "actions")
+    return (drawn_actions(agent), drawn_actions(other)) == ("torques", "commands") and own == others
+
+
+def lacks_a_critic(agent: AgentResults, other: AgentResults) -> bool:
+    """Return whether the other is the same agent with one critic instead of several."""
+    (own, own_rest), (others, others_rest) = (_apart(each, "n_critics") for each in (agent, other))
+    return (own or 1) > 1 and others == 1 and own_rest == others_rest
 
 
 def differs_by_robot(agent: AgentResults, other: AgentResults) -> bool:
@@ -106,7 +137,7 @@ def speed_up(agent: AgentResults) -> Sample:
 
 
 def drawn_actions(agent: AgentResults) -> str:
-    """Return which actions a random agent draws: `torques`, unless its block says `commands`."""
+    """Return which actions an agent draws: `torques`, unless its block says `commands`."""
     return str(getattr(getattr(agent.block, "actions", None), "kind", "torques"))
 
 

@@ -27,6 +27,8 @@ from jumping_ant.words.wording import number
 MUCH_BETTER = 2.0  # what "much" is taken to mean: a factor on the return
 
 Compare = Callable[[CompareParams], Finding]
+Unit = Literal["env_steps", "seconds"]
+WORDS: dict[Unit, str] = {"env_steps": "control steps", "seconds": "training seconds"}
 RETURN, FLUIDITY = "Return", "Fluidity (closer to 0 is more fluid)"
 
 
@@ -55,6 +57,17 @@ def claims(field: Field) -> Iterator[Claim]:
         yield _rounding_costs(learner)
         if learner.algorithm == "sac" and field.dqn:
             yield _rounding_stiffens(learner)
+    for torques, commands in field.action_sets:
+        yield _commands_cost(torques, commands)
+    for learner, a2c in product([*field.ppo, *field.sac], field.a2c):
+        yield _steadier_than_a2c(learner, a2c)
+        if field.random:
+            yield _more_efficient_than_a2c(learner, a2c, field.threshold)
+    if field.random:
+        for simple, complex_ in [*product(field.dqn, field.ddpg), *product(field.ddpg, field.td3)]:
+            yield _harder(simple, complex_, field.threshold)
+    for two, one in field.critics:
+        yield _second_critic(two, one)
     for pgpe, rival in product(field.pgpe, [*field.sac, *field.dqn]):
         yield _robust(pgpe, rival)
         if field.random:
@@ -65,6 +78,8 @@ def claims(field: Field) -> Iterator[Claim]:
     for pgpe in field.pgpe:
         if {"final", "best_sample"} <= pgpe.variants.keys():
             yield _centre_is_best(pgpe)
+    for pgpe, rival in product(field.pgpe, field.evolution):
+        yield _best_of_evolution(pgpe, rival)
     for pgpe, plain in field.constants:
         yield _steadier(pgpe, plain)
     for agent, plain in product([*field.learners, *field.open_loop], field.unedited):
@@ -149,6 +164,65 @@ def _rounding_costs(learner: AgentResults) -> Claim:
     )
 
 
+def _commands_cost(torques: AgentResults, commands: AgentResults) -> Claim:
+    return Claim(
+        f"Discrete actions are inefficient: {torques.label} returns more than {commands.label}, "
+        "which chooses among the five commands.",
+        5,
+        lambda params: findings.independent(
+            RETURN, _sample(torques, "return"), _sample(commands, "return"), params
+        ),
+    )
+
+
+def _steadier_than_a2c(learner: AgentResults, a2c: AgentResults) -> Claim:
+    return Claim(
+        f"{learner.label} is steadier than {a2c.label}: its return varies less from seed to seed.",
+        6,
+        lambda params: findings.less_spread(
+            RETURN, _sample(learner, "return"), _sample(a2c, "return"), params
+        ),
+    )
+
+
+def _more_efficient_than_a2c(learner: AgentResults, a2c: AgentResults, threshold: float) -> Claim:
+    return Claim(
+        f"{learner.label} is more efficient than {a2c.label}, which needs more control steps to "
+        "learn anything.",
+        6,
+        lambda params: _more_steps(a2c, learner, threshold, params),
+    )
+
+
+def _harder(simple: AgentResults, complex_: AgentResults, threshold: float) -> Claim:
+    return Claim(
+        f"The more complex the model, the harder the training: {complex_.label} needs more control "
+        f"steps than {simple.label} to learn anything.",
+        7,
+        lambda params: _more_steps(complex_, simple, threshold, params),
+    )
+
+
+def _second_critic(two: AgentResults, one: AgentResults) -> Claim:
+    return Claim(
+        f"A second critic helps: {two.label} returns more than {one.label}, which has one.",
+        8,
+        lambda params: findings.independent(
+            RETURN, _sample(two, "return"), _sample(one, "return"), params
+        ),
+    )
+
+
+def _best_of_evolution(pgpe: AgentResults, rival: AgentResults) -> Claim:
+    return Claim(
+        f"{pgpe.label} is the best evolutionary algorithm: it returns more than {rival.label}.",
+        12,
+        lambda params: findings.independent(
+            RETURN, _sample(pgpe, "return"), _sample(rival, "return"), params
+        ),
+    )
+
+
 def _robust(pgpe: AgentResults, rival: AgentResults) -> Claim:
     return Claim(
         f"{pgpe.label} is robust: its return varies less from seed to seed than that of "
@@ -160,21 +234,13 @@ def _robust(pgpe: AgentResults, rival: AgentResults) -> Claim:
     )
 
 
-def _heavy(
-    pgpe: AgentResults, rival: AgentResults, unit: Literal["env_steps", "seconds"], threshold: float
-) -> Claim:
-    words = {"env_steps": "control steps", "seconds": "training seconds"}[unit]
-    goal = f"a return above {number(threshold)} that lasts"
+def _heavy(pgpe: AgentResults, rival: AgentResults, unit: Unit, threshold: float) -> Claim:
+    words = WORDS[unit]
     return Claim(
         f"{pgpe.label} is computationally heavy: it needs more {words} than {rival.label} to learn "
         "anything.",
         10,
-        lambda params: findings.more_effort(
-            f"{words.capitalize()} to {goal}",
-            effort(pgpe, unit, threshold),
-            effort(rival, unit, threshold),
-            params,
-        ),
+        lambda params: _more_effort(pgpe, rival, unit, threshold, params),
     )
 
 
@@ -222,6 +288,23 @@ def _jumps_higher(agent: AgentResults, plain: AgentResults) -> Claim:
             "Apex of a jump [m]", _sample(agent, "apex"), _sample(plain, "apex"), params
         ),
     )
+
+
+def _more_effort(
+    slow: AgentResults, fast: AgentResults, unit: Unit, threshold: float, params: CompareParams
+) -> Finding:
+    return findings.more_effort(
+        f"{WORDS[unit].capitalize()} to a return above {number(threshold)} that lasts",
+        effort(slow, unit, threshold),
+        effort(fast, unit, threshold),
+        params,
+    )
+
+
+def _more_steps(
+    slow: AgentResults, fast: AgentResults, threshold: float, params: CompareParams
+) -> Finding:
+    return _more_effort(slow, fast, "env_steps", threshold, params)
 
 
 def _own_and_rounded(agent: AgentResults, quantity: str) -> tuple[Sample, Sample]:
