@@ -71,7 +71,7 @@ class FileFaults(Injector):
         config.write_text("[cache]\n    dir = /dev/null/cache\n")
         failed = self._run(*REPRO, "--force")
         config.unlink()
-        done = self._run(*REPRO)
+        done = self._run(*REPRO, "--no-run-cache")  # where DVC may have an earlier, equal run
         is_kept = done.stdout.count("trained before") == len(projects.SEEDS)
         return failed.returncode != 0 and is_kept and self._is_as_expected(done)
 
