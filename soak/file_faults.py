@@ -249,7 +249,9 @@ class FileFaults(Injector):
 
     def _mlflow_changed(self, name: str) -> bool:
         """Change a file that MLflow keeps; `track` must put it right."""
-        self._run(*TRAIN)
+        (self._project.folder / "mlflow.db").unlink(missing_ok=True)
+        shutil.rmtree(self._project.folder / "mlartifacts", ignore_errors=True)
+        self._run(*TRAIN)  # other trainings left models that `track` does not look at
         self._run(*TRACK)
         place = self._project.folder / "mlartifacts"
         path = self._generator.choice(sorted(place.rglob(name)))
