@@ -166,7 +166,7 @@ def hurt(
     kinds: list[dict[str, Any]] = []
     figures: Figures = {}
     if "kills" in parts:
-        killers = {agent: Killer(project, agent, generator) for agent in projects.BUDGETS}
+        killers = {agent: Killer(project, agent, generator) for agent in projects.LEARNERS}
         kinds.append({agent: killer.once for agent, killer in killers.items()})
         figures["kills"] = {agent: killer.count for agent, killer in killers.items()}
     if "faults" in parts:

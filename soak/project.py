@@ -24,6 +24,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
     "metronome-unedited": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
     "pgpe": {"generations": 24, "population_size": 10, "episode_steps": 50},
 }
+LEARNERS = ("dqn", "sac", "pgpe")
 LITTLE = {"dqn": 2_000, "sac": 1_200}
 CHECKPOINT_SECONDS = 0.3
 
