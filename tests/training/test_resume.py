@@ -61,7 +61,7 @@ def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> No
 
 
 @pytest.mark.parametrize("agent", TRAINED)
-def test_a_killed_run_goes_on_to_the_same_bytes(
+def test_a_killed_run_resumes_to_the_same_bytes(
     project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings, often = small_params(1), with_many_checkpoints()

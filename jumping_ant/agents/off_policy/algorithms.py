@@ -1,4 +1,4 @@
-"""Off-policy algorithms of Stable-Baselines3: their settings and learners.
+"""Off-policy algorithms of Stable-Baselines3 and SB3-Contrib: their settings and learners.
 
 A learner is Stable-Baselines3's own class, or one of `jumping_ant.agents.off_policy.lean`, which
 computes the same with fewer operations. Settings that are parameters of its constructor are passed
