@@ -1,4 +1,4 @@
-"""Evolutionary algorithms of EvoTorch, and augmented random search: their settings and searchers."""
+"""Evolutionary algorithms of EvoTorch, and augmented random search: settings and searchers."""
 
 from typing import Annotated, Literal, Self
 
