@@ -58,15 +58,51 @@ def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dic
         pairs[f"{other}>{one}"] = lost.as_dict("p")
     ordered = (f"{one}>{other}" for one in returns for other in returns if one != other)
     equal = _equal_budgets(results, params.confidence)
+    agents = {
+        name: _summarize_agent(agent, params.confidence) | equal["agents"].get(name, {})
+        for name, agent in results.items()
+    }
+    learners = {name: agents[name] for name, agent in results.items() if not agent.is_baseline}
+    gains = {name: agent["return"]["iqm"] for name, agent in learners.items()}
     return {
-        "agents": {
-            name: _summarize_agent(agent, params.confidence) | equal["agents"].get(name, {})
-            for name, agent in results.items()
-        },
+        "agents": agents,
         "equal_steps": equal["equal_steps"],
         "equal_seconds": equal["equal_seconds"],
+        "pareto_steps": pareto_front(_each(learners, "env_steps"), gains),
+        "pareto_seconds": pareto_front(_each(learners, "train_seconds"), gains),
         "probability_of_improvement": {pair: pairs[pair] for pair in ordered},
     }
+
+
+def ranking(agents: Mapping[str, Any]) -> list[str]:
+    """Return the agents' names, the highest interquartile mean of the return first.
+
+    Args:
+        agents: `agents` of `results/comparison.json`.
+    """
+    return sorted(agents, key=lambda name: -agents[name]["return"]["iqm"])
+
+
+def best_baseline(results: Mapping[str, AgentResults], agents: Mapping[str, Any]) -> str | None:
+    """Return the baseline that returns most, if there is any; arguments as above."""
+    return next((name for name in ranking(agents) if results[name].is_baseline), None)
+
+
+def pareto_front(costs: Mapping[str, float], gains: Mapping[str, float]) -> list[str]:
+    """Return the agents that gain more than every other agent that costs no more.
+
+    Args:
+        costs: What each agent costs, by name.
+        gains: What each agent gains, by name.
+
+    Returns:
+        Their names, in the order of cost; of agents equal in both, the first.
+    """
+    front: list[str] = []
+    for name in sorted(costs, key=lambda name: (costs[name], -gains[name])):
+        if not front or gains[name] > gains[front[-1]]:
+            front.append(name)
+    return front
 
 
 def learning_curves(
@@ -133,6 +169,10 @@ def to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue()
+
+
+def _each(agents: Mapping[str, Mapping[str, Any]], key: str) -> dict[str, float]:
+    return {name: agent[key] for name, agent in agents.items()}
 
 
 def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:

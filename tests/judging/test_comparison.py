@@ -40,7 +40,9 @@ def summarize(root, params=PARAMS):
 
 
 def numbers(summary, path=""):
-    """Return the leaves of nested dictionaries by their path."""
+    """Return the leaves of nested dictionaries and lists by their path."""
+    if isinstance(summary, list):
+        summary = dict(enumerate(summary))
     if not isinstance(summary, dict):
         return {path: summary}
     return {
@@ -75,6 +77,47 @@ def test_summary_follows_its_contract(project):
     assert set(dqn["survived"].values()) == {1.0}
     assert summary["agents"]["random"]["env_steps"] == 0
     assert summary["agents"]["random"]["train_seconds"] == 0.0
+
+
+def test_the_ranking_goes_by_interquartile_means(project):
+    results = load(project, PARAMS)
+    agents = summarize(project)["agents"]
+    assert comparison.ranking(agents) == ["sac-long", "dqn", "random"]
+    assert comparison.best_baseline(results, agents) == "random"
+    learners = {name: results[name] for name in ("dqn", "sac-long")}
+    some = {name: agents[name] for name in learners}
+    assert comparison.best_baseline(learners, some) is None
+
+
+@pytest.mark.parametrize(
+    ("points", "front"),
+    [
+        ({}, []),
+        ({"a": (1, 5)}, ["a"]),
+        ({"dear": (3, 9), "cheap": (1, 5), "mid": (2, 7)}, ["cheap", "mid", "dear"]),
+        ({"a": (1, 5), "worse": (2, 4), "b": (3, 6)}, ["a", "b"]),
+        ({"a": (1, 5), "as good": (2, 5)}, ["a"]),
+        ({"worse": (1, 4), "a": (1, 5)}, ["a"]),
+        ({"first": (1, 5), "twin": (1, 5)}, ["first"]),
+    ],
+)
+def test_the_pareto_front_holds_what_nothing_cheaper_exceeds(points, front):
+    costs = {name: cost for name, (cost, _) in points.items()}
+    gains = {name: gain for name, (_, gain) in points.items()}
+    assert comparison.pareto_front(costs, gains) == front
+
+
+def test_fronts_are_of_learners(project):
+    # SAC returns more than DQN, after fewer steps and seconds; random needs none at all.
+    summary = summarize(project)
+    assert (summary["pareto_steps"], summary["pareto_seconds"]) == (["sac-long"], ["sac-long"])
+    agents = {"dqn": "dqn", "pgpe": "pgpe"}  # 1000 steps to 700, 8000 steps to 5000
+    write_project(project, agents, SEEDS)
+    summary = summarize(project, make_params(agents, SEEDS))
+    assert (summary["pareto_steps"], summary["pareto_seconds"]) == (["dqn", "pgpe"],) * 2
+    nothing = {"random": "random"}
+    summary = summarize(project, make_params(nothing, SEEDS))
+    assert (summary["pareto_steps"], summary["pareto_seconds"]) == ([], [])
 
 
 def test_learners_are_compared_at_the_smallest_budget(project):
@@ -382,7 +425,8 @@ def test_the_stage_writes_the_same_files_every_time(tmp_path):
     assert {"plots/learning_curves.csv", "plots/seeds.csv"} <= set(written[0])
     result = json.loads(written[0]["comparison.json"])
     assert list(result) == [
-        "agents", "equal_steps", "equal_seconds", "probability_of_improvement", "claims"
+        "agents", "equal_steps", "equal_seconds", "pareto_steps", "pareto_seconds",
+        "probability_of_improvement", "claims",
     ]  # fmt: skip
     assert list(result["agents"]) == list(agents)
     for claim in result["claims"]:
