@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from jumping_ant.agents import catalogue
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
@@ -105,7 +106,7 @@ def measure(folder: Path) -> dict[str, Any]:
         "machine": machine.describe() | {"cores": machine.num_cores()},
     }
     write_json(RESULTS / "article.json", content)
-    own = looks({name: agent.is_baseline for name, agent in params.agents.items()})
+    own = looks({name: catalogue.row(agent).family for name, agent in params.agents.items()})
     for name, figure in article_figures.draw(measured, own).items():
         write_bytes(RESULTS / "article" / f"{name}.png", article_figures.picture(figure))
     return content

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.showing import rendering
 from jumping_ant.showing.recording.story import Story
 
@@ -26,10 +27,8 @@ def story(
 ) -> Story:
     """What is told of an episode with such a return."""
     measures = {"return": value, "peak_height": 2.5, "jumps": 12.0, "airborne_seconds": 1.25}
-    is_baseline = algorithm in ("random", "open_loop")
-    return Story(
-        agent, algorithm, is_baseline, robot, measures, mean_return=value / 2, curves=CURVES
-    )
+    family = ALGORITHMS[algorithm].family
+    return Story(agent, algorithm, family, robot, measures, mean_return=value / 2, curves=CURVES)
 
 
 def film(num_frames: int) -> bytes:

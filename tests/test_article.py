@@ -13,6 +13,7 @@ from evotorch.optimizers import ClipUp
 from ruamel.yaml import YAML
 from stable_baselines3 import DQN, SAC
 
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file, presets
@@ -343,7 +344,9 @@ def test_the_document_has_a_place_for_the_table() -> None:
 def test_figures_show_each_seed_and_what_was_printed(
     reproduced: reproduction.Reproduction,
 ) -> None:
-    drawn = article_figures.draw(reproduced, looks(dict.fromkeys(TINY, False)))
+    drawn = article_figures.draw(
+        reproduced, looks({name: ALGORITHMS[name].family for name in TINY})
+    )
     assert list(drawn) == ["dqn", "sac", "pgpe"]
     (axes,) = drawn["sac"].axes
     *seeds, printed = axes.lines

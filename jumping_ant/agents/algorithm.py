@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal, Self
 
 from jumping_ant.params.blocks import Block, EnvParams
+from jumping_ant.words.looks import Family
 
 
 class AgentBlock(Block):
@@ -47,6 +48,7 @@ class Algorithm:
 
     Attributes:
         settings: The model of its block in `params.yaml`.
+        family: The kind of algorithm; results are grouped and coloured by it.
         learner: `module:name` of what the trainer builds, imported when training starts; empty if
             the trainer needs none.
         logged: Logged values that the learning curve keeps, by the learner's own names.
@@ -54,6 +56,7 @@ class Algorithm:
     """
 
     settings: type[AgentBlock]
+    family: Family
     learner: str = ""
     logged: tuple[str, ...] = ()
     counters: tuple[str, ...] = ()

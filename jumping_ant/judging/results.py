@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.agents import catalogue
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.words import looks
+from jumping_ant.words.looks import Family
 from jumping_ant.words.measures import MEASURES
 
 Array = NDArray[np.float64]
@@ -92,6 +94,11 @@ class AgentResults:
         return self.block.is_baseline
 
     @property
+    def family(self) -> Family:
+        """Return the family of the agent's algorithm."""
+        return catalogue.row(self.block).family
+
+    @property
     def label(self) -> str:
         """Return the agent's display name."""
         return looks.label(self.name, self.algorithm, self.is_baseline)
@@ -158,26 +165,6 @@ def read_episodes(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Arr
                 f"run `dvc repro --force {stage}`"
             )
     return table
-
-
-def steps_to(agent: AgentResults, threshold: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the control steps each seed needed until an evaluation exceeded a threshold.
-
-    Args:
-        agent: The agent.
-        threshold: Return to exceed.
-
-    Returns:
-        Steps to that evaluation, or the budget of a seed that never exceeded the threshold,
-        (num_seeds,), and whether it did, (num_seeds,).
-    """
-    steps, reached = [], []
-    for curve in agent.curves.values():
-        positions, returns = curve.evaluations
-        good = returns > threshold
-        reached.append(bool(good.any()))
-        steps.append(positions[np.argmax(good)] if good.any() else positions[-1])
-    return np.array(steps), np.array(reached)
 
 
 def _seed_means(table: Mapping[str, Array], seeds: Sequence[int]) -> dict[str, Array]:

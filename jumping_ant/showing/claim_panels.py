@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 
+from jumping_ant.showing import scales
 from jumping_ant.words import looks
 from jumping_ant.words.looks import Look
 from jumping_ant.words.wording import p_value
 
 COLUMNS = 2
+MANY, MANY_COLUMNS = 24, 4  # with more claims than this, there are more columns
 WIDTH = 62  # [characters] width of a panel's title
 PAIR = "#B0B0B0"  # colour of the lines between values of the same seed
 
@@ -26,7 +27,7 @@ def draw(claims: Sequence[Mapping[str, Any]], drawn: Mapping[str, Look], title: 
         drawn: Looks by the labels of agents.
         title: The figure's title.
     """
-    columns = min(COLUMNS, len(claims))
+    columns = min(COLUMNS if len(claims) <= MANY else MANY_COLUMNS, len(claims))
     rows = -(-len(claims) // columns)
     figure = Figure(figsize=(5.2 * columns, 0.6 + 1.75 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -63,7 +64,7 @@ def _draw_claim(axes: Axes, claim: Mapping[str, Any], drawn: Mapping[str, Look])
                 markersize=5,
                 alpha=0.75,
             )
-    _scale(axes, np.concatenate(list(samples.values())))
+    scales.fit(axes, np.concatenate(list(samples.values())))
     axes.set_yticks(range(len(samples)), list(samples), fontsize=8)
     axes.set_ylim(len(samples) - 0.5, -0.5)
     axes.set_xlabel(plot["axis"], fontsize=8)
@@ -71,24 +72,6 @@ def _draw_claim(axes: Axes, claim: Mapping[str, Any], drawn: Mapping[str, Look])
     axes.grid(False, axis="y")
     text = textwrap.fill(f"{heading(claim)}: {claim['text']}", WIDTH)
     axes.set_title(text, fontsize=8.5, color=looks.VERDICTS[claim["verdict"]])
-
-
-def _scale(axes: Axes, values: np.ndarray) -> None:
-    """Choose the axis: logarithmic if values are far apart, otherwise one that includes zero."""
-    known = values[~np.isnan(values)]
-    if looks.is_long(known.tolist()):
-        axes.set_xscale("log")
-        axes.xaxis.set_minor_formatter(NullFormatter())  # its numbers would overlap
-    else:
-        anchor_at_zero(axes, known)
-
-
-def anchor_at_zero(axes: Axes, values: np.ndarray) -> None:
-    """End an axis at zero where all values lie on one side of it."""
-    if (values >= 0).all():
-        axes.set_xlim(left=0)
-    elif (values <= 0).all():
-        axes.set_xlim(right=0)
 
 
 def _floats(values: Sequence[float | None]) -> np.ndarray:

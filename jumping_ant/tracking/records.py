@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.agents import catalogue
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.experiment.models import Params
@@ -144,7 +144,7 @@ class SeedRecord:
             "policy file in DVC's cache, MD5": self.md5,
         }
         known = {what: value for what, value in origins.items() if value}
-        aside = remark(ALGORITHMS[self.algorithm].is_baseline, self.params["robot"])
+        aside = remark(catalogue.ALGORITHMS[self.algorithm].is_baseline, self.params["robot"])
         name = f"{self.algorithm} ({aside})" if aside else self.algorithm
         means |= {} if self.validation_return is None else {"validation": self.validation_return}
         return descriptions.policy(name, self.seed, self.hold, means, known)
@@ -233,7 +233,7 @@ def read(root: Path, params: Params) -> ComparisonRecord:
         InputError: A file is there but damaged.
     """
     found, missing = [], []
-    looked = looks({name: block.is_baseline for name, block in params.agents.items()})
+    looked = looks({name: catalogue.row(block).family for name, block in params.agents.items()})
     for agent in params.agents:
         settings = run_params(root, params, agent)
         for seed in params.seeds:

@@ -14,6 +14,16 @@ def interval(low: SupportsFloat, high: SupportsFloat, num_seeds: int) -> str:
     return f"[{number(low)}, {number(high)}]" if num_seeds > 1 else ""
 
 
+def percent(share: SupportsFloat) -> str:
+    """Return a share in per cent, without the sign: 83."""
+    return f"{100 * float(share):.0f}"
+
+
+def percents(low: SupportsFloat, high: SupportsFloat) -> str:
+    """Return an interval of a share in per cent, without the sign: 59-100."""
+    return f"{percent(low)}\u2013{percent(high)}"
+
+
 def p_value(value: SupportsFloat) -> str:
     """Return a p-value in readable form: 0.0023."""
     return f"{float(value):.2g}"

@@ -11,6 +11,7 @@ from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job, resolve, trainer_of
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
+from jumping_ant.words.looks import BASELINE
 
 AGENTS = small_agents.agents()
 LEARNERS = [name for name, algorithm in ALGORITHMS.items() if not algorithm.is_baseline]
@@ -23,6 +24,11 @@ def test_settings_are_named_and_documented(name: str) -> None:
     assert settings.model_fields["algorithm"].annotation.__args__ == (name,)
     assert all(field.description for field in settings.model_fields.values())
     assert not row(AGENTS[name]).learner or callable(resolve(row(AGENTS[name]).learner))
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_baselines_are_a_family(name: str) -> None:
+    assert ALGORITHMS[name].is_baseline == (ALGORITHMS[name].family == BASELINE)
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

@@ -6,10 +6,11 @@ from small_project import COMPARE, make_params, read_csv, write_csv, write_proje
 from jumping_ant.judging import comparison
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.judging.results import load
-from jumping_ant.showing import figures
+from jumping_ant.showing import claim_panels, figures, pair_matrix
 from jumping_ant.words import looks
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
+RANKED = ["pgpe-wide", "sac", "dqn", "random"]  # by the levels of small_project
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,8 @@ def drawn(compared):
 
 def test_every_figure_is_there(drawn):
     assert list(drawn) == [
-        "learning_curves", "final_return", "behaviour", "probability_of_improvement", "claims",
+        "learning_curves", "final_return", "behaviour", "efficiency", "probability_of_improvement",
+        "claims",
     ]  # fmt: skip
 
 
@@ -97,26 +99,29 @@ def test_every_seed_is_a_point(compared, drawn):
     (axes,) = drawn["final_return"].axes
     points = [line.get_xdata() for line in axes.lines if len(line.get_xdata()) == 4]
     assert len(points) == len(AGENTS)
-    for own, agent in zip(points, results.values(), strict=True):
-        np.testing.assert_allclose(own, agent.quantities["return"])
+    for own, name in zip(points, RANKED, strict=True):
+        np.testing.assert_allclose(own, results[name].quantities["return"])
     assert [label.get_text() for label in axes.get_yticklabels()] == [
-        "random", "DQN", "SAC", "pgpe-wide",
+        "pgpe-wide", "SAC", "DQN", "random",
     ]  # fmt: skip
 
 
 def test_a_row_shows_what_sums_up_its_seeds(compared, drawn):
-    results, _, summary, *_ = compared
+    _, _, summary, *_ = compared
     (axes,) = drawn["final_return"].axes
     marks = {name: [] for name in ("|", "D", "o")}
     for line in axes.lines:
         if len(line.get_xdata()) == 1:
             marks[line.get_marker()].append(line.get_xdata()[0])
-    entries = [summary["agents"][name]["return"] for name in results]
+    entries = [summary["agents"][name]["return"] for name in RANKED]
     for marker, key in (("|", "iqm"), ("D", "mean"), ("o", "worst")):
         assert marks[marker] == [entry[key] for entry in entries]
     (legend,) = drawn["final_return"].legends
     explained = [text.get_text() for text in legend.get_texts()]
-    assert explained == ["seed", "interquartile mean", "its interval", "mean", "worst seed"]
+    assert explained == [
+        "seed", "interquartile mean", "its interval", "mean", "worst seed",
+        "value-based", "off-policy actor-critic", "evolution", "baseline",
+    ]  # fmt: skip
 
 
 def test_a_quantity_below_zero_has_its_axis_and_seeds_without_it_are_left_out(compared, drawn):
@@ -126,7 +131,7 @@ def test_a_quantity_below_zero_has_its_axis_and_seeds_without_it_are_left_out(co
     low, high = fluidity.get_xlim()
     points = np.concatenate([line.get_xdata() for line in fluidity.lines])
     assert low < points.min() and high == 0
-    assert {line.get_ydata()[0] for line in fluidity.lines} == {1, 2, 3}  # not row 0, random
+    assert {line.get_ydata()[0] for line in fluidity.lines} == {0, 1, 2}  # not row 3, random
     assert {line.get_ydata()[0] for line in panels["Apex of a jump [m]"].lines} == {0, 1, 2, 3}
 
 
@@ -159,7 +164,8 @@ def test_the_same_seeds_are_joined_and_versions_drawn_as_their_agent(compared, d
         list(p) for p in zip(own, rounded, strict=True)
     ]
     points = [line for line in axes.lines if len(line.get_xdata()) == 4]
-    look = looks.looks({name: name == "random" for name in AGENTS})["sac"]
+    families = {name: agent.family for name, agent in compared[0].items()}
+    look = looks.looks(families)["sac"]
     assert {(line.get_color(), line.get_marker()) for line in points} == {
         (look.colour, look.marker)
     }
@@ -196,11 +202,49 @@ def test_values_that_are_not_there_are_left_out(compared):
     assert figure.axes[0].get_xlim()[1] == 0
 
 
-def test_pairs_name_the_better_agent_first(drawn):
+def test_the_matrix_shows_who_beats_whom_in_the_order_of_the_ranking(compared, drawn):
+    results, _, summary, *_ = compared
     (axes,) = drawn["probability_of_improvement"].axes
-    names = [label.get_text() for label in axes.get_yticklabels()]
-    assert names[:2] == ["DQN over random", "SAC over random"]
-    assert len(names) == 6
+    labels = [results[name].label for name in RANKED]
+    assert [label.get_text() for label in axes.get_yticklabels()] == labels
+    assert [label.get_text() for label in axes.get_xticklabels()] == labels
+    pairs = summary["probability_of_improvement"]
+    (image,) = axes.images
+    shades = np.ma.filled(image.get_array(), np.nan)
+    for row, one in enumerate(RANKED):
+        chances = [pairs[f"{one}>{other}"]["p"] if one != other else np.nan for other in RANKED]
+        np.testing.assert_array_equal(shades[row], chances)
+    texts = {text.get_position(): text.get_text() for text in axes.texts}
+    assert len(texts) == 12 and texts[1, 0] == "100" and texts[0, 1] == "0"
+
+
+@pytest.mark.parametrize(("num_agents", "expected"), [(2, "62\n20\u2013100"), (9, "62")])
+def test_cells_of_a_large_matrix_have_no_intervals(tmp_path, num_agents, expected):
+    agents = {f"agent-{i}": "dqn" for i in range(num_agents)}
+    write_project(tmp_path, agents, [0, 1])
+    results = load(tmp_path, make_params(agents, [0, 1]))
+    summary = comparison.summarize(results, COMPARE)
+    chance = {"p": 0.62, "low": 0.2, "high": 1.0}
+    pairs = dict.fromkeys(summary["probability_of_improvement"], chance)
+    figure = pair_matrix.draw(results, summary | {"probability_of_improvement": pairs}, 0.95)
+    assert {text.get_text() for text in figure.axes[0].texts} == {expected}
+
+
+def test_costs_show_the_front_and_name_it(compared, drawn):
+    results, _, summary, *_ = compared
+    steps, seconds = drawn["efficiency"].axes
+    assert summary["pareto_steps"] == ["sac", "pgpe-wide"]
+    for axes, cost in ((steps, "env_steps"), (seconds, "train_seconds")):
+        assert [text.get_text() for text in axes.texts] == ["SAC", "pgpe-wide"]
+        (front,) = [line for line in axes.lines if line.get_drawstyle() == "steps-post"]
+        agents = [summary["agents"][name] for name in ("sac", "pgpe-wide", "pgpe-wide")]
+        assert list(front.get_xdata()) == [agent[cost] for agent in agents]
+        assert list(front.get_ydata()) == [agent["return"]["iqm"] for agent in agents]
+    named = {line.get_label(): line for line in steps.lines if line.get_label()[0] != "_"}
+    assert set(named) == {agent.label for agent in results.values()}
+    dqn = summary["agents"]["dqn"]
+    assert named["DQN"].get_xdata() == [dqn["env_steps"]]
+    assert named["DQN"].get_ydata() == [dqn["return"]["iqm"]]
 
 
 def test_a_single_agent_and_seed_can_be_drawn(tmp_path):
@@ -221,22 +265,37 @@ def test_many_agents_keep_apart_by_colour_and_marker(tmp_path):
     assert len({(line.get_color(), line.get_marker()) for line in lines}) == 12
 
 
-@pytest.mark.parametrize(
-    ("values", "expected"),
-    [
-        ([1.0, 31.0], True),
-        ([1.0, 30.0], False),
-        ([0.01, 0.9], False),
-        ([-1.0, 99.0], False),
-        ([], False),
-    ],
-)
-def test_long_axes_are_logarithmic(values, expected):
-    assert looks.is_long(values) == expected
+def test_many_learners_have_a_panel_for_each_family(tmp_path):
+    agents = {f"dqn-{i}": "dqn" for i in range(4)} | {f"pgpe-{i}": "pgpe" for i in range(3)}
+    agents |= {"random": "random", "metronome": "open_loop"}
+    write_project(tmp_path, agents, [0, 1])
+    results = load(tmp_path, make_params(agents, [0, 1]))
+    curves = comparison.learning_curves(results, COMPARE)
+    drawn = figures.draw(results, curves, comparison.summarize(results, COMPARE), [], 0.95)
+    panels = drawn["learning_curves"].axes
+    assert [axes.get_title(loc="left") for axes in panels] == ["Value-based", "", "Evolution", ""]
+    for axes, own in zip(panels, ["dqn", "dqn", "pgpe", "pgpe"], strict=True):
+        lines = [line.get_label() for line in axes.lines if line.get_marker() != "None"]
+        assert lines == [name for name in agents if name.startswith(own)]
+        thin = {
+            line.get_label(): line.get_ydata()[0]
+            for line in axes.lines
+            if "None" in line.get_marker()
+        }
+        assert thin.pop("metronome") == 505  # the better baseline has its name
+        assert list(thin.values()) == [335]
+    assert len({axes.get_ylim() for axes in panels}) == 1
+    assert {panels[0].get_xlim(), panels[1].get_xlim()} == {axes.get_xlim() for axes in panels}
 
 
-def test_many_baselines_keep_apart_by_grey_and_dashes():
-    found = looks.looks({f"baseline-{i}": True for i in range(6)} | {"sac": False})
-    assert found.pop("sac").line == "-"
-    assert len({(look.colour, look.line) for look in found.values()}) == 6
-    assert all(look.line != "-" for look in found.values())
+def test_many_claims_stand_in_more_columns(compared):
+    claims = compared[3]
+    few = claim_panels.draw(claims, looks_by_label(compared), "Few")
+    many = claim_panels.draw([*claims, *claims], looks_by_label(compared), "Many")
+    assert len(many.axes) == 2 * len(few.axes) > claim_panels.MANY
+    assert many.get_figwidth() == 2 * few.get_figwidth()
+
+
+def looks_by_label(compared):
+    families = {agent.label: agent.family for agent in compared[0].values()}
+    return looks.looks(families)

@@ -17,6 +17,7 @@ from jumping_ant.showing.recording.story import Story, read
 from jumping_ant.sim import robot
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.words import looks
+from jumping_ant.words.looks import Family
 
 ALGORITHMS = {"random": "random", "mine": "sac"}
 
@@ -75,7 +76,8 @@ def test_heights_stand_together(content: Content, episodes: dict[str, Trajectory
 
 
 def test_agents_have_the_colours_of_the_figures(content: Content) -> None:
-    for agent, look in looks.looks({"random": True, "mine": False}).items():
+    families: dict[str, Family] = {"random": "baseline", "mine": "off-policy actor-critic"}
+    for agent, look in looks.looks(families).items():
         color = int(look.colour[1:] + "ff", 16)
         paths = (f"/height/{agent}", f"/{agent}/trail", f"/{agent}/world/torso/torso_geom")
         assert {int(content.shape(path)["colors"]) for path in paths} == {color}

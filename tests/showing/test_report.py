@@ -16,15 +16,15 @@ from small_episode import simulate
 from small_project import make_params, write_project
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import digest, write_bytes, write_json, write_text
+from jumping_ant.base.files import PROJECT_ROOT, digest, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison
 from jumping_ant.judging.claims import verdicts
-from jumping_ant.judging.results import load
+from jumping_ant.judging.results import AgentResults, load
 from jumping_ant.showing import rendering
-from jumping_ant.showing.report import contests, page
+from jumping_ant.showing.report import contests, page, statements
 from jumping_ant.showing.report.charts import learning
 from jumping_ant.sim import robot
 from jumping_ant.tracking import models, pages, store
@@ -145,14 +145,46 @@ def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
     assert len(found) == 16
     text = " ".join(Reader(html).cells)
     places = []
-    for claim in found:
+    for claim in sorted(found, key=lambda claim: claim["statement"] or 99):
         assert f"{claim['verdict']}{claim['text']}" in text
         assert f"{claim['p']:.2g}, {claim['p_holm']:.2g} after Holm" in html
         places.append(html.index(escape(claim["evidence"])))
-    assert places == sorted(places)
+    assert places == sorted(places), "in the order of the article's statements"
     assert html.count("would decide it.") + html.count("1,000 seeds needed.") == len(
         [claim for claim in found if claim["verdict"] == "inconclusive"]
     )
+
+
+def test_claims_are_grouped_by_statement_and_counted() -> None:
+    verdicts = {9: ["refuted"], None: ["supported"], 10: ["supported", "refuted", "supported"]}
+    entries = [
+        {
+            "text": f"Claim {number} {verdict}",
+            "statement": number,
+            "verdict": verdict,
+            "evidence": "",
+            "effect": {"name": "effect", "value": 1.0, "low": 0.0, "high": 2.0},
+            "p": 0.5,
+            "p_holm": 1.0,
+        }
+        for number, own in verdicts.items()
+        for verdict in own
+    ]
+    read = statements.read(entries, 8)
+    assert [statement.title for statement in read] == [
+        "9. Evolution is robust",
+        "10. Evolution is computationally heavy",
+        "A sceptic's questions",
+    ]
+    assert [statement.counts for statement in read] == [
+        {"refuted": 1}, {"supported": 2, "refuted": 1}, {"supported": 1},
+    ]  # fmt: skip
+    assert [claim["index"] for statement in read for claim in statement.claims] == [0, 2, 3, 4, 1]
+
+
+def test_every_statement_of_the_article_has_a_title() -> None:
+    rows = re.findall(r"^\| (\d+)[ab]? \|", (PROJECT_ROOT / "docs" / "claims.md").read_text(), re.M)
+    assert sorted(statements.STATEMENTS) == sorted(set(map(int, rows)))
 
 
 def test_a_claims_chart_shows_every_seed(html: str, project: Path) -> None:
@@ -173,7 +205,7 @@ def test_seeds_that_never_got_there_are_hollow() -> None:
         "values": {"SAC": [1.0, 2.0], "SAC, rounded": [3.0, None]},
         "reached": {"SAC": [True, False]},
     }
-    drawn = {"SAC": looks.looks({"sac": False})["sac"]}
+    drawn = {"SAC": looks.looks({"sac": "off-policy actor-critic"})["sac"]}
     own, rounded = contests.claim({"plot": plot}, drawn, [5, 6]).data
     assert own.marker.symbol == ("circle", "circle-open")
     assert own.text == ("seed 5", "seed 6, which never got there")
@@ -199,24 +231,18 @@ def test_charts_show_the_data(html: str, project: Path, settings: Params) -> Non
     drawn = charts(html)
     results = load(project, settings)
     curves = comparison.learning_curves(results, settings.compare)
-    lines = {trace["name"]: trace for trace in drawn["learning_steps"]["data"] if "name" in trace}
+    chart = drawn["learning_env_steps_0"]["data"]
+    lines = {trace["name"]: trace for trace in chart if "name" in trace}
     assert lines["SAC"]["y"] == curves["sac"].returns.value.tolist()
     assert lines["SAC"]["x"] == curves["sac"].env_steps.tolist()
     boxes = [box for box in drawn["episodes"]["data"] if box["visible"]]
-    assert [len(box["y"]) for box in boxes] == [len(SEEDS) * 3] * len(AGENTS)
+    assert [len(box["x"]) for box in boxes] == [len(SEEDS) * 3] * len(AGENTS)
     heights = {trace["name"]: trace["y"] for trace in drawn["heights"]["data"]}
     assert len(heights["PGPE"]) == 101, "as long as the film: one second, a hundred steps"
     assert max(heights["PGPE"]) > max(heights["DQN"]), "it was thrown up faster"
-    assert len(drawn["torques"]["data"]) == len(AGENTS)
-    assert np.shape(drawn["torques"]["data"][0]["z"]) == (8, 20)
-
-
-def test_sample_efficiency_ends_where_half_of_the_seeds_ended(html: str) -> None:
-    lines = {trace["name"]: trace for trace in charts(html)["efficiency"]["data"]}
-    assert "random" not in lines
-    # The levels of small_project: dqn's seeds end at 700 ... 730, two of them at 720 or above.
-    assert max(lines["DQN"]["x"]) == max(x for x in lines["PGPE"]["x"] if x <= 720)
-    assert lines["DQN"]["y"] == sorted(lines["DQN"]["y"])
+    for name in AGENTS:
+        (torques,) = drawn[f"torques_{name}"]["data"]
+        assert np.shape(torques["z"]) == (8, 20)
 
 
 def test_many_agents_keep_apart_by_colour_and_marker(tmp_path: Path) -> None:
@@ -224,7 +250,9 @@ def test_many_agents_keep_apart_by_colour_and_marker(tmp_path: Path) -> None:
     write_project(tmp_path, agents, [0])
     few = make_params(agents, [0])
     results = load(tmp_path, few)
-    figure = learning(results, comparison.learning_curves(results, few.compare), "env_steps")
+    curves = comparison.learning_curves(results, few.compare)
+    drawn = looks.looks({name: agent.family for name, agent in results.items()})
+    figure = learning(results, curves, "env_steps", drawn)
     lines = [trace for trace in figure.data if trace.name]
     assert len({(line.line.color, line.marker.symbol) for line in lines}) == 12
 
@@ -233,8 +261,94 @@ def test_equal_results_make_equal_pages(html: str, project: Path, settings: Para
     assert page.build(project, settings) == html
 
 
+def test_the_ranking_shows_each_agents_interval(html: str, project: Path) -> None:
+    summary = json.loads((project / "results" / "comparison.json").read_text())["agents"]
+    chart = charts(html)["ranking"]
+    points = [trace for trace in chart["data"] if "error_x" in trace]
+    assert [trace["y"] for trace in points] == [["PGPE"], ["SAC"], ["DQN"], ["random"]]
+    assert chart["layout"]["yaxis"]["categoryarray"] == ["PGPE", "SAC", "DQN", "random"]
+    for trace, name in zip(points, ["pgpe", "sac", "dqn", "random"], strict=True):
+        own = summary[name]["return"]
+        assert trace["x"] == [own["iqm"]]
+        assert trace["error_x"]["array"] == [own["high"] - own["iqm"]]
+        assert trace["error_x"]["arrayminus"] == [own["iqm"] - own["low"]]
+    colours = {trace["name"]: trace["marker"]["color"] for trace in chart["data"][8:]}
+    assert list(colours) == ["value-based", "off-policy actor-critic", "evolution", "baseline"]
+    assert colours["evolution"] == points[0]["marker"]["color"]
+
+
+def test_costs_have_their_front_and_baselines(html: str, project: Path) -> None:
+    summary = json.loads((project / "results" / "comparison.json").read_text())
+    agents = summary["agents"]
+    for cost, front in (("env_steps", "pareto_steps"), ("train_seconds", "pareto_seconds")):
+        chart = charts(html)[f"cost_{cost}"]
+        assert summary[front] == ["sac", "pgpe"]
+        line, *points = [trace for trace in chart["data"] if trace["x"] != [None]]
+        assert line["x"] == [agents[name][cost] for name in ("sac", "pgpe", "pgpe")]
+        assert line["y"] == [agents[name]["return"]["iqm"] for name in ("sac", "pgpe", "pgpe")]
+        named = {trace["text"][0]: trace["y"] for trace in points}
+        assert named == {
+            text: [agents[name]["return"]["iqm"]]
+            for text, name in {"DQN": "dqn", "SAC": "sac", "PGPE": "pgpe"}.items()
+        }
+        (baseline,) = chart["layout"]["shapes"]
+        assert baseline["y0"] == baseline["y1"] == agents["random"]["return"]["iqm"]
+        assert (baseline["name"], baseline["showlegend"]) == ("random", True)
+
+
+def test_the_matrix_shows_who_beats_whom(html: str, project: Path) -> None:
+    pairs = json.loads((project / "results" / "comparison.json").read_text())
+    pairs = pairs["probability_of_improvement"]
+    (cells,) = charts(html)["improvement"]["data"]
+    assert cells["x"] == cells["y"] == ["PGPE", "SAC", "DQN", "random"]
+    ranked = ["pgpe", "sac", "dqn", "random"]
+    assert cells["z"] == [
+        [pairs[f"{one}>{other}"]["p"] if one != other else None for other in ranked]
+        for one in ranked
+    ]
+    assert cells["text"][0] == ["", "100", "100", "100"]
+
+
+@pytest.mark.parametrize(("num_agents", "shown"), [(8, "62<br>20\u2013100"), (9, "62")])
+def test_a_large_matrix_shows_intervals_on_hover_alone(
+    tmp_path: Path, num_agents: int, shown: str
+) -> None:
+    agents = {f"agent-{i}": "dqn" for i in range(num_agents)}
+    write_project(tmp_path, agents, [0, 1])
+    few = make_params(agents, [0, 1])
+    results = load(tmp_path, few)
+    summary = comparison.summarize(results, few.compare)
+    chance = {"p": 0.62, "low": 0.2, "high": 1.0}
+    pairs = dict.fromkeys(summary["probability_of_improvement"], chance)
+    (cells,) = contests.improvement(results, summary | {"probability_of_improvement": pairs}).data
+    assert cells.text[0][1] == shown
+    assert cells.customdata[0][1] == "62 %, interval 20\u2013100"
+
+
 def test_the_title_names_those_that_learn(html: str) -> None:
     assert "<title>Ant: DQN, SAC and PGPE compared</title>" in html
+
+
+@pytest.mark.parametrize(
+    ("agents", "title"),
+    [
+        ({f"sac-{i}": "sac" for i in range(7)}, "Ant: 7 learners compared"),
+        (
+            {f"sac-{i}": "sac" for i in range(5)} | {"dqn": "dqn", "ppo": "ppo"},
+            "Ant: 7 learners of 3 families compared",
+        ),
+    ],
+)
+def test_the_title_counts_many(
+    tmp_path: Path, settings: Params, agents: dict[str, str], title: str
+) -> None:
+    agents |= {"random": "random"}
+    few = make_params(agents, [0])
+    found = {
+        name: AgentResults(name, block, quantities={}, curves={})
+        for name, block in few.agents.items()
+    }
+    assert page._title(settings, found) == title
 
 
 def test_the_heading_asks_for_the_robot_and_its_aim(html: str) -> None:
@@ -259,8 +373,8 @@ def test_a_lone_agent_of_one_seed_has_a_page(
     assert f"<title>Ant: {results[name].label}</title>" in text
     assert f"{results[name].label} returns {outcome}.</p>" in text
     assert "1 training seed," in text and "in brackets" not in text
-    assert ("learning_steps" in charts(text)) == (name == "sac")
-    places = set(re.findall(r'<(?:div|section)[^>]* id="(\w+)"', text))
+    assert ("learning_env_steps_0" in charts(text)) == (name == "sac")
+    places = set(re.findall(r'<(?:div|section)[^>]* id="([\w-]+)"', text))
     links = {link[1:] for _, link in Reader(text).links if link.startswith("#")}
     assert charts(text).keys() | links <= places
     assert places.isdisjoint({"claims", "improvement"})
@@ -303,9 +417,11 @@ def test_the_page_holds_together_in_a_browser(
     address = (project / "results" / "report.html").as_uri()
     visit = open_page(chromium, address, width=width)
     page = visit.page
+    assert page.evaluate("undrawn.size") > 0, "charts far from the window wait"
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
     for name in charts(html):
         box = page.locator(f"#{name} .main-svg").first.bounding_box()
-        assert box and box["width"] > 200 and box["height"] > 200, name
+        assert box and box["width"] > 200 and box["height"] > 180, name
         assert page.locator(f"#{name} .trace, #{name} .hm").count() > 0, f"{name} is empty"
     assert page.evaluate("document.documentElement.scrollWidth") <= width, "it scrolls sideways"
     for video in page.locator("video").all():
@@ -338,6 +454,20 @@ def test_films_play_together_and_can_be_moved(project: Path, chromium: Browser, 
     page.close()
 
 
+def test_only_films_in_the_window_play(project: Path, chromium: Browser, html: str) -> None:
+    address = (project / "results" / "report.html").as_uri()
+    visit = open_page(chromium, address, width=390, height=300)
+    first, last = (f"document.querySelectorAll('video')[{index}]" for index in (0, 3))
+    assert visit.page.evaluate(f"{first}.paused && {last}.paused")
+    visit.page.locator("video").nth(3).scroll_into_view_if_needed()
+    visit.wait_for(f"{last}.currentTime > 0.2")
+    assert visit.page.evaluate(f"{first}.paused && {first}.currentTime === 0")
+    visit.page.locator("video").nth(0).scroll_into_view_if_needed()
+    visit.wait_for(f"{first}.currentTime > 0.2 && {last}.paused")
+    assert visit.page_errors == []
+    visit.page.close()
+
+
 def test_films_of_any_length_play_together(
     project: Path, chromium: Browser, html: str, tmp_path: Path
 ) -> None:
@@ -348,25 +478,25 @@ def test_films_of_any_length_play_together(
     (tmp_path / "media" / "dqn.mp4").unlink()
     visit = open_page(chromium, (tmp_path / "results" / "report.html").as_uri())
     page = visit.page
-    first, last = (f"document.querySelectorAll('video')[{index}]" for index in (0, 3))
-    is_held = f"Math.abs({first}.currentTime - {first}.duration) < 0.01"
-    visit.wait_for(f"{last}.currentTime > 0.1")
+    short, long = (f"document.querySelectorAll('video')[{index}]" for index in (3, 2))
+    is_held = f"Math.abs({short}.currentTime - {short}.duration) < 0.01"
+    visit.wait_for(f"{long}.currentTime > 0.1")
     page.click("#play")
     assert page.inner_text("#play") == "Play"
-    assert page.evaluate(f"{first}.paused && {last}.paused")
-    end = page.evaluate(f"{last}.duration")
-    assert page.evaluate(f"{first}.duration") == pytest.approx(0.4)
+    assert page.evaluate(f"{short}.paused && {long}.paused")
+    end = page.evaluate(f"{long}.duration")
+    assert page.evaluate(f"{short}.duration") == pytest.approx(0.4)
     assert end > 1 and float(str(page.get_attribute("#time", "max"))) == end
     page.locator("#time").fill("0.7")
-    visit.wait_for(f"{last}.currentTime === 0.7 && {is_held}")
+    visit.wait_for(f"{long}.currentTime === 0.7 && {is_held}")
     assert page.get_attribute("#time", "aria-valuetext") == page.inner_text("#clock") == "0.7 s"
     page.select_option("#speed", "0.25")
     page.click("#play")
     assert page.inner_text("#play") == "Pause"
-    visit.wait_for(f"{last}.currentTime > 0.75 && {is_held}")
+    visit.wait_for(f"{long}.currentTime > 0.75 && {is_held}")
     page.select_option("#speed", "2")
-    visit.wait_for(f"{last}.currentTime < 0.3 && {first}.currentTime < 0.36")
-    visit.wait_for(f"{last}.currentTime > 0.6 && {is_held}")
+    visit.wait_for(f"{long}.currentTime < 0.3 && {short}.currentTime < 0.36")
+    visit.wait_for(f"{long}.currentTime > 0.6 && {is_held}")
     assert visit.page_errors == []
     assert all("ERR_FILE_NOT_FOUND" in error for error in visit.console_errors)
     page.close()
@@ -376,9 +506,10 @@ def test_logarithmic_axes_always_have_some_numbers(
     project: Path, chromium: Browser, html: str
 ) -> None:
     visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
+    visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
     for low, high in [(310, 330), (310, 480), (700, 1400), (800, 9000), (90, 4e4), (5, 2e9)]:
         ends = [np.log10(low), np.log10(high)]
-        for chart, axis in [("learning_steps", "x"), ("efficiency", "y")]:
+        for chart, axis in [("learning_env_steps_0", "x"), ("cost_env_steps", "x")]:
             visit.page.evaluate(
                 "([chart, axis, ends]) => Plotly.relayout(chart, {[`${axis}axis.range`]: ends})",
                 [chart, axis, ends],
@@ -391,10 +522,11 @@ def test_logarithmic_axes_always_have_some_numbers(
 def test_the_menu_changes_the_measure(project: Path, chromium: Browser, html: str) -> None:
     visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
     page = visit.page
+    page.locator("#episodes").scroll_into_view_if_needed()
     page.locator("#episodes .updatemenu-header").click()
     page.locator("#episodes .updatemenu-dropdown-button", has_text="Work").click()
-    visit.wait_for("document.getElementById('episodes').layout.yaxis.title.text === 'Work [J]'")
+    visit.wait_for("document.getElementById('episodes').layout.xaxis.title.text === 'Work [J]'")
     shown = "document.getElementById('episodes').data.filter((box) => box.visible === true)"
     assert page.evaluate(f"{shown}.length") == len(AGENTS)
-    assert page.evaluate(f"{shown}[3].y[0]") == pytest.approx(2 * 4995)
+    assert page.evaluate(f"{shown}[2].x[0]") == pytest.approx(2 * 4995)
     page.close()

@@ -139,10 +139,10 @@ class ARSParams(EvolutionParams):
 
 _SEARCHERS = "jumping_ant.agents.evolution.searchers"
 ALGORITHMS = {
-    "pgpe": Algorithm(PGPEParams, learner=f"{_SEARCHERS}:pgpe"),
-    "snes": Algorithm(SNESParams, learner=f"{_SEARCHERS}:snes"),
-    "xnes": Algorithm(XNESParams, learner=f"{_SEARCHERS}:xnes"),
-    "cem": Algorithm(CEMParams, learner=f"{_SEARCHERS}:cem"),
-    "cmaes": Algorithm(CMAESParams, learner=f"{_SEARCHERS}:cmaes"),
-    "ars": Algorithm(ARSParams, learner=f"{_SEARCHERS}:AugmentedRandomSearch"),
+    "pgpe": Algorithm(PGPEParams, family="evolution", learner=f"{_SEARCHERS}:pgpe"),
+    "snes": Algorithm(SNESParams, family="evolution", learner=f"{_SEARCHERS}:snes"),
+    "xnes": Algorithm(XNESParams, family="evolution", learner=f"{_SEARCHERS}:xnes"),
+    "cem": Algorithm(CEMParams, family="evolution", learner=f"{_SEARCHERS}:cem"),
+    "cmaes": Algorithm(CMAESParams, family="evolution", learner=f"{_SEARCHERS}:cmaes"),
+    "ars": Algorithm(ARSParams, family="evolution", learner=f"{_SEARCHERS}:AugmentedRandomSearch"),
 }

@@ -211,38 +211,45 @@ _LEAN = "jumping_ant.agents.off_policy.lean.learners"
 ALGORITHMS = {
     "dqn": Algorithm(
         DQNParams,
+        family="value-based",
         learner=f"{_LEAN}:LeanDQN",
         logged=("train/loss", "rollout/exploration_rate"),
         counters=("_n_calls", "exploration_rate"),
     ),
     "sac": Algorithm(
         SACParams,
+        family="off-policy actor-critic",
         learner=f"{_LEAN}:LeanSAC",
         logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
     ),
     "qrdqn": Algorithm(
         QRDQNParams,
+        family="value-based",
         learner="sb3_contrib:QRDQN",
         logged=("train/loss", "rollout/exploration_rate"),
         counters=("_n_calls", "exploration_rate"),
     ),
     "tqc": Algorithm(
         TQCParams,
+        family="off-policy actor-critic",
         learner="sb3_contrib:TQC",
         logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
     ),
     "crossq": Algorithm(
         CrossQParams,
+        family="off-policy actor-critic",
         learner="sb3_contrib:CrossQ",
         logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
     ),
     "ddpg": Algorithm(
         DDPGParams,
+        family="off-policy actor-critic",
         learner="stable_baselines3:DDPG",
         logged=("train/actor_loss", "train/critic_loss"),
     ),
     "td3": Algorithm(
         TD3Params,
+        family="off-policy actor-critic",
         learner="stable_baselines3:TD3",
         logged=("train/actor_loss", "train/critic_loss"),
     ),

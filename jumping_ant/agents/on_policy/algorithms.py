@@ -109,11 +109,13 @@ class PPOParams(OnPolicyParams):
 ALGORITHMS = {
     "a2c": Algorithm(
         A2CParams,
+        family="on-policy actor-critic",
         learner="stable_baselines3:A2C",
         logged=("train/policy_loss", "train/value_loss", "train/entropy_loss"),
     ),
     "ppo": Algorithm(
         PPOParams,
+        family="on-policy actor-critic",
         learner="stable_baselines3:PPO",
         logged=(
             *("train/policy_gradient_loss", "train/value_loss", "train/entropy_loss"),

@@ -42,4 +42,4 @@ class OpenLoopParams(AgentBlock):
         return len(self.half_periods) * self.episodes * self.episode_steps
 
 
-ALGORITHMS = {"open_loop": Algorithm(OpenLoopParams)}
+ALGORITHMS = {"open_loop": Algorithm(OpenLoopParams, family="baseline")}

@@ -24,4 +24,4 @@ class RandomAgentParams(AgentBlock):
         return 0
 
 
-ALGORITHMS = {"random": Algorithm(RandomAgentParams)}
+ALGORITHMS = {"random": Algorithm(RandomAgentParams, family="baseline")}

@@ -85,5 +85,5 @@ def _time_of_peak(
 
 def _colors(stories: Mapping[str, Story]) -> dict[str, Color]:
     """Return each agent's colour, as in the figures."""
-    drawn = looks.looks({agent: story.is_baseline for agent, story in stories.items()})
+    drawn = looks.looks({agent: story.family for agent, story in stories.items()})
     return {agent: tuple(bytes.fromhex(look.colour[1:])) for agent, look in drawn.items()}

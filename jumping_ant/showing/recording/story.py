@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.agents import catalogue
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.words import looks
+from jumping_ant.words.looks import Family
 
 Array = NDArray[np.float64]
 
@@ -27,7 +29,7 @@ class Story:
     Attributes:
         agent: The agent's name.
         algorithm: The algorithm it runs.
-        is_baseline: Whether it learns nothing.
+        family: The algorithm's family.
         robot: Which robot it moves, `edited` or `unedited`.
         measures: The episode's `MEASURES` (see `jumping_ant.judging.evaluation`).
         mean_return: Mean over all the agent's held-out episodes.
@@ -37,11 +39,16 @@ class Story:
 
     agent: str
     algorithm: str
-    is_baseline: bool
+    family: Family
     robot: str
     measures: Mapping[str, float]
     mean_return: float
     curves: Mapping[int, tuple[Array, Array]]
+
+    @property
+    def is_baseline(self) -> bool:
+        """Return whether the agent learns nothing."""
+        return self.family == looks.BASELINE
 
     @property
     def label(self) -> str:
@@ -75,7 +82,7 @@ def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Stor
     return Story(
         agent=agent,
         algorithm=block.algorithm,
-        is_baseline=block.is_baseline,
+        family=catalogue.row(block).family,
         robot=block.robot,
         measures={name: float(table[name][own[0]]) for name in MEASURES},
         mean_return=float(table["return"].mean()),

@@ -4,19 +4,18 @@ Agents keep the colours and markers of all other figures (see `jumping_ant.words
 show exactly what `results/` holds: nothing is smoothed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
 from jumping_ant.judging.comparison import LearningCurve
-from jumping_ant.judging.results import AgentResults, steps_to
+from jumping_ant.judging.results import AgentResults
 from jumping_ant.words import measures
-from jumping_ant.words.looks import INK, Look, looks
+from jumping_ant.words.looks import INK, Look
 
 Array = NDArray[np.float64]
 
@@ -37,7 +36,8 @@ DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
 # Plotly chooses the numbers: powers of ten on a long axis, digits between them on a shorter one,
 # even steps within a decade. `nticks` is low enough to keep long axes to powers.
 LOG_AXIS = {"type": "log", "tickformat": "~s", "nticks": 4}
-NUM_THRESHOLDS = 60
+ROW = 28  # [pixels] height of an agent's row
+MENU = 460  # [pixels] height of the menu of measures, open
 TORQUE_SECONDS = 4.0  # shown of each film, around its highest moment
 
 
@@ -65,68 +65,50 @@ class FilmedEpisode:
 
 
 def learning(
-    results: Mapping[str, AgentResults], curves: Mapping[str, LearningCurve], against: str
+    results: Mapping[str, AgentResults],
+    curves: Mapping[str, LearningCurve],
+    against: str,
+    drawn: Mapping[str, Look],
+    reference: str | None = None,
 ) -> go.Figure:
     """Draw the return while learning, with its interval.
 
     Args:
-        results: What `results.load` returns.
-        curves: What `comparison.learning_curves` returns.
+        results: The agents of this chart.
+        curves: What `comparison.learning_curves` returns; all charts of these share their axes.
         against: `env_steps` or `seconds`.
+        drawn: Each agent's look.
+        reference: If given, baselines are thin lines, and only this one has a name.
     """
     figure = go.Figure()
-    for name, look in _looks(results).items():
-        curve = curves[name]
-        x = getattr(curve, against)
-        _add_band(figure, x, curve.returns.low, curve.returns.high, look, name)
-        figure.add_scatter(
-            x=x.tolist(),
-            y=curve.returns.value.tolist(),
-            name=results[name].label,
-            legendgroup=name,
-            mode="lines+markers" if look.line == "-" else "lines",
-            line={"color": look.colour, "dash": DASHES[look.line]},
-            marker={"symbol": SYMBOLS[look.marker], "size": 7},
-            hovertemplate="%{y:,.0f}",
-        )
+    for name, agent in results.items():
+        if agent.is_baseline and reference:
+            _add_level(figure, agent, curves[name], against, drawn[name], name == reference)
+        else:
+            _add_curve(figure, agent, curves[name], against, drawn[name])
     title = {"env_steps": "control steps", "seconds": "training time of a seed [s]"}[against]
-    figure.update_xaxes(title=title, hoverformat=",.3~s", **LOG_AXIS)
-    figure.update_yaxes(title="return of an evaluation episode", rangemode="tozero")
+    places = np.concatenate([getattr(curve, against) for curve in curves.values()])
+    ends = np.log10([places[places > 0].min(), places.max()])
+    highest = max(curve.returns.high.max() for curve in curves.values())
+    lowest = min(curve.returns.low.min() for curve in curves.values())
+    margin = 0.04 * (ends[1] - ends[0] or 1)
+    x_range, y_range = [ends[0] - margin, ends[1] + margin], [min(0, lowest), 1.05 * highest]
+    figure.update_xaxes(title=title, hoverformat=",.3~s", range=x_range, **LOG_AXIS)
+    figure.update_yaxes(title="return of an evaluation episode", range=y_range)
     return finish(figure, 380, hovermode="x unified")
 
 
-def efficiency(results: Mapping[str, AgentResults]) -> go.Figure:
-    """Draw the control steps after which half of the seeds had reached a return."""
-    figure = go.Figure()
-    learners = {name: agent for name, agent in results.items() if not agent.is_baseline}
-    ends = [c.evaluations[1].max() for agent in learners.values() for c in agent.curves.values()]
-    best = max(ends, default=0.0)
-    thresholds = np.linspace(0, best, NUM_THRESHOLDS + 1)[1:]
-    drawn = _looks(results)
-    for name, agent in learners.items():
-        steps = np.array([_median_steps(agent, threshold) for threshold in thresholds])
-        reached = np.isfinite(steps)
-        figure.add_scatter(
-            x=thresholds[reached].tolist(),
-            y=steps[reached].tolist(),
-            name=agent.label,
-            mode="lines",
-            line={"color": drawn[name].colour, "shape": "hv", "width": 3},
-            hovertemplate="%{y:,.0f} steps to a return of %{x:,.0f}",
-        )
-    figure.update_xaxes(title="return", hoverformat=",.0f", rangemode="tozero")
-    figure.update_yaxes(title="control steps to reach it", **LOG_AXIS)
-    return finish(figure, 380)
-
-
 def episodes(
-    results: Mapping[str, AgentResults], tables: Mapping[str, Mapping[str, Array]]
+    results: Mapping[str, AgentResults],
+    tables: Mapping[str, Mapping[str, Array]],
+    drawn: Mapping[str, Look],
 ) -> go.Figure:
     """Draw every held-out episode, one measure at a time, chosen from a menu.
 
     Args:
         results: What `results.load` returns.
         tables: Columns of each agent's `episodes.csv`, (num_episodes,) each.
+        drawn: Each agent's look.
     """
     figure = go.Figure()
     first, *others = tables.values()
@@ -134,12 +116,12 @@ def episodes(
     measured = {name: measures.of_column(name) for name in columns}
     shown = {name: measure for name, measure in measured.items() if measure}
     for measure in shown:
-        for name, look in _looks(results).items():
+        for name, agent in results.items():
             table = tables[name]
             figure.add_box(
-                y=table[measure].tolist(),
-                name=results[name].label,
-                marker={"color": look.colour, "size": 5, "opacity": 0.65},
+                x=table[measure].tolist(),
+                name=agent.label,
+                marker={"color": drawn[name].colour, "size": 5, "opacity": 0.65},
                 boxpoints="all",
                 jitter=0.5,
                 pointpos=0,
@@ -147,7 +129,7 @@ def episodes(
                     f"seed {seed:.0f}, episode {episode:.0f}"
                     for seed, episode in zip(table["seed"], table["episode"], strict=True)
                 ],
-                hovertemplate="%{text}: %{y:,.4~g}<extra></extra>",
+                hovertemplate="%{text}: %{x:,.4~g}<extra></extra>",
                 hoveron="points",
                 visible=measure == "return",
                 showlegend=False,
@@ -158,26 +140,34 @@ def episodes(
             "method": "update",
             "args": [
                 {"visible": [other == measure for other in shown for _ in results]},
-                {"yaxis.title.text": shown[measure].axis},
+                {"xaxis.title.text": shown[measure].axis},
             ],
         }
         for measure in shown
     ]
-    menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.2, "yanchor": "top"}
-    figure.update_layout(updatemenus=[menu])
-    figure.update_yaxes(title=shown["return"].axis, rangemode="tozero")
-    return finish(figure, 420, top=70)
+    menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom"}
+    figure.update_layout(updatemenus=[menu | {"pad": {"b": 10}}])
+    figure.update_xaxes(title=shown["return"].axis, rangemode="tozero")
+    figure.update_yaxes(autorange="reversed")
+    return finish(figure, max(MENU, 130 + ROW * len(results)), top=70)
 
 
-def heights(results: Mapping[str, AgentResults], films: Mapping[str, FilmedEpisode]) -> go.Figure:
+def heights(
+    results: Mapping[str, AgentResults],
+    films: Mapping[str, FilmedEpisode],
+    drawn: Mapping[str, Look],
+    shown: Collection[str],
+) -> go.Figure:
     """Draw the torso's height over the time of each agent's film.
 
     Args:
         results: What `results.load` returns.
         films: Each agent's film.
+        drawn: Each agent's look.
+        shown: Agents whose lines are there at once; those of others are a click away.
     """
     figure = go.Figure()
-    for name, look in _looks(results).items():
+    for name, look in ((name, drawn[name]) for name in results):
         film = films[name]
         figure.add_scatter(
             x=np.round(film.times, 3).tolist(),
@@ -186,48 +176,68 @@ def heights(results: Mapping[str, AgentResults], films: Mapping[str, FilmedEpiso
             mode="lines",
             line={"color": look.colour, "dash": DASHES[look.line], "width": 1.6},
             hovertemplate="%{y:.2f} m",
+            visible=True if name in shown else "legendonly",
         )
     figure.update_xaxes(title="time in the film [s]", hoverformat=".2f")
     figure.update_yaxes(title="height of the torso [m]", rangemode="tozero")
     return finish(figure, 360, hovermode="x unified")
 
 
-def torques(
-    results: Mapping[str, AgentResults],
-    films: Mapping[str, FilmedEpisode],
-    motors: Sequence[str],
-) -> go.Figure:
-    """Draw each motor's torque over the seconds around the highest moment, one panel per agent."""
-    labels = [agent.label for agent in results.values()]
-    figure = make_subplots(
-        rows=len(results), cols=1, subplot_titles=labels, vertical_spacing=0.22 / len(results)
+def torques(film: FilmedEpisode, motors: Sequence[str]) -> go.Figure:
+    """Draw each motor's torque over the seconds around the highest moment of a film."""
+    steps = _around_highest(film)
+    figure = go.Figure()
+    figure.add_heatmap(
+        x=np.round(steps * film.step_seconds, 3).tolist(),
+        y=[motor.replace("_", " ") for motor in motors],
+        z=np.round(film.torques[steps].T, 3).tolist(),
+        colorscale="RdBu",
+        zmin=-1,
+        zmax=1,
+        showscale=False,
+        hovertemplate="%{y} at %{x:.2f} s: %{z:.2f}<extra></extra>",
     )
-    for row, name in enumerate(results, start=1):
-        film = films[name]
-        steps = _around_highest(film)
-        figure.add_heatmap(
-            x=np.round(steps * film.step_seconds, 3).tolist(),
-            y=[motor.replace("_", " ") for motor in motors],
-            z=np.round(film.torques[steps].T, 3).tolist(),
-            coloraxis="coloraxis",
-            hovertemplate="%{y} at %{x:.2f} s: %{z:.2f}<extra></extra>",
-            row=row,
-            col=1,
-        )
-    figure.update_layout(
-        coloraxis={
-            "colorscale": "RdBu",
-            "cmin": -1,
-            "cmax": 1,
-            "colorbar": {"title": {"text": "torque /<br>peak", "side": "top"}, "thickness": 12},
-        }
-    )
-    figure.update_xaxes(title="time [s]", row=len(results), col=1)
-    return finish(figure, 60 + 190 * len(results), top=30)
+    figure.update_xaxes(title="time [s]")
+    return finish(figure, 90 + 14 * len(motors), top=6)
 
 
-def _looks(results: Mapping[str, AgentResults]) -> dict[str, Look]:
-    return looks({name: agent.is_baseline for name, agent in results.items()})
+def _add_curve(
+    figure: go.Figure, agent: AgentResults, curve: LearningCurve, against: str, look: Look
+) -> None:
+    """Add a learning curve with its interval."""
+    x = getattr(curve, against)
+    _add_band(figure, x, curve.returns.low, curve.returns.high, look, agent.name)
+    figure.add_scatter(
+        x=x.tolist(),
+        y=curve.returns.value.tolist(),
+        name=agent.label,
+        legendgroup=agent.name,
+        mode="lines" if agent.is_baseline else "lines+markers",
+        line={"color": look.colour, "dash": DASHES[look.line]},
+        marker={"symbol": SYMBOLS[look.marker], "size": 7},
+        hovertemplate="%{y:,.0f}",
+    )
+
+
+def _add_level(
+    figure: go.Figure,
+    agent: AgentResults,
+    curve: LearningCurve,
+    against: str,
+    look: Look,
+    is_named: bool,
+) -> None:
+    """Add a baseline as a thin line."""
+    hover = {"hovertemplate": "%{y:,.0f}"} if is_named else {"hoverinfo": "skip"}
+    figure.add_scatter(
+        x=getattr(curve, against).tolist(),
+        y=curve.returns.value.tolist(),
+        name=agent.label,
+        mode="lines",
+        line={"color": look.colour, "width": 1},
+        showlegend=is_named,
+        **hover,
+    )
 
 
 def _add_band(figure: go.Figure, x: Array, low: Array, high: Array, look: Look, group: str) -> None:
@@ -243,12 +253,6 @@ def _add_band(figure: go.Figure, x: Array, low: Array, high: Array, look: Look, 
         legendgroup=group,
         showlegend=False,
     )
-
-
-def _median_steps(agent: AgentResults, threshold: float) -> float:
-    """Return the steps by which half of the seeds reached a return; infinity if fewer did."""
-    steps, reached = steps_to(agent, threshold)
-    return float(np.quantile(np.where(reached, steps, np.inf), 0.5, method="lower"))
 
 
 def _around_highest(film: FilmedEpisode) -> NDArray[np.int64]:

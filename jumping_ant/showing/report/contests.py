@@ -6,40 +6,54 @@ from typing import Any
 
 import plotly.graph_objects as go
 
+from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults
 from jumping_ant.showing.report.charts import LOG_AXIS, SYMBOLS, finish
 from jumping_ant.words import looks
 from jumping_ant.words.looks import Look
-from jumping_ant.words.wording import interval, number
+from jumping_ant.words.wording import percent, percents
 
 CLAIM_HEIGHT = 215  # [pixels]
 PAIR = "#B0B4BC"  # colour of the lines between values of the same seed
 
 
 def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> go.Figure:
-    """Draw the probability that a seed of one agent returns more than one of another."""
+    """Draw the probability that a seed of one agent returns more than one of another.
+
+    Args:
+        results: What `results.load` returns.
+        summary: The content of `results/comparison.json`.
+    """
     pairs = summary["probability_of_improvement"]
-    labels = [agent.label for agent in results.values()]
-    chances = [[pairs.get(f"{one}>{other}") for other in results] for one in results]
-    num_seeds = min(agent["seeds"] for agent in summary["agents"].values())
+    ranked = comparison.ranking(summary["agents"])
+    labels = [results[name].label for name in ranked]
+    chances = [[pairs.get(f"{one}>{other}") for other in ranked] for one in ranked]
+    has_room = len(ranked) <= looks.MOST_IN_A_WIDE_MATRIX
     figure = go.Figure()
     figure.add_heatmap(
         x=labels,
         y=labels,
         z=[[pair["p"] if pair else None for pair in row] for row in chances],
-        text=[[_show_chance(pair, num_seeds) for pair in row] for row in chances],
+        text=[[_show_chance(pair, has_room) for pair in row] for row in chances],
+        customdata=[[_show_chance(pair, True, " %, interval ") for pair in row] for row in chances],
         texttemplate="%{text}",
+        textfont={"size": 11},
         zmin=0,
         zmax=1,
-        colorscale=[[0, "#F4A582"], [0.5, "#F7F7F7"], [1, "#7FB6E0"]],
+        colorscale=[[i / 2, colour] for i, colour in enumerate(looks.CHANCES)],
         showscale=False,
-        xgap=3,
-        ygap=3,
-        hovertemplate="%{y} returns more than %{x}: %{text}<extra></extra>",
+        xgap=2,
+        ygap=2,
+        hovertemplate="%{y} returns more than %{x}: %{customdata} %<extra></extra>",
     )
-    figure.update_xaxes(title="… than this one", side="bottom", showgrid=False)
+    figure.update_xaxes(title="… than this one", side="top", showgrid=False, tickangle=-90)
     figure.update_yaxes(title="this one returns more …", autorange="reversed", showgrid=False)
-    return finish(figure, 120 + 70 * len(results))
+    return finish(figure, 180 + (44 if has_room else 27) * len(ranked))
+
+
+def improvement_width(num_agents: int) -> int:
+    """Return the least width of the matrix with so many agents [pixels]."""
+    return 160 + (52 if num_agents <= looks.MOST_IN_A_WIDE_MATRIX else 27) * num_agents
 
 
 def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
@@ -97,8 +111,11 @@ def _show_seed(seed: int, reached: bool) -> str:
     return f"seed {seed}" if reached else f"seed {seed}, which never got there"
 
 
-def _show_chance(pair: Mapping[str, float] | None, num_seeds: int) -> str:
+def _show_chance(
+    pair: Mapping[str, float] | None, with_interval: bool, separator: str = "<br>"
+) -> str:
     if pair is None:
         return ""
-    ends = interval(pair["low"], pair["high"], num_seeds)
-    return f"{number(pair['p'])}<br>{ends}".removesuffix("<br>")
+    if not with_interval or pair["low"] == pair["high"]:
+        return percent(pair["p"])
+    return f"{percent(pair['p'])}{separator}{percents(pair['low'], pair['high'])}"

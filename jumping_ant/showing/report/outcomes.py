@@ -1,4 +1,4 @@
-"""The report's tables of outcomes, and its claims, as text."""
+"""The report's tables of outcomes, as text."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,12 +8,11 @@ from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults
 from jumping_ant.words import looks
 from jumping_ant.words.measures import MEASURES, TERM
-from jumping_ant.words.wording import estimate, interval, number, p_value
+from jumping_ant.words.wording import interval, number
 
 BEHAVIOUR = ("apex", "flight", "fluidity", "jumps")
 BUDGETS = ("return_at_equal_steps", "return_at_equal_seconds")
 COSTS = ("env_steps", "train_seconds")
-SIGNS = {"supported": "\u2713", "refuted": "\u2717", "inconclusive": "?"}
 
 
 @dataclass(frozen=True)
@@ -27,9 +26,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class Row:
-    """An agent's row: its name, what sets it apart from learners on the edited robot, cells."""
+    """An agent's row: its name, its family, the robot if it is not the edited one, cells."""
 
     label: str
+    family: str
     remark: str
     cells: Sequence[Cell]
 
@@ -94,34 +94,13 @@ def terms(
     return labels, [_row(agent, cells(name)) for name, agent in results.items()]
 
 
-def claims(entries: Sequence[Mapping[str, Any]], num_seeds: int) -> list[dict[str, str]]:
-    """Return the claims in words.
-
-    Args:
-        entries: `claims` of `results/comparison.json`.
-        num_seeds: Number of seeds of each agent.
-    """
-    return [
-        {
-            "verdict": entry["verdict"],
-            "sign": SIGNS[entry["verdict"]],
-            "text": entry["text"],
-            "effect": _effect(entry["effect"], num_seeds),
-            "p": f"p = {p_value(entry['p'])}, {p_value(entry['p_holm'])} after Holm",
-            "needed": _needed(entry),
-            "evidence": entry["evidence"],
-        }
-        for entry in entries
-    ]
-
-
 def remark(agent: AgentResults) -> str:
     """Return what sets an agent apart from those that learn on the edited robot, if anything."""
     return looks.remark(agent.is_baseline, agent.block.robot)
 
 
 def _row(agent: AgentResults, cells: Sequence[Cell]) -> Row:
-    return Row(agent.label, remark(agent), cells)
+    return Row(agent.label, agent.family, looks.remark(False, agent.block.robot), cells)
 
 
 def _estimate(entry: Mapping[str, float] | None, num_seeds: int, is_best: bool = False) -> Cell:
@@ -143,18 +122,3 @@ def _cell(
     }
     is_best = name in scores and scores[name] == max(scores.values())
     return _estimate(summary[name].get(measure), summary[name]["seeds"], is_best)
-
-
-def _effect(effect: Mapping[str, Any], num_seeds: int) -> str:
-    name = f"{effect['name'][:1].upper()}{effect['name'][1:]}"
-    if effect["value"] is None:
-        return f"{name}: no seed has a value that can be compared"
-    return f"{name}: {estimate(effect['value'], effect['low'], effect['high'], num_seeds)}"
-
-
-def _needed(entry: Mapping[str, Any]) -> str:
-    """Return how many seeds would decide an open claim; empty for one that is decided."""
-    if entry["verdict"] != "inconclusive":
-        return ""
-    needed = entry["seeds_needed"]
-    return f"about {needed:,} seeds would decide it" if needed else "more than 1,000 seeds needed"

@@ -15,6 +15,7 @@ from urllib.parse import quote
 
 import jinja2
 import numpy as np
+import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 from ruamel.yaml import YAML
 
@@ -23,12 +24,13 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults, load, read_episodes
-from jumping_ant.showing.report import charts, contests, outcomes, pictures
+from jumping_ant.showing.report import charts, contests, outcomes, pictures, standings, statements
 from jumping_ant.showing.report.charts import FilmedEpisode
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.rewards import active
-from jumping_ant.words.looks import looks
+from jumping_ant.words import looks
+from jumping_ant.words.looks import Family, Look
 from jumping_ant.words.measures import MEASURES
 from jumping_ant.words.wording import estimate, number
 
@@ -50,8 +52,11 @@ def build(root: Path, params: Params) -> str:
     Raises:
         InputError: A file is missing or damaged, or this machine cannot render.
     """
-    results = load(root, params)
     summary = read_json(Paths(root).comparison, "compare")
+    loaded = load(root, params)
+    families = {name: agent.family for name, agent in loaded.items()}
+    drawn = looks.looks(families)
+    results = {name: loaded[name] for name in _order(families, summary["agents"])}
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
     films = {name: _filmed(root, params, name) for name in results}
     plotly, script = get_plotlyjs(), (FOLDER / "script.js").read_text()
@@ -59,7 +64,9 @@ def build(root: Path, params: Params) -> str:
         "security_policy": _security_policy(plotly, script),
         "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
         "title": _title(params, results),
-        "agents": _agents(root, results, films),
+        "families": list(looks.by_family(families)) if looks.is_crowded(families) else [""],
+        "panels": list(looks.panels(families)),
+        "agents": _agents(root, results, films, drawn),
         "lead": _lead(results, summary),
         "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
         "behaviour": outcomes.behaviour(results, summary["agents"]),
@@ -69,8 +76,11 @@ def build(root: Path, params: Params) -> str:
         "equal_steps": _budget(summary["equal_steps"]),
         "equal_seconds": _budget(summary["equal_seconds"]),
         "all_measures": MEASURES,
-        "claims": outcomes.claims(summary["claims"], len(params.seeds)),
-        "charts": _charts(root, params, results, summary, films),
+        "statements": statements.read(summary["claims"], len(params.seeds)),
+        "verdicts": statements.count(summary["claims"]),
+        "signs": statements.SIGNS,
+        "matrix_width": contests.improvement_width(len(results)),
+        "charts": _charts(root, params, results, summary, films, drawn),
         "confidence": f"{100 * params.compare.confidence:g}",
         "level": f"{1 - params.compare.confidence:.2g}",
         "seeds": len(params.seeds),
@@ -104,41 +114,75 @@ def _security_policy(*scripts: str) -> str:
     )
 
 
+def _order(families: Mapping[str, Family], agents: Mapping[str, Any]) -> list[str]:
+    """Return the agents' names by family, in each of them the best first."""
+    ranked = {name: families[name] for name in comparison.ranking(agents)}
+    return [name for members in looks.by_family(ranked).values() for name in members]
+
+
 def _charts(
     root: Path,
     params: Params,
     results: Mapping[str, AgentResults],
     summary: Mapping[str, Any],
     films: Mapping[str, FilmedEpisode],
+    drawn: Mapping[str, Look],
 ) -> dict[str, Any]:
     """Return each chart's JSON by its place in the template, which skips missing charts."""
-    curves = comparison.learning_curves(results, params.compare)
     tables = {name: read_episodes(root, name, params.seeds) for name in results}
     model = robot.load(robot.read(root))
     motors = [model.actuator(index).name for index in range(model.nu)]
     figures = {
-        "episodes": charts.episodes(results, tables),
-        "heights": charts.heights(results, films),
-        "torques": charts.torques(results, films, motors),
+        "ranking": standings.ranking(results, summary["agents"], drawn),
+        "episodes": charts.episodes(results, tables, drawn),
+        "heights": charts.heights(results, films, drawn, _leaders(results)),
     }
+    figures |= {f"torques_{name}": charts.torques(film, motors) for name, film in films.items()}
     if len(results) > 1:
         figures["improvement"] = contests.improvement(results, summary)
     if _learners(results):
-        figures["learning_steps"] = charts.learning(results, curves, "env_steps")
-        figures["learning_seconds"] = charts.learning(results, curves, "seconds")
-        figures["efficiency"] = charts.efficiency(results)
-    drawn = looks({name: agent.is_baseline for name, agent in results.items()})
+        figures |= _learning(params, results, summary, drawn)
+        for against in standings.COSTS:
+            figures[f"cost_{against}"] = standings.cost(results, summary, against, drawn)
     by_label = {agent.label: drawn[name] for name, agent in results.items()}
     for index, entry in enumerate(summary["claims"]):
         figures[f"claim_{index}"] = contests.claim(entry, by_label, params.seeds)
     return {name: json.loads(figure.to_json()) for name, figure in figures.items()}
 
 
+def _learning(
+    params: Params,
+    results: Mapping[str, AgentResults],
+    summary: Mapping[str, Any],
+    drawn: Mapping[str, Look],
+) -> dict[str, go.Figure]:
+    """Return the charts of learning curves: a pair of them, or of many learners one a family."""
+    curves = comparison.learning_curves(results, params.compare)
+    panels = looks.panels({name: agent.family for name, agent in results.items()})
+    named = comparison.best_baseline(results, summary["agents"]) if len(panels) > 1 else None
+    return {
+        f"learning_{against}_{number}": charts.learning(
+            {name: results[name] for name in names}, curves, against, drawn, named
+        )
+        for number, names in enumerate(panels.values())
+        for against in ("env_steps", "seconds")
+    }
+
+
+def _leaders(results: Mapping[str, AgentResults]) -> list[str]:
+    """Return all agents, or of many learners the best of each family, which comes first."""
+    families = {name: agent.family for name, agent in results.items()}
+    grouped = looks.by_family(families)
+    return [own[0] for own in grouped.values()] if looks.is_crowded(families) else list(families)
+
+
 def _agents(
-    root: Path, results: Mapping[str, AgentResults], films: Mapping[str, FilmedEpisode]
+    root: Path,
+    results: Mapping[str, AgentResults],
+    films: Mapping[str, FilmedEpisode],
+    drawn: Mapping[str, Look],
 ) -> list[dict[str, Any]]:
     """Return what is shown with each agent's film."""
-    drawn = looks({name: agent.is_baseline for name, agent in results.items()})
     shown = []
     for name, agent in results.items():
         film = films[name]
@@ -147,6 +191,7 @@ def _agents(
             {
                 "name": name,
                 "label": agent.label,
+                "family": agent.family,
                 "remark": outcomes.remark(agent),
                 "colour": drawn[name].colour,
                 "seed": film.seed,
@@ -177,8 +222,16 @@ def _aim(params: Params) -> str:
 
 
 def _title(params: Params, results: Mapping[str, AgentResults]) -> str:
-    """Return the page's title, which names the learners, or all agents if none learns."""
-    *others, last = [results[name].label for name in _learners(results) or results]
+    """Return the page's title: it names the learners, or all agents if none learns, or counts."""
+    families = {name: results[name].family for name in _learners(results)}
+    if looks.is_crowded(families):
+        groups = looks.by_family(families)
+        return (
+            f"{_robot_name(params)}: {len(families)} learners of {len(groups)} families compared"
+            if len(groups) > 1
+            else f"{_robot_name(params)}: {len(families)} learners compared"
+        )
+    *others, last = [results[name].label for name in families or results]
     names = f"{', '.join(others)} and {last} compared" if others else last
     return f"{_robot_name(params)}: {names}"
 
@@ -191,7 +244,7 @@ def _budget(value: float | None) -> str:
 def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> str:
     """Return the outcome in a sentence or two."""
     agents = summary["agents"]
-    best, *others = sorted(results, key=lambda name: -agents[name]["return"]["iqm"])
+    best, *others = comparison.ranking(agents)
     top, num_seeds = agents[best]["return"], agents[best]["seeds"]
     most = estimate(top["iqm"], top["low"], top["high"], num_seeds)
     if not others:

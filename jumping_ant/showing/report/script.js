@@ -1,14 +1,32 @@
 "use strict";
 
-// Each chart is drawn into the element whose id is its name.
+// Each chart is drawn into the element whose id is its name, when it comes near the window: a page
+// of many agents has a hundred charts, and those in closed parts have no width yet.
 const charts = JSON.parse(document.getElementById("data").textContent);
 const config = { responsive: true, displayModeBar: false };
-for (const [name, chart] of Object.entries(charts)) {
-  Plotly.newPlot(name, chart.data, chart.layout, config);
+const undrawn = new Set(Object.keys(charts).map((name) => document.getElementById(name)));
+
+function draw(element) {
+  const { data, layout } = charts[element.id];
+  undrawn.delete(element);
+  nearness.unobserve(element);
+  Plotly.newPlot(element, data, layout, config);
 }
 
-// Films play together. The longest one that is ready sets the time, shorter ones hold their last
-// frame until all restart, and the chart of heights shows the time.
+const nearness = new IntersectionObserver(
+  (entries) => entries.filter((entry) => entry.isIntersecting).forEach((entry) => draw(entry.target)),
+  { rootMargin: "600px" },
+);
+for (const element of undrawn) {
+  element.style.height = `${charts[element.id].layout.height}px`;
+  nearness.observe(element);
+}
+addEventListener("beforeprint", () => [...undrawn].filter((one) => one.checkVisibility()).forEach(draw));
+draw(document.getElementById("heights")); // it shows the films' time
+
+// Films in the window play together: dozens at once would stutter. The longest of them that is ready
+// sets the time, shorter ones hold their last frame until all restart, and the chart of heights shows
+// the time.
 const videos = [...document.querySelectorAll("video")];
 const play = document.getElementById("play");
 const slider = document.getElementById("time");
@@ -23,11 +41,13 @@ let lastMove = 0;
 
 // A film that is missing or not loaded yet has no duration.
 const ready = () => videos.filter((video) => video.duration > 0 && !video.error);
-const longest = () => ready().sort((one, other) => other.duration - one.duration)[0];
+const inWindow = new Set();
+const seen = () => ready().filter((video) => inWindow.has(video));
+const longest = (films) => films.sort((one, other) => other.duration - one.duration)[0];
 
 function show() {
   const text = `${time.toFixed(1)} s`;
-  slider.max = longest()?.duration ?? 1;
+  slider.max = longest(ready())?.duration ?? 1;
   slider.value = time;
   slider.setAttribute("aria-valuetext", text);
   clock.textContent = text;
@@ -40,7 +60,7 @@ function show() {
 
 function moveTo(seconds, tolerance = 0) {
   time = seconds;
-  for (const video of ready()) {
+  for (const video of seen()) {
     const place = Math.min(time, video.duration);
     if (Math.abs(video.currentTime - place) > tolerance) video.currentTime = place;
     if (isPlaying && video.paused && place < video.duration) video.play().catch(stopIfForbidden);
@@ -49,7 +69,7 @@ function moveTo(seconds, tolerance = 0) {
 }
 
 function follow() {
-  const film = longest();
+  const film = longest(seen());
   if (film) moveTo(film.ended ? 0 : film.currentTime, TOLERANCE);
   nextFrame = requestAnimationFrame(follow);
 }
@@ -77,5 +97,14 @@ speed.addEventListener("change", () => {
   for (const video of videos) video.playbackRate = Number(speed.value);
 });
 for (const video of videos) video.addEventListener("loadedmetadata", () => moveTo(time, TOLERANCE));
+const sight = new IntersectionObserver((entries) => {
+  for (const { target, isIntersecting } of entries) {
+    if (isIntersecting) inWindow.add(target);
+    else inWindow.delete(target);
+    if (!isIntersecting) target.pause();
+  }
+  moveTo(time, TOLERANCE);
+});
+for (const video of videos) sight.observe(video);
 document.getElementById("heights").on("plotly_click", (event) => moveTo(event.points[0].x));
 setPlaying(!matchMedia("(prefers-reduced-motion: reduce)").matches);
