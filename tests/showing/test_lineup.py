@@ -12,7 +12,7 @@ from small_episode import simulate
 from small_project import make_params, write_project
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.showing.recording import about, lineup
+from jumping_ant.showing.recording import about, layout, lineup
 from jumping_ant.showing.recording.story import Story, read
 from jumping_ant.sim import robot
 from jumping_ant.sim.trajectory import Trajectory
@@ -91,6 +91,34 @@ def test_the_page_tells_the_returns(content: Content) -> None:
     peak = 2.0 / 9.81  # [s] up from a start at 2 m/s
     told = re.search(r"highest jump of the first 1 s, at (\S+) s", text)
     assert told and float(told[1]) == pytest.approx(peak, abs=0.06)
+
+
+def test_many_learners_are_in_tabs_by_family_the_best_first() -> None:
+    told = {"random": story("random", "random", 300.0)}
+    told |= {f"dqn-{i}": story(f"dqn-{i}", "dqn", 100.0 * i) for i in range(3)}
+    told |= {f"sac-{i}": story(f"sac-{i}", "sac", 900.0 - i) for i in range(3)}
+    assert lineup._groups(told) == {"All agents": list(told)}
+    told["pgpe"] = story("pgpe", "pgpe", 50.0)
+    assert lineup._groups(told) == {
+        "Best of each family": ["dqn-2", "sac-0", "pgpe", "random"],
+        "Value-based": ["dqn-2", "dqn-1", "dqn-0"],
+        "Off-policy actor-critic": ["sac-0", "sac-1", "sac-2"],
+        "Evolution": ["pgpe"],
+        "Baseline": ["random"],
+    }
+
+
+def test_each_tab_has_the_scenes_and_heights_of_its_agents(model: mujoco.MjModel) -> None:
+    groups = {"One": ["a"], "Two": ["b", "c"]}
+    labels = {name: name.upper() for name in "abc"}
+    blueprint = layout.lineup_layout(dict.fromkeys("abc", model), labels, groups, (0, 1))
+    tabs, about = blueprint.root_container.contents
+    assert [tab.name for tab in tabs.contents] == ["One", "Two"]
+    assert about.origin == "about"
+    for tab, agents in zip(tabs.contents, groups.values(), strict=True):
+        grid, heights = tab.contents
+        assert [view.name for view in grid.contents] == [labels[agent] for agent in agents]
+        assert heights.contents == [f"/height/{agent}" for agent in agents]
 
 
 def test_the_page_names_baselines_and_the_unedited_robot(

@@ -84,23 +84,26 @@ The blue learning curve is this seed's, the grey ones are the other seeds'.
 def lineup_page(
     stories: Mapping[str, Story], trajectories: Mapping[str, Trajectory], opening: Opening
 ) -> str:
-    """Describe all agents' episodes side by side.
+    """Describe all agents' episodes side by side, the agent that returns most first.
 
     Args:
         stories: What is known about each agent's episode.
         trajectories: The episodes.
         opening: The part that plays first.
     """
+    ranked = sorted(stories.items(), key=lambda item: -item[1].mean_return)
+    is_crowded = looks.is_crowded({agent: story.family for agent, story in ranked})
+    tabs = "\nThe tabs show the best agent of each family, and each family." if is_crowded else ""
     rows = "\n".join(
         f"| **{story.label}**{_remark(story)} | {trajectories[agent].seed} | "
         f"{story.measures['return']:,.0f} | {story.mean_return:,.0f} | "
         f"{story.measures['peak_height']:.2f} m | {story.measures['jumps']:.0f} |"
-        for agent, story in stories.items()
+        for agent, story in ranked
     )
     return f"""\
 ## The agents side by side
 
-Each agent's median held-out episode, all started at the same time.
+Each agent's median held-out episode, all started at the same time.{tabs}
 
 | agent | seed | return | mean return | peak | jumps |
 |---|---|---|---|---|---|

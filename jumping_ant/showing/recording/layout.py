@@ -1,6 +1,6 @@
 """Layouts that recordings open in: the views, the camera that follows, and what plays."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -61,27 +61,44 @@ def live_layout(model: mujoco.MjModel) -> rrb.Blueprint:
 
 
 def lineup_layout(
-    models: Mapping[str, mujoco.MjModel], labels: Mapping[str, str], moment: Moment
+    models: Mapping[str, mujoco.MjModel],
+    labels: Mapping[str, str],
+    groups: Mapping[str, Sequence[str]],
+    moment: Moment,
 ) -> rrb.Blueprint:
-    """Arrange agents side by side, over text and their heights.
+    """Arrange agents side by side, with their heights and text; several groups are tabs.
 
     Args:
         models: Each agent's robot.
         labels: Titles of the views, by agent.
+        groups: The agents that are seen at once, by title.
         moment: The part that plays in a loop.
     """
-    views = [scene_view(models[agent], label, f"{agent}/") for agent, label in labels.items()]
-    scenes = rrb.Grid(*views, grid_columns=int(np.ceil(np.sqrt(len(views)))))
     about = rrb.TextDocumentView(origin="about", name="About")
-    heights = rrb.TimeSeriesView(
+    scenes, heights = [], []
+    for agents in groups.values():
+        views = [scene_view(models[agent], labels[agent], f"{agent}/") for agent in agents]
+        scenes.append(rrb.Grid(*views, grid_columns=int(np.ceil(np.sqrt(len(views))))))
+        heights.append(_heights(agents))
+    if len(groups) == 1:
+        whole = rrb.Horizontal(scenes[0], rrb.Vertical(about, heights[0]), column_shares=[2, 1])
+    else:
+        tabs = [
+            rrb.Vertical(*parts, row_shares=[3, 1], name=title)
+            for title, parts in zip(groups, zip(scenes, heights, strict=True), strict=True)
+        ]
+        whole = rrb.Horizontal(rrb.Tabs(*tabs), about, column_shares=[2, 1])
+    return rrb.Blueprint(whole, _repeat(moment), collapse_panels=True)
+
+
+def _heights(agents: Sequence[str]) -> rrb.TimeSeriesView:
+    """Return the view of the heights of agents' torsos."""
+    return rrb.TimeSeriesView(
         origin="height",
+        contents=[f"/height/{agent}" for agent in agents],
         name="Torso height [m]",
         plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop),
         axis_x=rrb.TimeAxis(view_range=_around(before=4.0, after=6.0)),
-    )
-    side = rrb.Vertical(about, heights)
-    return rrb.Blueprint(
-        rrb.Horizontal(scenes, side, column_shares=[2, 1]), _repeat(moment), collapse_panels=True
     )
 
 

@@ -68,8 +68,22 @@ def record(
         about.log_page(stream, about.lineup_page(stories, trajectories, opening))
 
     labels = {agent: story.label for agent, story in stories.items()}
-    opened = layout.lineup_layout(models, labels, layout.around(peak, end))
+    moment = layout.around(peak, end)
+    opened = layout.lineup_layout(models, labels, _groups(stories), moment)
     return write("lineup", "All agents", opened, log)
+
+
+def _groups(stories: Mapping[str, Story]) -> dict[str, list[str]]:
+    """Return the agents that are seen at once, by title: all, or of many learners each family."""
+    ranked = sorted(stories, key=lambda agent: -stories[agent].mean_return)
+    families = {agent: stories[agent].family for agent in ranked}
+    if not looks.is_crowded(families):
+        return {"All agents": list(stories)}
+    grouped = looks.by_family(families)
+    leaders = [members[0] for members in grouped.values()]
+    return {"Best of each family": leaders} | {
+        family.capitalize(): members for family, members in grouped.items()
+    }
 
 
 def _time_of_peak(
