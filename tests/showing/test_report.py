@@ -380,6 +380,60 @@ def test_a_lone_agent_of_one_seed_has_a_page(
     assert places.isdisjoint({"claims", "improvement"})
 
 
+@pytest.fixture(scope="module")
+def crowd(project: Path, settings: Params, tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page of seven learners, five of them SAC."""
+    root = tmp_path_factory.mktemp("crowd")
+    shutil.copytree(project, root, dirs_exist_ok=True)
+    copies = [f"sac-{i}" for i in range(4)]
+    agents = AGENTS | dict.fromkeys(copies, "sac")
+    write_project(root, agents, SEEDS)
+    for name in copies:
+        shutil.copy(Paths(root).agent("sac").trajectory, Paths(root).agent(name).trajectory)
+        shutil.copy(root / "media" / "sac.mp4", root / "media" / f"{name}.mp4")
+        shutil.copytree(project / "models" / "sac", root / "models" / name, dirs_exist_ok=True)
+    blocks = {name: settings.agents[algorithm] for name, algorithm in agents.items()}
+    many = settings.model_copy(update={"agents": blocks})
+    results = load(root, many)
+    found = verdicts.check(results, many.compare, many.training.evaluation_episodes)
+    summary = comparison.summarize(results, many.compare) | {"claims": found}
+    write_json(root / "results" / "comparison.json", summary)
+    return page.build(root, many)
+
+
+def test_many_learners_are_grouped_by_family(crowd: str) -> None:
+    names = ["Value-based", "Off-policy actor-critic", "Evolution", "Baseline"]
+    assert re.findall(r'<tr class="family"><th[^>]*>([^<]*)</th>', crowd) == 2 * names
+    films = crowd[crowd.index('id="films"') : crowd.index('class="player"')]
+    assert re.findall(r"<h3>(.*?)</h3>", films) == names
+    shown = re.findall(r'src="../media/(.*?).mp4"', films)
+    assert shown == ["dqn", "sac", "sac-0", "sac-1", "sac-2", "sac-3", "pgpe", "random"]
+    assert "<title>Ant: 7 learners of 3 families compared</title>" in crowd
+
+
+def test_many_learners_have_charts_by_family(crowd: str) -> None:
+    drawn = charts(crowd)
+    places = set(re.findall(r'<div[^>]* id="([\w-]+)"', crowd))
+    assert drawn.keys() <= places
+    family = drawn["learning_seconds_1"]
+    named = [trace["name"] for trace in family["data"] if trace.get("showlegend", True)]
+    assert named == ["random", "SAC", "sac-0", "sac-1", "sac-2", "sac-3"]
+    other = drawn["learning_seconds_2"]["layout"]
+    for axis in ("xaxis", "yaxis"):
+        assert family["layout"][axis]["range"] == other[axis]["range"]
+    heights = {trace["name"]: trace["visible"] for trace in drawn["heights"]["data"]}
+    assert [name for name in heights if heights[name] is True] == ["DQN", "SAC", "PGPE", "random"]
+    points = {trace["text"][0] for trace in drawn["cost_env_steps"]["data"] if "text" in trace}
+    assert points == {"", "SAC", "PGPE"}, "of many only those on the front have names"
+
+
+def test_many_claims_are_folded_under_their_statements(crowd: str, html: str) -> None:
+    summary = re.search(r"<summary>9. Evolution is robust(.*?)</summary>", crowd, re.S)
+    assert summary and "6 inconclusive" in " ".join(summary[1].split())
+    assert '<details class="statement">' in crowd and 'class="statement" open' not in crowd
+    assert '<details class="statement">' not in html and 'class="statement" open' in html
+
+
 @pytest.mark.parametrize(
     ("path", "damage", "message"),
     [

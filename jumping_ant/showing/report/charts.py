@@ -180,7 +180,10 @@ def heights(
         )
     figure.update_xaxes(title="time in the film [s]", hoverformat=".2f")
     figure.update_yaxes(title="height of the torso [m]", rangemode="tozero")
-    return finish(figure, 360, hovermode="x unified")
+    if len(shown) == len(results):
+        return finish(figure, 360, hovermode="x unified")
+    finish(figure, 540, hovermode="x unified")  # with room for many names
+    return figure.update_layout(legend={"y": -0.25, "entrywidth": 110, "font": {"size": 11}})
 
 
 def torques(film: FilmedEpisode, motors: Sequence[str]) -> go.Figure:
