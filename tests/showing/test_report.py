@@ -1,78 +1,29 @@
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
-import mujoco
 import numpy as np
 import pytest
-from browser import launched, open_page
-from playwright.sync_api import Browser
-from small_episode import simulate
+from reported import AGENTS, SEEDS, charts
 from small_project import make_params, write_project
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT, digest, write_bytes, write_json, write_text
+from jumping_ant.base.files import PROJECT_ROOT, digest, write_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.judging.results import AgentResults, load
-from jumping_ant.showing import rendering
 from jumping_ant.showing.report import contests, page, statements
 from jumping_ant.showing.report.charts import learning
-from jumping_ant.sim import robot
 from jumping_ant.tracking import models, pages, store
 from jumping_ant.words import looks
-
-AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
-SEEDS = [3, 1, 7, 5]
-FILM = {"width": 64, "height": 64, "fps": 10, "seconds": 1.0, "shadow_size": 0}
-
-
-@pytest.fixture(scope="module")
-def settings(known_params: Params) -> Params:
-    record = known_params.record.model_copy(update=FILM)
-    agents = {name: known_params.agents[name] for name in AGENTS}
-    return known_params.model_copy(update={"seeds": SEEDS, "record": record, "agents": agents})
-
-
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xml: str) -> Path:
-    """A project through all stages that the report comes after."""
-    root = tmp_path_factory.mktemp("project")
-    write_project(root, AGENTS, SEEDS)
-    write_text(root / "assets" / "edited.xml", robot_xml)
-    write_text(root / "assets" / "unedited.xml", robot.unedited(settings.robot))
-    write_json(root / "assets" / "robot.json", robot.summarize(settings.robot, robot_xml))
-    model = mujoco.MjModel.from_xml_string(robot_xml)
-    machine = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}
-    for number, name in enumerate(AGENTS):
-        episode = simulate(model, np.zeros((40, 8)), upward_speed=float(number))
-        write_bytes(Paths(root).agent(name).trajectory, episode.to_bytes())
-        film = rendering.film(robot_xml, episode, settings.record, processes=1)
-        write_bytes(root / "media" / f"{name}.mp4", film)
-        for seed in SEEDS:
-            folder = root / "models" / name / f"seed-{seed}"
-            write_bytes(folder / "policy.zip", f"{name} {seed}".encode())
-            write_json(folder / "machine.json", machine)
-    results = load(root, settings)
-    found = verdicts.check(results, settings.compare, settings.training.evaluation_episodes)
-    summary = comparison.summarize(results, settings.compare) | {"claims": found}
-    write_json(root / "results" / "comparison.json", summary)
-    return root
-
-
-@pytest.fixture(scope="module")
-def html(project: Path, settings: Params) -> str:
-    text = page.build(project, settings)
-    write_text(project / "results" / "report.html", text)
-    return text
 
 
 class Reader(HTMLParser):
@@ -93,12 +44,6 @@ class Reader(HTMLParser):
     def handle_data(self, data: str) -> None:
         if self.cells:
             self.cells[-1] += " ".join(data.split())
-
-
-def charts(html: str) -> dict:
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)
-    assert found
-    return json.loads(found[1])
 
 
 def test_every_link_stays_on_this_machine(html: str, project: Path) -> None:
@@ -456,131 +401,3 @@ def test_what_is_missing_is_named(
     damage(tmp_path / path)
     with pytest.raises(InputError, match=message):
         page.build(tmp_path, settings)
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    with launched() as browser:
-        yield browser
-
-
-@pytest.mark.parametrize("width", [390, 1400])
-def test_the_page_holds_together_in_a_browser(
-    html: str, project: Path, chromium: Browser, width: int
-) -> None:
-    address = (project / "results" / "report.html").as_uri()
-    visit = open_page(chromium, address, width=width)
-    page = visit.page
-    assert page.evaluate("undrawn.size") > 0, "charts far from the window wait"
-    page.evaluate("dispatchEvent(new Event('beforeprint'))")
-    for name in charts(html):
-        box = page.locator(f"#{name} .main-svg").first.bounding_box()
-        assert box and box["width"] > 200 and box["height"] > 180, name
-        assert page.locator(f"#{name} .trace, #{name} .hm").count() > 0, f"{name} is empty"
-    assert page.evaluate("document.documentElement.scrollWidth") <= width, "it scrolls sideways"
-    for video in page.locator("video").all():
-        box = video.bounding_box()
-        assert box and box["x"] >= 0 and box["x"] + box["width"] <= width
-    assert visit.console_errors == visit.page_errors == []
-    assert all(request.startswith("file://") for request in visit.requests), visit.requests
-    page.close()
-
-
-def test_films_play_together_and_can_be_moved(project: Path, chromium: Browser, html: str) -> None:
-    visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
-    page = visit.page
-    times = "[...document.querySelectorAll('video')].map((video) => video.currentTime)"
-    visit.wait_for(f"{times}.every((time) => time > 0.2)")  # it plays as it opens
-    page.click("#play")
-    visit.wait_for("[...document.querySelectorAll('video')].every((v) => v.paused)")
-    assert page.inner_text("#play") == "Play"
-    page.locator("#time").fill("0.5")
-    visit.wait_for(f"{times}.every((time) => Math.abs(time - 0.5) < 0.01)")
-    assert page.inner_text("#clock") == "0.5 s"
-    cursor = page.evaluate("document.getElementById('heights').layout.shapes[0].x0")
-    assert cursor == 0.5
-    page.select_option("#speed", "2")
-    page.click("#play")
-    visit.wait_for(f"{times}.every((time) => time > 0.6 || time < 0.4)")
-    spread = page.evaluate(f"Math.max(...{times}) - Math.min(...{times})")
-    assert spread < 0.3
-    assert visit.page_errors == []
-    page.close()
-
-
-def test_only_films_in_the_window_play(project: Path, chromium: Browser, html: str) -> None:
-    address = (project / "results" / "report.html").as_uri()
-    visit = open_page(chromium, address, width=390, height=300)
-    first, last = (f"document.querySelectorAll('video')[{index}]" for index in (0, 3))
-    assert visit.page.evaluate(f"{first}.paused && {last}.paused")
-    visit.page.locator("video").nth(3).scroll_into_view_if_needed()
-    visit.wait_for(f"{last}.currentTime > 0.2")
-    assert visit.page.evaluate(f"{first}.paused && {first}.currentTime === 0")
-    visit.page.locator("video").nth(0).scroll_into_view_if_needed()
-    visit.wait_for(f"{first}.currentTime > 0.2 && {last}.paused")
-    assert visit.page_errors == []
-    visit.page.close()
-
-
-def test_films_of_any_length_play_together(
-    project: Path, chromium: Browser, html: str, tmp_path: Path
-) -> None:
-    shutil.copytree(project / "media", tmp_path / "media")
-    write_text(tmp_path / "results" / "report.html", html)
-    short = rendering.encode(np.zeros((4, 64, 64, 3), np.uint8), fps=10)
-    write_bytes(tmp_path / "media" / "random.mp4", short)
-    (tmp_path / "media" / "dqn.mp4").unlink()
-    visit = open_page(chromium, (tmp_path / "results" / "report.html").as_uri())
-    page = visit.page
-    short, long = (f"document.querySelectorAll('video')[{index}]" for index in (3, 2))
-    is_held = f"Math.abs({short}.currentTime - {short}.duration) < 0.01"
-    visit.wait_for(f"{long}.currentTime > 0.1")
-    page.click("#play")
-    assert page.inner_text("#play") == "Play"
-    assert page.evaluate(f"{short}.paused && {long}.paused")
-    end = page.evaluate(f"{long}.duration")
-    assert page.evaluate(f"{short}.duration") == pytest.approx(0.4)
-    assert end > 1 and float(str(page.get_attribute("#time", "max"))) == end
-    page.locator("#time").fill("0.7")
-    visit.wait_for(f"{long}.currentTime === 0.7 && {is_held}")
-    assert page.get_attribute("#time", "aria-valuetext") == page.inner_text("#clock") == "0.7 s"
-    page.select_option("#speed", "0.25")
-    page.click("#play")
-    assert page.inner_text("#play") == "Pause"
-    visit.wait_for(f"{long}.currentTime > 0.75 && {is_held}")
-    page.select_option("#speed", "2")
-    visit.wait_for(f"{long}.currentTime < 0.3 && {short}.currentTime < 0.36")
-    visit.wait_for(f"{long}.currentTime > 0.6 && {is_held}")
-    assert visit.page_errors == []
-    assert all("ERR_FILE_NOT_FOUND" in error for error in visit.console_errors)
-    page.close()
-
-
-def test_logarithmic_axes_always_have_some_numbers(
-    project: Path, chromium: Browser, html: str
-) -> None:
-    visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
-    visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
-    for low, high in [(310, 330), (310, 480), (700, 1400), (800, 9000), (90, 4e4), (5, 2e9)]:
-        ends = [np.log10(low), np.log10(high)]
-        for chart, axis in [("learning_env_steps_0", "x"), ("cost_env_steps", "x")]:
-            visit.page.evaluate(
-                "([chart, axis, ends]) => Plotly.relayout(chart, {[`${axis}axis.range`]: ends})",
-                [chart, axis, ends],
-            )
-            numbers = visit.page.locator(f"#{chart} .{axis}tick text").all_inner_texts()
-            assert 2 <= len(numbers) <= 12, (low, high, numbers)
-    visit.page.close()
-
-
-def test_the_menu_changes_the_measure(project: Path, chromium: Browser, html: str) -> None:
-    visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
-    page = visit.page
-    page.locator("#episodes").scroll_into_view_if_needed()
-    page.locator("#episodes .updatemenu-header").click()
-    page.locator("#episodes .updatemenu-dropdown-button", has_text="Work").click()
-    visit.wait_for("document.getElementById('episodes').layout.xaxis.title.text === 'Work [J]'")
-    shown = "document.getElementById('episodes').data.filter((box) => box.visible === true)"
-    assert page.evaluate(f"{shown}.length") == len(AGENTS)
-    assert page.evaluate(f"{shown}[2].x[0]") == pytest.approx(2 * 4995)
-    page.close()
