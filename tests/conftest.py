@@ -21,6 +21,11 @@ from jumping_ant.sim import robot
 if not os.environ.get("RAY_ADDRESS"):
     os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
 
+# Threads that wait for others of a matrix product spin for a while, which is fastest if each has a
+# core of its own. Tests run beside each other: there a measurement of two threads takes ten times
+# the CPU time. Torch reads the variable when it is imported.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 ROBOT = RobotParams(
     source="ant",
     density=2.5,
