@@ -18,12 +18,13 @@ def _stop(number: int, frame: FrameType | None) -> None:
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _stop)
 
-from jumping_ant.base import telemetry  # noqa: E402
+from jumping_ant.base import garbage, telemetry  # noqa: E402
 from jumping_ant.base.errors import reported  # noqa: E402
 from jumping_ant.experiment import params_file  # noqa: E402
 from jumping_ant.experiment.models import Params  # noqa: E402
 
 telemetry.switch_off()  # before a stage imports tools with telemetry
+garbage.collect_rarely()  # before it imports much
 
 
 def parse(description: str) -> Params:

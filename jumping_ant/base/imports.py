@@ -1,12 +1,14 @@
 """The project files that a file imports: what its results depend on besides parameters."""
 
 import ast
+import functools
 from pathlib import Path
 
 from jumping_ant.base.files import CODE_ROOT
 
 
-def direct(path: Path, root: Path = CODE_ROOT) -> set[Path]:
+@functools.cache  # each stage of the digests imports much that others import
+def direct(path: Path, root: Path = CODE_ROOT) -> frozenset[Path]:
     """Return the project's files that a file imports, except empty ones.
 
     Args:
@@ -28,7 +30,7 @@ def direct(path: Path, root: Path = CODE_ROOT) -> set[Path]:
             for length in range(1, len(parts) + 1):  # importing it runs its parent packages too
                 place = root.joinpath(*parts[:length])
                 found |= {place.with_suffix(".py"), place / "__init__.py"}
-    return {file for file in found if file.is_file() and file.stat().st_size > 0}
+    return frozenset(file for file in found if file.is_file() and file.stat().st_size > 0)
 
 
 def closure(*paths: Path, root: Path = CODE_ROOT) -> set[Path]:

@@ -7,19 +7,17 @@ The pipe closes however the training ends, and whatever is not logged yet is log
 """
 
 import argparse
-import gc
 import os
 import select
 import signal
 import sys
 from pathlib import Path
 
+from jumping_ant.base import garbage
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 
 NICENESS = 10  # training comes first where both share a core
-# A quarter of MLflow's import time goes into garbage collection that finds nothing.
-GARBAGE_THRESHOLD = 100_000
 
 
 def main() -> None:
@@ -30,7 +28,7 @@ def main() -> None:
     parser.add_argument("--root", type=Path, default=PROJECT_ROOT, help="the project folder")
     arguments = parser.parse_args()
     os.nice(NICENESS)
-    gc.set_threshold(GARBAGE_THRESHOLD)
+    garbage.collect_rarely()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the training, then the pipe closes
     is_terminated: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: is_terminated.append(number))
@@ -45,7 +43,6 @@ def main() -> None:
         live.follow(arguments.agent, arguments.root, has_ended)
     except InputError as error:
         print(f"warning: no live curves: {error}", file=sys.stderr)
-    gc.freeze()  # training waits for the exit, which would collect garbage in MLflow again
 
 
 if __name__ == "__main__":
