@@ -29,6 +29,7 @@ from jumping_ant.showing import rendering
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.task import Task
 from jumping_ant.tracking import records
+from jumping_ant.training import driver
 from jumping_ant.training.checkpoints import Saved
 from scripts.checkout import Checkout
 
@@ -67,9 +68,11 @@ def main() -> None:
 
 
 def prepare(project: Checkout) -> None:
-    """Train and evaluate what the readers need."""
-    stages = [f"train@{agent}" for agent in AGENTS]
-    project.seconds("dvc", "repro", *stages, f"evaluate@{EVALUATED}", f"scaling@{EVALUATED}")
+    """Train, in this process, and evaluate what the readers need."""
+    for agent in AGENTS:
+        driver.train(project.folder, params_file.load(Paths(project.folder).params), agent)
+    stages = (f"evaluate@{EVALUATED}", f"scaling@{EVALUATED}")
+    project.seconds("dvc", "repro", "--single-item", *stages)
 
 
 def readers(root: Path) -> Iterator[tuple[Path, Read]]:

@@ -8,7 +8,7 @@ renaming, removing. One of them fails as on a full disk, or the process is kille
 After a failure, all outputs of a stage are as they were or all are new; after a kill, each is
 either. The next run completes the work, with the same content.
 
-Every run is a fork of this process, which has imported the stage.
+Every run is a fork of this process, which has imported the target.
 """
 
 import argparse
@@ -44,7 +44,10 @@ TARGETS = (
     *("lineup", "compare", "report", "track"),
     "dvc",  # while it runs that stage
 )
-PRELOADED = {"train": ("jumping_ant.training.driver", "jumping_ant.agents.evolution.trainer")}
+PRELOADED = {
+    "train": ("jumping_ant.training.driver", "jumping_ant.agents.evolution.trainer"),
+    "dvc": ("dvc.commands.repro", "dvc.repo", "dvc.ignore", "dvc.repo.fetch", "dvc.stage.cache"),
+}
 OLD = b"as it was before\n"
 A_FEW = 4
 MARK, TOTAL = "interrupted: ", "operations: "
@@ -103,7 +106,7 @@ class Target:
         locked = YAML(typ="safe", pure=True).load(Path("dvc.lock").read_text())["stages"]
         full_name, arguments = (stage, []) if stage in locked else (f"{stage}@{agent}", [agent])
         self._outs = [Path(out["path"]) for out in locked[full_name].get("outs", [])]
-        for preloaded in PRELOADED.get(stage, ()):  # as the stage does later
+        for preloaded in PRELOADED.get(name, ()):  # as the target does later
             importlib.import_module(preloaded)
         module = importlib.import_module(f"stages.{stage}")
         self._first = self._again = partial(_run_stage, module.main, [stage, *arguments])
