@@ -17,7 +17,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article check style test test-smoke test-processes test-rest bench soak ui view watch schema map lock clean
+.PHONY: help install repro article check style test test-quick test-smoke test-processes test-rest bench soak ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -46,24 +46,27 @@ repro: install ## rerun what a change to params.yaml or to the code affects
 article: install ## reproduce what the article printed, into results/article.json (2.5 hours on 2 cores)
 	python -m scripts.article
 
-check: install style ## style, types, and the tests that train nothing: the quick loop
-	pytest -q $(QUICK_TESTS)
+check: install ## style, types, and the tests that train nothing: the quick loop
+	@$(MAKE) --no-print-directory --jobs=2 style test-quick
 
 style:
 	ruff check
 	ruff format --check
 	mypy
 
-test: install .venv/.browser style ## check style, types and behaviour
-	@$(MAKE) --no-print-directory --jobs=3 test-smoke test-processes test-rest
+test: install .venv/.browser ## check style, types and behaviour
+	@$(MAKE) --no-print-directory --jobs=3 style test-smoke test-processes test-rest
 
 QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/judging tests/test_layers.py \
 	tests/policies tests/test_pipeline.py tests/test_publish.py
 
 # Three parts of about equal duration, run in parallel, as they often wait for processes: the pipeline
-# as a whole, what starts many processes, and all else.
-SMOKE_TESTS = tests/test_smoke.py
-PROCESS_TESTS = tests/test_soak.py tests/training tests/tracking tests/test_wheel.py
+# as a whole and MLflow, the soak and training, which start many processes, and all else.
+SMOKE_TESTS = tests/test_smoke.py tests/tracking tests/test_wheel.py
+PROCESS_TESTS = tests/test_soak.py tests/training
+
+test-quick:
+	pytest -q $(QUICK_TESTS)
 
 test-smoke:
 	CI=1 pytest -q $(SMOKE_TESTS)
