@@ -1,8 +1,8 @@
 """Run an agent's policies on the held-out episodes.
 
 Usage: python -m stages.evaluate AGENT
-Reads: params `seeds`, `env`, `evaluate`, `training.evaluation_seed`, the agent's `robot`; the robot
-    in assets/, models/AGENT/seed-N/policy.zip and final.zip.
+Reads: params `seeds`, `env`, `evaluate`, `training.evaluation_seed`, the agent's `robot` and
+    `algorithm`; the robot in assets/, models/AGENT/seed-N/policy.zip and final.zip.
 Writes: results/agents/AGENT/ (episodes.csv, metrics.json, trajectory.npz, seeds.csv, variants.csv).
 """
 
@@ -38,6 +38,7 @@ def main() -> None:
         seed: variants.make(
             xml,
             settings.env,
+            settings.agent(agent).algorithm,
             policy,
             final_policy(paths.seed(seed), policy),
             seed,

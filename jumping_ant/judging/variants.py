@@ -3,8 +3,8 @@
 | variant | policy | agents |
 |---|---|---|
 | final | the policy at the end of training | all |
-| rounded | every choice of torques replaced by the nearest command | agents that choose torques |
-| best_sample | the best of several policies drawn from the final search distribution | evolution |
+| rounded | every choice of torques replaced by the nearest command | SAC and PGPE on torques |
+| best_sample | the best of several policies drawn from the final search distribution | PGPE |
 
 The published policy is the best snapshot in validation, or the last policy; the best sample is also
 chosen on validation episodes. Variants run on the same held-out episodes as published policies.
@@ -12,6 +12,7 @@ chosen on validation episodes. Variants run on the same held-out episodes as pub
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +21,14 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base.seeding import derive
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.policies.networks import Network
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 
 Array = NDArray[np.float64]
 
+# Algorithms of the claims that compare a policy with such variants (docs/claims.md).
+ROUNDED = ("sac", "pgpe")
+SAMPLED = ("pgpe",)
 NUM_SAMPLES = 20  # policies of a generation in the article
 SELECTION_EPISODES = 4  # that the best sample is chosen on
 AMPLITUDE = 0.5  # of the article's commands
@@ -69,9 +72,49 @@ class RoundedPolicy:
         return self.commands[distances.argmin(axis=1)]
 
 
+@dataclass(frozen=True)
+class SideBySide:
+    """Policies of the same actions, each of which plays as many of the episodes, in order.
+
+    Attributes:
+        policies: The policies.
+    """
+
+    policies: Sequence[Policy]
+
+    @property
+    def num_observations(self) -> int | None:
+        """Number of values in an observation."""
+        return self.policies[0].num_observations
+
+    @property
+    def num_motors(self) -> int:
+        """Number of torques that the policies return."""
+        return self.policies[0].num_motors
+
+    @property
+    def actions(self) -> ActionSet:
+        """Actions that each of the policies chooses from."""
+        return self.policies[0].actions
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed."""
+        for policy, seeds in zip(self.policies, self._shares(np.array(episode_seeds)), strict=True):
+            policy.start(seeds.tolist())
+
+    def act(self, observations: Array) -> Array:
+        """Return torques in [-1, 1], shape (n, num_motors)."""
+        shares = zip(self.policies, self._shares(observations), strict=True)
+        return np.concatenate([policy.act(own) for policy, own in shares])
+
+    def _shares(self, rows: NDArray[Any]) -> list[NDArray[Any]]:
+        return np.split(rows, len(self.policies))
+
+
 def make(
     xml: str,
     env: EnvParams,
+    algorithm: str,
     published: Policy,
     final: Policy,
     seed: int,
@@ -83,6 +126,7 @@ def make(
     Args:
         xml: The robot as MJCF text.
         env: The task.
+        algorithm: The algorithm of the agent.
         published: The seed's policy.
         final: The seed's last policy.
         seed: The agent's seed, which the samples' random numbers are derived from.
@@ -90,14 +134,17 @@ def make(
         num_threads: Threads that step the simulations; results do not depend on it.
     """
     variants: dict[str, Policy] = {"final": final}
-    if isinstance(published, Network | LinearPolicy) and published.actions.table is None:
+    if algorithm in ROUNDED and published.actions.table is None:
         commands = AMPLITUDE * np.array(env.commands, dtype=np.float64)
         variants["rounded"] = RoundedPolicy(published, commands)
-    if isinstance(final, LinearPolicy):
+    if algorithm in SAMPLED and isinstance(final, LinearPolicy):
         generator = np.random.default_rng(derive(seed, "samples"))
         samples = [final.sample(generator) for _ in range(NUM_SAMPLES)]
         episode_seeds = [validation_seed + i for i in range(SELECTION_EPISODES)]
-        played = [rollout.run(xml, env, sample, episode_seeds, num_threads) for sample in samples]
-        returns = [sum(episode.rewards.sum() for episode in episodes) for episodes in played]
-        variants["best_sample"] = samples[int(np.argmax(returns))]
+        episodes = rollout.run(
+            xml, env, SideBySide(samples), episode_seeds * NUM_SAMPLES, num_threads
+        )
+        returns = np.array([episode.rewards.sum() for episode in episodes])
+        totals = returns.reshape(NUM_SAMPLES, SELECTION_EPISODES).sum(axis=1)
+        variants["best_sample"] = samples[int(np.argmax(totals))]
     return variants

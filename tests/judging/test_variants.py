@@ -67,9 +67,14 @@ def test_rounding_takes_the_nearest_command() -> None:
 
 def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, short: EnvParams) -> None:
     policy, uniform = linear(0.1), UniformPolicy(0, ActionSet(), 8)
-    found = variants.make(robot_xml, short, policy, policy, 0, VALIDATION_SEED)
+    found = variants.make(robot_xml, short, "pgpe", policy, policy, 0, VALIDATION_SEED)
     assert list(found) == ["final", "rounded", "best_sample"]
-    assert list(variants.make(robot_xml, short, uniform, uniform, 0, VALIDATION_SEED)) == ["final"]
+    found = variants.make(robot_xml, short, "sac", policy, policy, 0, VALIDATION_SEED)
+    assert list(found) == ["final", "rounded"]
+    found = variants.make(robot_xml, short, "snes", policy, policy, 0, VALIDATION_SEED)
+    assert list(found) == ["final"]
+    found = variants.make(robot_xml, short, "random", uniform, uniform, 0, VALIDATION_SEED)
+    assert list(found) == ["final"]
 
 
 def test_the_best_sample_is_the_best_in_validation(robot_xml: str, short: EnvParams) -> None:
@@ -79,7 +84,9 @@ def test_the_best_sample_is_the_best_in_validation(robot_xml: str, short: EnvPar
         seeds = [VALIDATION_SEED + i for i in range(variants.SELECTION_EPISODES)]
         return sum(e.rewards.sum() for e in rollout.run(robot_xml, short, sample, seeds))
 
-    best = variants.make(robot_xml, short, policy, policy, 7, VALIDATION_SEED)["best_sample"]
+    best = variants.make(robot_xml, short, "pgpe", policy, policy, 7, VALIDATION_SEED)[
+        "best_sample"
+    ]
     assert isinstance(best, LinearPolicy)
     generator = np.random.default_rng(variants.derive(7, "samples"))
     scores = [score(policy.sample(generator)) for _ in range(variants.NUM_SAMPLES)]
@@ -88,7 +95,9 @@ def test_the_best_sample_is_the_best_in_validation(robot_xml: str, short: EnvPar
 
 def test_without_spread_the_best_sample_is_the_center(robot_xml: str, short: EnvParams) -> None:
     policy = linear(0.0)
-    best = variants.make(robot_xml, short, policy, policy, 0, VALIDATION_SEED)["best_sample"]
+    best = variants.make(robot_xml, short, "pgpe", policy, policy, 0, VALIDATION_SEED)[
+        "best_sample"
+    ]
     assert isinstance(best, LinearPolicy)
     np.testing.assert_array_equal(best.weight, policy.weight)
 
