@@ -55,7 +55,7 @@ style:
 	mypy
 
 test: install .venv/.browser ## check style, types and behaviour
-	@$(MAKE) --no-print-directory --jobs=3 style test-smoke test-processes test-rest
+	@$(MAKE) --no-print-directory --jobs=3 --keep-going style test-smoke test-processes test-rest
 
 QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/judging tests/test_layers.py \
 	tests/policies tests/test_pipeline.py tests/test_publish.py

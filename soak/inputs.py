@@ -135,6 +135,9 @@ class Inputs:
             self.unclear.append(f"{given}: exit status {done.returncode}: {said[-2000:]}")
 
 
+ENTRIES = ("agents", "demonstrations")  # blocks whose entries may be removed
+
+
 def params_faults(settings: Params) -> Iterator[Fault]:
     """Yield parameters with one fault each: at every key every kind that can occur there."""
     content = settings.model_dump()
@@ -145,11 +148,13 @@ def params_faults(settings: Params) -> Iterator[Fault]:
             changed = copy.deepcopy(content)
             _block(changed, place)[place[-1]] = bad
             yield Fault(key, changed)
-        if place[0] != "agents" or len(place) > 2:  # agents may be removed and added
-            if "default" not in _own_schema(schema, content, place):
-                missing = copy.deepcopy(content)
-                del _block(missing, place)[place[-1]]
-                yield Fault(key, missing)
+        is_entry = len(place) == 2
+        has_default = "default" in _own_schema(schema, content, place)
+        if not (has_default or (is_entry and place[0] in ENTRIES)):
+            missing = copy.deepcopy(content)
+            del _block(missing, place)[place[-1]]
+            yield Fault(key, missing)
+        if not (is_entry and place[0] == "agents"):  # which may have any name
             unknown = copy.deepcopy(content)
             _block(unknown, place)[f"{place[-1]}x"] = value
             yield Fault(f"{key}x", unknown)

@@ -19,6 +19,7 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 
+from jumping_ant.agents.imitation.demonstrations import Demonstrations
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
@@ -68,10 +69,10 @@ def main() -> None:
 
 
 def prepare(project: Checkout) -> None:
-    """Train, in this process, and evaluate what the readers need."""
+    """Train, in this process, and make of it what the readers need."""
     for agent in AGENTS:
         driver.train(project.folder, params_file.load(Paths(project.folder).params), agent)
-    stages = (f"evaluate@{EVALUATED}", f"scaling@{EVALUATED}")
+    stages = (f"evaluate@{EVALUATED}", f"scaling@{EVALUATED}", "demonstrate@imitation")
     project.seconds("dvc", "repro", "--single-item", *stages)
 
 
@@ -86,6 +87,8 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
     for agent in AGENTS:
         policy = paths.agent(agent).seed(seed).policy
         yield policy, partial(policy_file.load, policy)
+    demonstrations = paths.demonstrations("imitation")
+    yield demonstrations, partial(_imitate, demonstrations)
     finished = next((root / ".checkpoints" / EVALUATED).rglob("*.finished"))
     yield finished, partial(_resume, finished)
     yield evaluated.trajectory, partial(_show, evaluated.trajectory)
@@ -161,6 +164,11 @@ def _simulate(root: Path, params: Params) -> None:
     xml = robot.read(root)
     Task(robot.load(xml), params.env)
     rendering.scene(xml, 0)
+
+
+def _imitate(path: Path) -> None:
+    """Read demonstrations as a trainer does."""
+    policy_file.parse(Demonstrations.from_bytes(path.read_bytes()).expert)
 
 
 def _resume(path: Path) -> None:

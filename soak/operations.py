@@ -40,7 +40,7 @@ from jumping_ant.base.files import write_bytes
 KINDS = ("fail", "kill")
 DVC_STAGE = "build"
 TARGETS = (
-    *("digest", "build", "train", "evaluate", "record", "scaling"),
+    *("digest", "build", "train", "demonstrate", "evaluate", "record", "scaling"),
     *("lineup", "compare", "report", "track"),
     "dvc",  # while it runs that stage
 )
@@ -104,7 +104,10 @@ class Target:
         self._name = name
         stage = DVC_STAGE if name == "dvc" else name
         locked = YAML(typ="safe", pure=True).load(Path("dvc.lock").read_text())["stages"]
-        full_name, arguments = (stage, []) if stage in locked else (f"{stage}@{agent}", [agent])
+        full_names = [name for name in locked if name.partition("@")[0] == stage]
+        own = f"{stage}@{agent}"
+        full_name = own if own in full_names else full_names[0]
+        arguments = full_name.split("@")[1:]
         self._outs = [Path(out["path"]) for out in locked[full_name].get("outs", [])]
         for preloaded in PRELOADED.get(name, ()):  # as the target does later
             importlib.import_module(preloaded)

@@ -25,6 +25,13 @@ BUDGETS: dict[str, dict[str, Any]] = {
     "pgpe": {"generations": 24, "population_size": 10, "episode_steps": 50},
 }
 LEARNERS = ("dqn", "sac", "pgpe")
+DEMONSTRATIONS = {
+    "agent": "pgpe",
+    "steps": 400,
+    "episode_steps": 100,
+    "tumbled_starts": 0.25,
+    "seed": 6_000_000,
+}
 LITTLE = {"dqn": 2_000, "sac": 1_200}
 CHECKPOINT_SECONDS = 0.3
 
@@ -37,6 +44,7 @@ def settings() -> Params:
     content["training"] |= {"evaluations": 3, "evaluation_episodes": 4}
     content["compute"]["checkpoint_seconds"] = CHECKPOINT_SECONDS
     content["evaluate"]["episodes"] = 2
+    content["demonstrations"] = {"imitation": DEMONSTRATIONS}
     for agent, budget in BUDGETS.items():
         content["agents"][agent] |= budget
     return params_file.check(content)
@@ -46,6 +54,8 @@ def settings_of(*agents: str) -> Params:
     """Return the same with fewer agents, which train a little in the stage's own process."""
     content = settings().model_dump()
     content["agents"] = {agent: content["agents"][agent] for agent in agents}
+    if DEMONSTRATIONS["agent"] not in agents:
+        content["demonstrations"] = {}
     for agent in set(agents) & LITTLE.keys():
         content["agents"][agent] |= {"total_steps": LITTLE[agent]}
     content["env"]["max_episode_steps"] = 60

@@ -2,13 +2,16 @@
 
 Usage: python -m stages.digest
 Reads: jumping_ant/, stages/, requirements.lock.
-Writes: digests/STAGE.json, for training digests/train-TRAINER.json: the SHA-256 of every file that
-    the stage imports, directly or not, of what lies beside it, and of the locked versions.
+Writes: digests/STAGE.json, for training trainers/TRAINER/code.json: the SHA-256 of every file that
+    the stage imports, directly or not, of what lies beside it, and of the locked versions. A
+    trainer that needs demonstrations gets its file from `demonstrate`, which finds it as
+    digests/train-TRAINER.json.
 """
 
 import argparse
 from pathlib import Path
 
+from jumping_ant.agents.catalogue import demonstrated
 from jumping_ant.agents.code import code_of, trainers
 from jumping_ant.base import imports
 from jumping_ant.base.files import PROJECT_ROOT, digest, to_json, write_all
@@ -16,7 +19,7 @@ from jumping_ant.base.paths import Paths
 
 from . import run
 
-TRAIN = "train"
+TRAIN = "train-"
 # Modules that a stage does not import: MLflow's models hold this one.
 MORE = {"track": "jumping_ant/tracking/serving.py"}
 OTHER_SUFFIXES = (".py", ".typed", ".tmp")
@@ -26,11 +29,11 @@ def code() -> dict[str, set[Path]]:
     """Return the files that each stage runs, by the name of its digests."""
     scripts = {path.stem: path for path in (PROJECT_ROOT / "stages").glob("[a-z]*.py")}
     del scripts[Path(__file__).stem]
-    train = scripts.pop(TRAIN)
+    train = scripts.pop("train")
     found = {stage: imports.closure(script) for stage, script in scripts.items()}
     for stage, module in MORE.items():
         found[stage] |= imports.closure(PROJECT_ROOT / module)
-    found |= {f"{TRAIN}-{trainer}": code_of(trainer, train) for trainer in trainers()}
+    found |= {f"{TRAIN}{trainer}": code_of(trainer, train) for trainer in trainers()}
     return {name: files | _beside(files) for name, files in found.items()}
 
 
@@ -40,6 +43,14 @@ def _beside(files: set[Path]) -> set[Path]:
     return {path for path in listed if path.is_file() and path.suffix not in OTHER_SUFFIXES}
 
 
+def _place(name: str) -> Path:
+    """Return the file of digests of a stage's code."""
+    trainer = name.removeprefix(TRAIN)
+    if trainer == name or trainer in demonstrated():
+        return Paths().digests / f"{name}.json"
+    return Paths().code_of(trainer)
+
+
 def main() -> None:
     """Run the stage."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
@@ -47,7 +58,7 @@ def main() -> None:
     digests = {file: digest(file) for file in set.union(*found.values())}
     write_all(
         {
-            Paths().digests / f"{name}.json": to_json(
+            _place(name): to_json(
                 {str(file.relative_to(PROJECT_ROOT)): digests[file] for file in sorted(files)}
             )
             for name, files in found.items()

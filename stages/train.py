@@ -1,7 +1,8 @@
 """Train every seed of an agent.
 
 Usage: python -m stages.train AGENT
-Reads: params `seeds`, `env`, `training`, `agents.AGENT`; the robot in assets/.
+Reads: params `seeds`, `env`, `training`, `agents.AGENT`; the robot in assets/; for imitation
+    trainers/imitation/demonstrations.zip.
 Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv, machine.json),
     results/agents/AGENT/timing.csv.
 """

@@ -1,10 +1,15 @@
 """A small agent of every algorithm of the catalogue, for tests that hold for all of them."""
 
+from functools import cache
 from typing import Any
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.agents.imitation.demonstrations import Demonstrations, play
+from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.experiment import presets
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.policies import policy_file
 
 PARAMS = presets.load("families")
 # Settings of each family, and of some algorithms, that train in a second.
@@ -25,11 +30,19 @@ SMALL: dict[str, dict[str, Any]] = {
         "log_interval": 40,
     },
     "evolution": {"generations": 6, "population_size": 4, "episode_steps": 20},
+    "imitation": {
+        "total_steps": 240,
+        "rounds": 4,
+        "updates_per_round": 5,
+        "batch_size": 16,
+        "net_arch": [16],
+    },
     "open_loop": {"half_periods": [2, 3], "episodes": 2, "episode_steps": 20},
     "random": {},
     "ppo": {"batch_size": 20, "n_epochs": 2},
     "ars": {"n_top": 1},
     "cem": {"parenthood_ratio": 0.5},
+    "dagger": {"episode_steps": 20},
 }
 
 
@@ -51,3 +64,20 @@ def agents() -> dict[str, AgentBlock]:
 def of_family(trainer: str) -> list[str]:
     """Return the algorithms of a family."""
     return [name for name, agent in agents().items() if agent.trainer == trainer]
+
+
+def job(xml: str, env: EnvParams, agent: AgentBlock, seed: int, **more: Any) -> Job[Any]:
+    """Return a training of an agent, with demonstrations if it learns from them."""
+    content = demonstrations(xml) if agent.learns_from_demonstrations else None
+    return Job(xml, env, agent, seed, demonstrations=content, **more)
+
+
+@cache
+def demonstrations(xml: str) -> bytes:
+    """Return demonstrations of a linear policy that has hardly been trained."""
+    env, agent = PARAMS.env, agents()["ars"]
+    held = agent.model_copy(update={"actions": agents()["bc"].actions})  # type: ignore[attr-defined]
+    *_, finished = trainer_of(held)(Job(xml, env, held, seed=0))
+    expert = policy_file.parse(finished.policy)  # type: ignore[union-attr]
+    played = play(xml, env, expert, expert, list(range(10)), 60, 0.25)
+    return Demonstrations(played, finished.policy).to_bytes()  # type: ignore[union-attr]

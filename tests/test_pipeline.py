@@ -4,10 +4,14 @@ import shlex
 import shutil
 from pathlib import Path
 
+import networkx
 import pytest
+from dvc.repo import Repo
 from dvc.utils.hydra import apply_overrides
 from ruamel.yaml import YAML
 
+from jumping_ant.agents import code
+from jumping_ant.agents.catalogue import demonstrated
 from jumping_ant.base.files import PROJECT_ROOT as ROOT
 from jumping_ant.experiment import params_file, presets
 from stages import digest
@@ -26,11 +30,18 @@ def names(stage: str) -> set[str]:
 @pytest.mark.parametrize("name", sorted(set(STAGES) - {"digest"}))
 def test_every_stage_depends_on_its_own_code(name: str) -> None:
     deps = STAGES[name].get("do", STAGES[name])["deps"]
-    (listed,) = (dep for dep in deps if dep.startswith("digests/"))
-    assert listed == f"digests/{'train-${item.trainer}' if name == 'train' else name}.json"
+    assert ("trainers/${item.trainer}" if name == "train" else f"digests/{name}.json") in deps
     for stage in CODE:
         if stage.partition("-")[0] == name:
             assert {f"stages/{name}.py", "stages/__init__.py"} <= names(stage)
+
+
+def test_every_trainer_gets_the_digests_of_its_code() -> None:
+    made = {out for out in STAGES["digest"]["outs"] if out.startswith("trainers/")}
+    own = {f"trainers/{name}" for name in set(code.trainers()) - demonstrated()}
+    assert made == own
+    assert STAGES["demonstrate"]["do"]["outs"] == ["trainers/${key}"]
+    assert "digests/train-${key}.json" in STAGES["demonstrate"]["do"]["deps"]
 
 
 def test_digests_are_of_what_imports_lead_to() -> None:
@@ -48,6 +59,24 @@ def test_training_depends_on_its_own_trainer_alone() -> None:
     for own in trainers:
         found = {name.split("/")[2] for name in names(f"train-{own}") if "/agents/" in name}
         assert found & trainers == {own}
+
+
+def test_imitators_are_trained_after_whom_they_imitate(tmp_path: Path) -> None:
+    for name in ("dvc.yaml", "params.yaml"):
+        shutil.copy(ROOT / name, tmp_path)
+    apply_overrides(
+        tmp_path / "params.yaml", shlex.split((ROOT / "presets" / "families").read_text())[1::2]
+    )
+    graph = Repo.init(str(tmp_path), no_scm=True).index.graph
+    stages = {stage.name: stage for stage in graph}
+
+    def needed(name: str) -> set[str]:
+        return {stage.name for stage in networkx.descendants(graph, stages[name])}
+
+    assert needed("train@sac") == {"digest", "build"}
+    for agent in ("bc", "dagger"):
+        others = {"digest", "build", "train@sac", "demonstrate@imitation"}
+        assert needed(f"train@{agent}") == others
 
 
 PRESETS = sorted(path.name for path in (ROOT / "presets").iterdir())

@@ -12,6 +12,7 @@ class AgentBlock(Block):
     """Settings shared by the blocks of all agents; each algorithm adds its own."""
 
     is_baseline: ClassVar[bool] = False  # whether the agent learns nothing
+    learns_from_demonstrations: ClassVar[bool] = False
 
     trainer: str
     """Package of jumping_ant/agents/ that trains the agent."""

@@ -23,6 +23,7 @@ class Job(Generic[Settings]):
         seed: Seed that determines the run.
         evaluations: Number of snapshots, spread evenly over the budget.
         num_threads: Threads that step the simulations; results do not depend on it.
+        demonstrations: Content of the file of demonstrations, for agents that learn from them.
         checkpoint: Checkpoint of an earlier run to resume from; None starts a new run.
         is_checkpoint_due: Whether to yield a checkpoint; called after every round of work.
     """
@@ -33,6 +34,7 @@ class Job(Generic[Settings]):
     seed: int
     evaluations: int = 1
     num_threads: int = 1
+    demonstrations: bytes | None = None
     checkpoint: bytes | None = None
     is_checkpoint_due: Callable[[], bool] = lambda: False
 

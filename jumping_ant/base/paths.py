@@ -149,6 +149,14 @@ class Paths:
         """The folder of the digests of the code that stages run."""
         return self.root / "digests"
 
+    def code_of(self, trainer: str) -> Path:
+        """Return the digests of the code that a trainer's agents are trained with."""
+        return self.root / "trainers" / trainer / "code.json"
+
+    def demonstrations(self, trainer: str) -> Path:
+        """Return the demonstrations that a trainer's agents learn from, if they need any."""
+        return self.root / "trainers" / trainer / "demonstrations.zip"
+
     @property
     def assets(self) -> Path:
         """The folder of the robots."""

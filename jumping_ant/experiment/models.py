@@ -1,6 +1,6 @@
 """The whole of `params.yaml`: an experiment."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, cast
 
 from pydantic import Field, field_validator, model_validator
 
@@ -8,9 +8,11 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.errors import InputError
 from jumping_ant.params.blocks import (
+    ActionParams,
     Block,
     CompareParams,
     ComputeParams,
+    DemonstrationParams,
     EnvParams,
     EvaluateParams,
     RecordParams,
@@ -44,6 +46,8 @@ class Params(Block):
         Field(min_length=1, json_schema_extra={"additionalProperties": False}),
     ]
     """The agents that are trained, evaluated, filmed and compared, by name."""
+    demonstrations: dict[Literal["imitation"], DemonstrationParams]
+    """What agents learn from whose trainer needs demonstrations, by trainer."""
     training: TrainingParams
     """How learning curves are measured during training."""
     compute: ComputeParams
@@ -77,6 +81,63 @@ class Params(Block):
                 raise ValueError(f"agents.{name}.{fault}")
         return self
 
+    @model_validator(mode="after")
+    def _demonstrations_can_be_made(self) -> "Params":
+        for trainer, demonstrations in self.demonstrations.items():
+            agent = self.agents.get(demonstrations.agent)
+            if agent is None or not _can_demonstrate(agent):
+                able = [name for name, agent in self.agents.items() if _can_demonstrate(agent)]
+                raise ValueError(
+                    f"demonstrations.{trainer}.agent: given {demonstrations.agent!r}, allowed: "
+                    f"learners that choose torques ({', '.join(able) or 'there is none'})"
+                )
+            own = range(demonstrations.seed, demonstrations.seed + demonstrations.steps)
+            for key, first, count in (
+                ("evaluate.seed", self.evaluate.seed, self.evaluate.episodes),
+                (
+                    "training.evaluation_seed",
+                    self.training.evaluation_seed,
+                    self.training.evaluation_episodes,
+                ),
+            ):
+                if first < own.stop and own.start < first + count:
+                    raise ValueError(
+                        f"demonstrations.{trainer}.seed: given {own.start}, allowed: seeds whose "
+                        f"next {len(own)} are not those from {key}, {first}, on"
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _imitators_fit_their_demonstrations(self) -> "Params":
+        for name, agent in self.agents.items():
+            if not agent.learns_from_demonstrations:
+                continue
+            demonstrations = self.demonstrations.get(cast(Literal["imitation"], agent.trainer))
+            if demonstrations is None:
+                raise ValueError(
+                    f"demonstrations: given none for agents.{name}, allowed: "
+                    f"{agent.trainer}: {{agent: ...}}, which says who demonstrates"
+                )
+            expert = self.agents[demonstrations.agent]
+            for key in ("robot", "actions"):
+                if getattr(agent, key) != getattr(expert, key):
+                    raise ValueError(
+                        f"agents.{name}.{key}: given another than that of {demonstrations.agent}, "
+                        f"whom it imitates; allowed: the same"
+                    )
+            if agent.max_env_steps > demonstrations.steps:
+                raise ValueError(
+                    f"agents.{name}.total_steps: given {agent.max_env_steps}, allowed: at most "
+                    f"demonstrations.{agent.trainer}.steps, {demonstrations.steps}"
+                )
+        return self
+
+    def demonstrator(self, agent: AgentBlock) -> str:
+        """Return the name of the agent that an agent imitates; empty if it imitates none."""
+        if not agent.learns_from_demonstrations:
+            return ""
+        return self.demonstrations[cast(Literal["imitation"], agent.trainer)].agent
+
     def agent(self, name: str) -> AgentBlock:
         """Return one agent's block.
 
@@ -86,3 +147,10 @@ class Params(Block):
         if name not in self.agents:
             raise InputError(f"agent: given {name!r}, allowed: {', '.join(self.agents)}")
         return self.agents[name]
+
+
+def _can_demonstrate(agent: AgentBlock) -> bool:
+    """Return whether an agent learns to choose torques, and not from demonstrations itself."""
+    actions = getattr(agent, "actions", None)
+    learns = not agent.is_baseline and not agent.learns_from_demonstrations
+    return learns and isinstance(actions, ActionParams) and actions.kind == "torques"

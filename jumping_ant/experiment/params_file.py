@@ -7,6 +7,7 @@ YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
 """
 
 import difflib
+import re
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
@@ -39,6 +40,8 @@ ALLOWED = {
     "string_type": "a name",
     "too_short": "at least one",
 }
+
+INVALID_KEY = "[key]"
 
 
 def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
@@ -111,7 +114,9 @@ def _explain(error: ErrorDetails) -> tuple[str, str]:
     if error["type"] == "union_tag_not_found":
         return f"{key}.algorithm: missing; allowed: ", ", ".join(ALGORITHMS)
     if error["type"] == "value_error":
-        return f"{key}: {error['msg'].removeprefix('Value error, ')}", ""
+        message = error["msg"].removeprefix("Value error, ")
+        names_its_key = not parts and re.match(r"[\w.-]+: given ", message)
+        return message if names_its_key else f"{key}: {message}", ""
     plain = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
     allowed = ALLOWED.get(error["type"], plain)
     if type(None) in get_args(kind):
@@ -140,7 +145,7 @@ def _resolve(location: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
     """Follow a location of a validation error through the models.
 
     Pydantic inserts its own names between the file's keys: the tag of an agent's block, the member
-    of a union that reports the error, and `[key]` if a key itself is invalid.
+    of a union that reports the error, and `INVALID_KEY` if a key itself is invalid.
 
     Returns:
         The keys in the file, and the type of the value expected there.
@@ -148,6 +153,8 @@ def _resolve(location: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
     keys: list[int | str] = []
     kind: Any = Params
     for part in location:
+        if part == INVALID_KEY:
+            break
         kind = _bare(kind)
         if isinstance(kind, type) and issubclass(kind, Block):
             keys.append(part)

@@ -71,6 +71,7 @@ class AgentResults:
         curves: Each seed's training, in the same order of seeds.
         episode_returns: Return of every held-out episode of every seed, (num_episodes,).
         variants: The same means for variants of each seed's policy, by variant and column.
+        demonstrator: Name of the agent that it imitates; empty if it imitates none.
         step_seconds: Time of a unit of training for each seed [s], (num_seeds,), by number of
             threads; empty for agents that do not train.
     """
@@ -81,6 +82,7 @@ class AgentResults:
     curves: dict[int, SeedCurve]
     episode_returns: Array = field(default_factory=lambda: np.empty(0))
     variants: dict[str, dict[str, Array]] = field(default_factory=dict)
+    demonstrator: str = ""
     step_seconds: dict[int, Array] = field(default_factory=dict)
 
     @property
@@ -134,6 +136,7 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
             curves=_read_curves(root, name, params.seeds),
             episode_returns=episodes["return"],
             variants=_read_variants(root, name, params.seeds),
+            demonstrator=params.demonstrator(block),
             step_seconds=_read_scaling(root, name, params.seeds),
         )
     return results

@@ -173,6 +173,21 @@ class CommandParams(ActionParams):
     """One of the commands of `env.commands`."""
 
 
+class DemonstrationParams(Block):
+    """Demonstrations of a trained agent (see `jumping_ant.training.demonstrating`)."""
+
+    agent: str
+    """The agent that demonstrates: a learner that chooses torques."""
+    steps: Steps
+    """[control steps] Minimum length of all its episodes together."""
+    episode_steps: Count
+    """[control steps] Its episodes are truncated here."""
+    tumbled_starts: Fraction
+    """[-] Share of its episodes that start in the air, in any orientation."""
+    seed: Seed
+    """Seed of the first episode; the others count up from it."""
+
+
 class TrainingParams(Block):
     """Validation during training (see `jumping_ant.training.driver`)."""
 

@@ -30,6 +30,8 @@ KINDS: dict[str, Any] = {
     "tqc": GaussianActor,
     "crossq": NormalizedActor,
     "ddpg": TanhActor,
+    "bc": TanhActor,
+    "dagger": TanhActor,
     "a2c": ActorCritic,
     "ppo": ActorCritic,
     "dqn": GreedyCommands,

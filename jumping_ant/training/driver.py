@@ -19,7 +19,7 @@ import json
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
@@ -35,14 +35,13 @@ from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Sna
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError, StoppedError
-from jumping_ant.base.files import to_json, write_all, write_text
+from jumping_ant.base.files import read_bytes, to_json, write_all, write_text
 from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import EnvParams, TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
-from jumping_ant.sim.anatomy import Anatomy
-from jumping_ant.training import compute
+from jumping_ant.training import compute, memory
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 from jumping_ant.training.progress import TrainingProgress
 
@@ -57,7 +56,6 @@ COLUMNS = (
 )
 
 
-WORTH_TELLING = 2**20  # [bytes] of memory
 # What reading a checkpoint of wrong content raises; not the memory or a file that is lacking.
 WRONG_CONTENT = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, BadZipFile)
 
@@ -108,10 +106,11 @@ def train(root: Path, params: Params, agent_name: str) -> None:
     """
     agent = params.agent(agent_name)
     xml = robot.read(root, agent.robot)
+    demonstrations = _demonstrations(root, agent)
     with ExitStack() as stack:
         display = TrainingProgress(agent_name, params.seeds, agent.max_env_steps)
         stack.enter_context(display)
-        key = dependencies(xml, params, agent)
+        key = dependencies(xml, params, agent, demonstrations)
         checkpoints = Checkpoints(root, agent_name, key, display.say)
         stack.enter_context(checkpoints.opened(params.seeds))
         if _is_asked_again(root, checkpoints, params.seeds):
@@ -134,7 +133,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         is_trivial = agent.max_env_steps == 0  # not worth starting processes
         workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(untrained))
         if untrained and not is_trivial and not compute.is_on_cluster():
-            _check_memory(xml, agent_name, agent, min(workers, len(untrained)), display.say)
+            memory.check(xml, agent_name, agent, min(workers, len(untrained)), display.say)
         while untrained:  # once, unless a checkpoint is rejected
             threads = compute.num_threads(params.compute.workers, len(untrained))
             num_threads = dict(zip(untrained, threads, strict=True))
@@ -148,6 +147,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
                     params.training,
                     number,
                     num_threads=num_threads[number],
+                    demonstrations=demonstrations,
                     saved=seeds[number].start(),
                     checkpoint_seconds=params.compute.checkpoint_seconds,
                 )
@@ -176,6 +176,7 @@ def train_seed(
     num_threads: int = 1,
     saved: Saved | None = None,
     checkpoint_seconds: float = math.inf,
+    demonstrations: bytes | None = None,
 ) -> Iterator[Report]:
     """Train one seed, and evaluate its snapshots.
 
@@ -189,6 +190,7 @@ def train_seed(
         num_threads: Threads that step the simulations; results do not depend on it.
         saved: State to resume from.
         checkpoint_seconds: Interval between checkpoints [s].
+        demonstrations: What the agent learns from, if it learns from demonstrations.
     """
     episode_seeds = [training.evaluation_seed + i for i in range(training.evaluation_episodes)]
     started = last = time.perf_counter()
@@ -204,6 +206,7 @@ def train_seed(
         seed,
         training.evaluations,
         num_threads,
+        demonstrations,
         saved.content if saved else None,
         is_checkpoint_due,
     )
@@ -233,16 +236,19 @@ def train_seed(
         paused += time.perf_counter() - now
 
 
-def dependencies(xml: str, params: Params, agent: AgentBlock) -> str:
+def dependencies(
+    xml: str, params: Params, agent: AgentBlock, demonstrations: bytes | None = None
+) -> str:
     """Return a digest of everything that the output files of an agent's seeds depend on.
 
-    It covers the robot, the parameters, the code of training and of the agent's trainer, and the
-    machine with its versions.
+    It covers the robot, the parameters, demonstrations, the code of training and of the agent's
+    trainer, and the machine with its versions.
 
     Args:
         xml: The robot as MJCF text.
         params: All parameters; only the task and the evaluation of snapshots are included.
         agent: The agent's block.
+        demonstrations: What the agent learns from, if it learns from demonstrations.
     """
     code = sorted(code_of(agent.trainer, Path(__file__)))
     content = {
@@ -251,7 +257,16 @@ def dependencies(xml: str, params: Params, agent: AgentBlock) -> str:
         "code": [path.read_text() for path in code],
         "machine": machine.describe(),
     }
+    if demonstrations is not None:
+        content["demonstrations"] = hashlib.sha256(demonstrations).hexdigest()
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+
+def _demonstrations(root: Path, agent: AgentBlock) -> bytes | None:
+    """Return what an agent learns from, if it learns from demonstrations."""
+    if not agent.learns_from_demonstrations:
+        return None
+    return read_bytes(Paths(root).demonstrations(agent.trainer), f"demonstrate@{agent.trainer}")
 
 
 class _Seed:
@@ -402,29 +417,6 @@ def _row(event: Progress | Snapshot, returns: tuple[float, ...]) -> dict[str, fl
 def _cell(value: Any) -> str:
     """Format a number so that it reads back the same; empty for None and NaN."""
     return "" if value is None or math.isnan(value) else repr(value)
-
-
-def _check_memory(
-    xml: str, name: str, agent: AgentBlock, num_seeds: int, say: Callable[[str], None]
-) -> None:
-    """Tell how much memory training needs; refuse it if this machine has less."""
-    anatomy = Anatomy.of(robot.load(xml))
-    needed = num_seeds * agent.memory(anatomy.num_observations, anatomy.num_motors)
-    available = machine.available_memory()
-    seeds = "1 seed" if num_seeds == 1 else f"{num_seeds} seeds"
-    told = f"about {_size(needed)} of memory, {seeds} at a time"
-    if needed > available:
-        raise InputError(
-            f"agents.{name}: given sizes that need {told}, allowed: the {_size(available)} that "
-            "are free; reduce them or `compute.workers`"
-        )
-    if needed >= WORTH_TELLING:
-        say(f"needs {told}; {_size(available)} are free")
-
-
-def _size(num_bytes: float) -> str:
-    mebibytes = num_bytes / 2**20
-    return f"{mebibytes:,.0f} MiB" if mebibytes < 1000 else f"{mebibytes / 1024:,.1f} GiB"
 
 
 def _is_asked_again(root: Path, checkpoints: Checkpoints, seeds: Sequence[int]) -> bool:

@@ -118,6 +118,29 @@ def test_truncation_is_not_taken_for_an_end(robot_xml: str) -> None:
         assert not np.array_equal(info["terminal_observation"], observations[index])
 
 
+def test_sparse_rewards_come_at_the_end_of_an_episode(robot_xml: str) -> None:
+    """All of them: the returns are the same, and so is what the robot does."""
+    runs = []
+    for sparse in (False, True):
+        agent = small("sac", hold=2, num_envs=2, sparse_rewards=sparse)
+        envs = make_envs(robot_xml, ENV, agent, seed=0)
+        envs.reset()
+        actions = np.random.default_rng(0).uniform(-1, 1, (40, 2, 8)).astype(np.float32)
+        runs.append(
+            [np.array(part) for part in zip(*(envs.step(a)[:3] for a in actions), strict=True)]
+        )
+    (observations, rewards, dones), (same, sparse_rewards, same_dones) = runs
+    assert np.array_equal(observations, same) and np.array_equal(dones, same_dones)
+    assert dones.sum() > 2
+    for index in range(2):
+        start = 0
+        for end in np.flatnonzero(dones[:, index]) + 1:
+            episode = slice(start, end), index
+            assert sparse_rewards[episode][:-1].tolist() == [0.0] * (end - start - 1)
+            assert sparse_rewards[episode][-1] == pytest.approx(rewards[episode].sum(), rel=1e-5)
+            start = end
+
+
 LENGTHS = {"none": (0.0, 0), "a quarter": (0.25, 2), "half": (0.5, 4), "all": (1.0, 8)}
 
 

@@ -441,3 +441,25 @@ def test_pgpe_is_compared_with_all_evolution(returns, verdict):
     found = check(agent("pgpe", "pgpe", MIDDLE, trainer="evolution"), *rivals)
     told = [claim["verdict"] for claim in found if claim["statement"] == 12]
     assert told == [verdict] * 2
+
+
+@pytest.mark.parametrize(
+    ("returns", "verdict"), [(LOW, "supported"), (HIGH, "refuted"), (MIDDLE, "inconclusive")]
+)
+@pytest.mark.parametrize("algorithm", ["sac", "dqn"])
+def test_evolution_is_compared_with_agents_of_sparse_rewards(algorithm, returns, verdict):
+    pgpe, dense = agent("pgpe", "pgpe", MIDDLE), agent(algorithm, algorithm, HIGH)
+    sparse = agent("blindfolded", algorithm, returns, sparse_rewards=True)
+    assert one_verdict("rewards are sparse", pgpe, dense, sparse) == verdict
+    found = check(pgpe, dense, sparse, RANDOM, agent("dqn", "dqn"))
+    assert sum("blindfolded" in claim["text"] for claim in found) == 1
+
+
+@pytest.mark.parametrize(
+    ("reached_at", "verdict"), [(900, "supported"), (60, "refuted"), (100, "inconclusive")]
+)
+def test_an_imitator_is_compared_with_whom_it_imitates(reached_at, verdict):
+    taught = replace(agent("parrot", "bc", HIGH, 100), demonstrator="sac")
+    sac, other = agent("sac", "sac", HIGH, reached_at), agent("wide", "sac", HIGH, 60)
+    claim = the_claim("skips exploration", taught, sac, other, RANDOM)
+    assert (claim["verdict"], claim["statement"]) == (verdict, 16)

@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import models, params_file
+from jumping_ant.experiment import models, params_file, presets
 
 CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
 RANDOM = CONTENT["agents"]["random"]
@@ -28,7 +28,7 @@ KEYS_OF_ENV = (
 )
 ALGORITHMS = (
     "random, open_loop, dqn, sac, qrdqn, tqc, crossq, ddpg, td3, a2c, ppo, "
-    "pgpe, snes, xnes, cem, cmaes, ars"
+    "pgpe, snes, xnes, cem, cmaes, ars, bc, dagger"
 )
 ROBOTS = "ant, hopper, walker2d, half_cheetah, humanoid, or a file robots/NAME.xml"
 
@@ -209,6 +209,56 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
 )
 def test_faults_of_structure(key: str, value: Any, line: str) -> None:
     assert refusal(changed(key, value)) == f"params.yaml: {line}"
+
+
+BC = presets.load("families").model_dump()["agents"]["bc"]
+DEMONSTRATIONS = presets.load("families").model_dump()["demonstrations"]["imitation"]
+
+
+@pytest.mark.parametrize(
+    ("agent", "demonstrations", "said"),
+    [
+        ({}, None, "demonstrations: given none for agents.bc, allowed: imitation: {agent: ...}"),
+        ({"robot": "unedited"}, {}, "agents.bc.robot: given another than that of sac, whom it"),
+        ({"actions": {"kind": "torques", "amplitude": 1.0, "hold": 1}}, {}, "agents.bc.actions:"),
+        (
+            {"total_steps": 12001},
+            {},
+            "agents.bc.total_steps: given 12001, allowed: at most demonstrations.imitation.steps",
+        ),
+        (
+            {},
+            {"agent": "dqn"},
+            "demonstrations.imitation.agent: given 'dqn', allowed: learners that choose torques "
+            "(sac, pgpe)",
+        ),
+        ({}, {"agent": "bc"}, "given 'bc', allowed: learners that choose torques (sac, pgpe)"),
+        ({}, {"agent": "nobody"}, "given 'nobody', allowed: learners that choose torques"),
+        (
+            {},
+            {"seed": 3_990_000},
+            "demonstrations.imitation.seed: given 3990000, allowed: seeds whose next 12000 are not "
+            "those from evaluate.seed, 4000000, on",
+        ),
+        ({}, {"seed": 2_000_019}, "not those from training.evaluation_seed, 2000000, on"),
+    ],
+)
+def test_imitators_fit_what_they_imitate(
+    agent: dict[str, Any], demonstrations: dict[str, Any] | None, said: str
+) -> None:
+    content = changed("agents.bc", BC | agent)
+    if demonstrations is not None:
+        content["demonstrations"] = {"imitation": DEMONSTRATIONS | demonstrations}
+    assert said in refusal(content)
+
+
+def test_demonstrations_are_for_trainers_that_need_them() -> None:
+    line = refusal(changed("demonstrations", {"off_policy": DEMONSTRATIONS}))
+    assert (
+        line == "params.yaml: demonstrations.off_policy: given 'off_policy', allowed: 'imitation'"
+    )
+    beyond = DEMONSTRATIONS | {"seed": 4_000_016}
+    params_file.check(changed("demonstrations", {"imitation": beyond}))
 
 
 @pytest.mark.parametrize("name", sorted(models.RESERVED_NAMES))

@@ -3,10 +3,15 @@
 from pathlib import Path
 
 import pytest
+import small_agents
+
+from jumping_ant.base.files import write_bytes
+from jumping_ant.base.paths import Paths
 
 
 @pytest.fixture
 def project(tmp_path: Path, robot_xml: str) -> Path:
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "edited.xml").write_text(robot_xml)
+    write_bytes(Paths(tmp_path).demonstrations("imitation"), small_agents.demonstrations(robot_xml))
     return tmp_path

@@ -31,6 +31,7 @@ def small_params(workers: int) -> Params:
     settings["env"]["max_episode_steps"] = 40
     settings["training"]["evaluations"] = 2
     settings["compute"]["workers"] = workers
+    settings["demonstrations"]["imitation"] |= {"steps": 1000, "episode_steps": 40}
     for name in SMALL_OF_ALL:
         settings["agents"][name] |= small_agents.smaller(small_agents.PARAMS.agents[name])
     return params_file.check(settings)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import small_agents
 from small_training import (
     ONE_OF_EACH,
     SMALL_OF_ALL,
@@ -19,7 +20,7 @@ from small_training import (
 )
 
 from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
-from jumping_ant.agents.job import Job, trainer_of
+from jumping_ant.agents.job import trainer_of
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
 from jumping_ant.experiment.models import Params
@@ -43,11 +44,15 @@ def test_workers_change_no_byte(project: Path) -> None:
 
 def test_every_agent_reports_the_same_from_workers(robot_xml: str) -> None:
     """Inline and on Ray, where each of two processes trains one agent after another."""
-    params = small_params(2)
+    params, demonstrations = small_params(2), small_agents.demonstrations(robot_xml)
 
     def start(name: str) -> compute.Job:
         agent = params.agent(name)
-        return partial(driver.train_seed, robot_xml, params.env, agent, params.training, 5)
+        return partial(
+            driver.train_seed,
+            *(robot_xml, params.env, agent, params.training, 5),
+            demonstrations=demonstrations if agent.learns_from_demonstrations else None,
+        )
 
     runs = []
     for workers in (1, 2):
@@ -132,7 +137,9 @@ def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[by
     rules = settings.training
     seeds = [rules.evaluation_seed + i for i in range(rules.evaluation_episodes)]
     block = settings.agents[agent]
-    events = trainer_of(block)(Job(xml, settings.env, block, seed, rules.evaluations))
+    events = trainer_of(block)(
+        small_agents.job(xml, settings.env, block, seed, evaluations=rules.evaluations)
+    )
     policy_files = [event.policy for event in events if isinstance(event, Snapshot)]
     assert len(policy_files) == rules.evaluations
     means = {}

@@ -14,6 +14,7 @@ from typing import Any
 
 import psutil
 import pytest
+import small_agents
 from small_training import TRAINED, KillError, digests, forget, rows, small_params
 
 from jumping_ant.agents.events import Checkpoint
@@ -137,10 +138,12 @@ def train_seed(
     saved: Saved | None = None,
 ) -> list[driver.Report]:
     """Train seed 0, asked to stop after so many reports."""
-    stop = threading.Event()
+    stop, block = threading.Event(), settings.agent(agent)
+    known = small_agents.demonstrations(xml) if block.learns_from_demonstrations else None
     reports = []
     for report in driver.train_seed(
-        xml, settings.env, settings.agent(agent), settings.training, 0, stop, num_threads, saved
+        *(xml, settings.env, block, settings.training, 0, stop, num_threads, saved),
+        demonstrations=known,
     ):
         reports.append(report)
         if len(reports) == stop_after:

@@ -125,7 +125,8 @@ def make_envs(
         episode_steps=episode_steps,
         tumbled_starts=agent.tumbled_starts,
     )
-    return SB3VecEnv(envs, derive_all(seed, "starts", agent.num_envs))
+    starts = derive_all(seed, "starts", agent.num_envs)
+    return SB3VecEnv(envs, starts, agent.sparse_rewards)
 
 
 def policy_bytes(model: BaseAlgorithm, agent: SB3Params, actions: ActionSet) -> bytes:

@@ -27,6 +27,8 @@ class SB3Params(AgentBlock):
     """[-] Share of the environments whose episodes last for `env.max_episode_steps` instead."""
     tumbled_starts: Fraction
     """[-] Share of the training episodes that start in the air, in any orientation."""
+    sparse_rewards: bool
+    """Whether the agent learns from an episode's return at its end, and no reward before."""
     num_envs: Annotated[int, Field(ge=1, le=10_000)]
     """[-] Simulations stepped in parallel."""
     learning_rate: Learning

@@ -95,7 +95,7 @@ def _vectors(model: BaseAlgorithm) -> dict[str, Tensor]:
         return own
     vectors = {f"policy.{key}": tensor for key, tensor in model.policy.state_dict().items()}
     for name, optimizer in _optimizers(model):
-        vectors |= {f"{name}.{key}": tensor for key, tensor in _moments(optimizer).items()}
+        vectors |= {f"{name}.{key}": tensor for key, tensor in moments(optimizer).items()}
     variables = model._get_torch_save_params()[1]
     return vectors | {name: _attribute(model, name).detach() for name in variables}
 
@@ -116,7 +116,7 @@ def _attribute(model: BaseAlgorithm, name: str) -> Any:
     return part
 
 
-def _moments(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+def moments(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     """Return what the optimiser keeps for each parameter, which is zero before the first step."""
     moments: dict[str, Tensor] = {}
     parameters = [each for group in optimizer.param_groups for each in group["params"]]

@@ -21,15 +21,23 @@ class SB3VecEnv(VecEnv):
         envs: The environments; their actions may be torques or discrete commands.
         starts: Seed of each environment's start states, used at the first reset; SB3's own seeds,
             `seed + i`, would be shared with neighbouring runs.
+        sparse_rewards: Whether the last step of an episode is rewarded with the episode's return,
+            and no step before.
     """
 
-    def __init__(self, envs: VectorEnv[Any, Any, Any], starts: Sequence[int]) -> None:
+    def __init__(
+        self,
+        envs: VectorEnv[Any, Any, Any],
+        starts: Sequence[int],
+        sparse_rewards: bool = False,
+    ) -> None:
         self.envs = envs
         shape = envs.single_observation_space.shape
         super().__init__(
             envs.num_envs, spaces.Box(-np.inf, np.inf, shape, np.float32), envs.single_action_space
         )
         self._starts: list[int] | None = list(starts)
+        self._sparse_rewards = sparse_rewards
         self._actions: NDArray[Any] = np.zeros(0)
         self._returns = np.zeros(envs.num_envs)
         self._lengths = np.zeros(envs.num_envs, dtype=np.int64)
@@ -60,6 +68,8 @@ class SB3VecEnv(VecEnv):
         self._returns += rewards
         self._lengths += 1
         dones = terminated | truncated
+        if self._sparse_rewards:
+            rewards = np.where(dones, self._returns, 0.0)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for index in np.flatnonzero(dones):
             infos[index] = {

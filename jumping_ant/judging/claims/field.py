@@ -20,7 +20,7 @@ class Field:
         self.unedited = [agent for agent in agents if robot_of(agent) == "unedited"]
         self.random = self._that_run("random")
         self.open_loop = self._that_run("open_loop")
-        self.dqn, self.sac = self._that_run("dqn"), self._that_run("sac")
+        dqn, sac = self._that_run("dqn"), self._that_run("sac")
         self.a2c, self.ppo = self._that_run("a2c"), self._that_run("ppo")
         self.ddpg, td3 = self._that_run("ddpg"), self._that_run("td3")
         pgpe = self._that_run("pgpe")
@@ -30,6 +30,15 @@ class Field:
         self.critics = _pairs(td3, lacks_a_critic)
         self.pgpe = _without_seconds(pgpe, [*self.constants, *self.action_sets])
         self.td3 = _without_seconds(td3, self.critics)
+        self.sparse = [agent for agent in (*sac, *dqn) if has_sparse_rewards(agent)]
+        self.dqn, self.sac = (
+            [agent for agent in agents if not has_sparse_rewards(agent)] for agents in (dqn, sac)
+        )
+        self.imitated = [
+            (agent, other)
+            for agent, other in permutations(self.all, 2)
+            if agent.demonstrator == other.name
+        ]
         self.evolution = [
             agent
             for agent in self.all
@@ -89,6 +98,11 @@ def lacks_a_critic(agent: AgentResults, other: AgentResults) -> bool:
     """Return whether the other is the same agent with one critic instead of several."""
     (own, own_rest), (others, others_rest) = (_apart(each, "n_critics") for each in (agent, other))
     return (own or 1) > 1 and others == 1 and own_rest == others_rest
+
+
+def has_sparse_rewards(agent: AgentResults) -> bool:
+    """Return whether an agent learned from the returns of whole episodes alone."""
+    return bool(getattr(agent.block, "sparse_rewards", False))
 
 
 def differs_by_robot(agent: AgentResults, other: AgentResults) -> bool:

@@ -75,6 +75,8 @@ def claims(field: Field) -> Iterator[Claim]:
             yield _heavy(pgpe, rival, "seconds", field.threshold)
         if pgpe.step_seconds and rival.step_seconds:
             yield _parallel(pgpe, rival)
+    for pgpe, rival in product(field.pgpe, field.sparse):
+        yield _for_sparse_rewards(pgpe, rival)
     for pgpe in field.pgpe:
         if {"final", "best_sample"} <= pgpe.variants.keys():
             yield _centre_is_best(pgpe)
@@ -82,6 +84,8 @@ def claims(field: Field) -> Iterator[Claim]:
         yield _best_of_evolution(pgpe, rival)
     for pgpe, plain in field.constants:
         yield _steadier(pgpe, plain)
+    for imitator, imitated in field.imitated if field.random else ():
+        yield _skips_exploration(imitator, imitated, field.threshold)
     for agent, plain in product([*field.learners, *field.open_loop], field.unedited):
         if differs_by_robot(agent, plain):
             yield _jumps_higher(agent, plain)
@@ -244,6 +248,17 @@ def _heavy(pgpe: AgentResults, rival: AgentResults, unit: Unit, threshold: float
     )
 
 
+def _for_sparse_rewards(pgpe: AgentResults, rival: AgentResults) -> Claim:
+    return Claim(
+        f"{pgpe.label} is an alternative where rewards are sparse: it returns more than "
+        f"{rival.label}, which learns from the returns of whole episodes, too.",
+        11,
+        lambda params: findings.independent(
+            RETURN, _sample(pgpe, "return"), _sample(rival, "return"), params
+        ),
+    )
+
+
 def _centre_is_best(pgpe: AgentResults) -> Claim:
     centre, sample = (
         Sample(f"{pgpe.label}, {label}", pgpe.variants[variant]["return"])
@@ -276,6 +291,15 @@ def _parallel(pgpe: AgentResults, rival: AgentResults) -> Claim:
         lambda params: findings.independent(
             "Speed-up from one thread to all cores", speed_up(pgpe), speed_up(rival), params
         ),
+    )
+
+
+def _skips_exploration(imitator: AgentResults, imitated: AgentResults, threshold: float) -> Claim:
+    return Claim(
+        f"Imitation skips exploration: {imitator.label} needs fewer control steps than "
+        f"{imitated.label}, which it imitates, to learn anything.",
+        16,
+        lambda params: _more_steps(imitated, imitator, threshold, params),
     )
 
 

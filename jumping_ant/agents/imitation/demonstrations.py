@@ -1,0 +1,164 @@
+"""Decisions labelled with what a trained policy does, and the file of such demonstrations."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.base.archive import Archive, from_array, pack, to_array
+from jumping_ant.base.errors import InputError
+from jumping_ant.params.blocks import EnvParams
+from jumping_ant.policies.policy import Policy
+from jumping_ant.sim.vector import RobotVectorEnv
+
+FORMAT = 1
+_HEADER, _EXPERT = "demonstrations.json", "expert.zip"
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """Decisions in the order of their episodes, with the torques of the expert in each.
+
+    Attributes:
+        observations: Shape (n, num_observations).
+        torques: Torques over peak torques that the expert chooses, shape (n, num_motors).
+        returns: Return of the episode that ends with a decision, shape (n,); NaN elsewhere.
+    """
+
+    observations: NDArray[np.float32]
+    torques: NDArray[np.float32]
+    returns: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.returns)
+
+    def __getitem__(self, rows: slice | NDArray[np.int64]) -> "Labelled":
+        return Labelled(self.observations[rows], self.torques[rows], self.returns[rows])
+
+    def episodes(self) -> list["Labelled"]:
+        """Return the episodes, each complete."""
+        ends = np.flatnonzero(~np.isnan(self.returns)) + 1
+        starts = [0, *ends[:-1]]
+        return [self[start:end] for start, end in zip(starts, ends, strict=True)]
+
+
+@dataclass(frozen=True)
+class Demonstrations:
+    """What an expert did, and the expert itself.
+
+    Attributes:
+        labelled: Complete episodes.
+        expert: Content of the expert's policy file.
+    """
+
+    labelled: Labelled
+    expert: bytes
+
+    def to_bytes(self) -> bytes:
+        """Return the file's content; equal demonstrations give equal bytes."""
+        header = {_HEADER: json.dumps({"format": FORMAT}).encode(), _EXPERT: self.expert}
+        arrays = {f"{name}.npy": from_array(array) for name, array in vars(self.labelled).items()}
+        return pack(header | arrays)
+
+    @classmethod
+    def from_bytes(cls, content: bytes) -> "Demonstrations":
+        """Read a file's content; no code in it is run.
+
+        Raises:
+            InputError: The content is not a file of demonstrations, or a damaged one.
+        """
+        try:
+            entries = Archive(content)
+            if (found := json.loads(entries[_HEADER])["format"]) != FORMAT:
+                raise ValueError(f"format {found!r} instead of {FORMAT}")
+            observations = to_array(entries["observations.npy"])
+            torques = to_array(entries["torques.npy"])
+            returns = to_array(entries["returns.npy"])
+            if observations.ndim != 2 or torques.ndim != 2 or returns.ndim != 1:
+                raise ValueError("arrays of other dimensions")
+            if not len(observations) == len(torques) == len(returns) > 0:
+                raise ValueError("arrays of different lengths, or empty ones")
+            if not (np.isfinite(observations).all() and (np.abs(torques) <= 1).all()):
+                raise ValueError("numbers that are not finite, or torques above the peak torque")
+            if np.isnan(returns[-1]) or np.isinf(returns).any():
+                raise ValueError("an episode without a return")
+            return cls(Labelled(observations, torques, returns), entries[_EXPERT])
+        except Exception as error:  # any error here means that the file is damaged
+            raise InputError(
+                f"demonstrations: given what are none ({type(error).__name__}: {error}); "
+                "allowed: the file that `dvc repro` makes of a trained agent"
+            ) from error
+
+
+def concatenated(parts: list[Labelled]) -> Labelled:
+    """Return all decisions, in order."""
+    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    return Labelled(*(np.concatenate(column) for column in columns))
+
+
+def play(
+    xml: str,
+    env: EnvParams,
+    actor: Policy,
+    expert: Policy,
+    seeds: list[int],
+    episode_steps: int,
+    tumbled_starts: float,
+    num_threads: int = 1,
+) -> Labelled:
+    """Run an episode of a policy for each seed, all in parallel, and ask the expert at each step.
+
+    Args:
+        xml: The robot as MJCF text.
+        env: The task.
+        actor: The policy that acts; it may be the expert.
+        expert: The policy that labels; it holds its choices as long as the actor.
+        seeds: Seed of each episode.
+        episode_steps: Control steps after which episodes are truncated.
+        tumbled_starts: Share of the episodes that start in the air, in any orientation.
+        num_threads: Threads that step the simulations; results do not depend on it.
+
+    Returns:
+        The episodes, in the order of the seeds.
+    """
+    count = len(seeds)
+    envs = RobotVectorEnv(
+        xml,
+        env,
+        count,
+        num_threads,
+        AutoresetMode.DISABLED,
+        ActionSet(hold=actor.actions.hold),
+        np.full(count, episode_steps),
+        tumbled_starts,
+    )
+    observations, _ = envs.reset(seed=seeds)
+    for policy in {id(actor): actor, id(expert): expert}.values():
+        policy.start(seeds)
+    seen, labels, lengths = [], [], np.zeros(count, dtype=np.int64)
+    totals, alive = np.zeros(count), np.ones(count, dtype=np.bool_)
+    while alive.any():
+        torques = expert.act(observations)
+        seen.append(observations.astype(np.float32))
+        labels.append(torques.astype(np.float32))
+        lengths += alive
+        observations, rewards, terminated, truncated, _ = envs.step(
+            torques if actor is expert else actor.act(observations)
+        )
+        totals += rewards * alive
+        alive &= ~(terminated | truncated)
+    envs.close()
+    all_seen, all_labels = np.stack(seen), np.stack(labels)
+    return concatenated(
+        [
+            Labelled(
+                all_seen[:length, i],
+                all_labels[:length, i],
+                np.append(np.full(length - 1, np.nan), totals[i]),
+            )
+            for i, length in enumerate(lengths)
+        ]
+    )

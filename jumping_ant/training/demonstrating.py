@@ -1,0 +1,87 @@
+"""Demonstrations of a trained agent, for agents that imitate it.
+
+The seed that did best in validation demonstrates. Its episodes are its own: neither those of
+validation nor the held-out ones (`Params` sees to that).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from jumping_ant.agents.imitation.demonstrations import (
+    Demonstrations,
+    Labelled,
+    concatenated,
+    play,
+)
+from jumping_ant.base import tables
+from jumping_ant.base.files import read_bytes
+from jumping_ant.base.paths import Paths
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import DemonstrationParams, EnvParams
+from jumping_ant.policies import policy_file
+from jumping_ant.sim import robot
+
+EPISODES_AT_ONCE = 16
+VALIDATION = "evaluation_return_mean"
+
+
+def demonstrate(root: Path, params: Params, trainer: str, num_threads: int = 1) -> Demonstrations:
+    """Return what an agent demonstrates for a trainer.
+
+    Args:
+        root: The project's folder; the robot and the demonstrating agent's policies are read.
+        params: All parameters; `demonstrations` has an entry for the trainer.
+        trainer: The trainer that needs demonstrations.
+        num_threads: Threads that step the simulations; results do not depend on it.
+
+    Raises:
+        InputError: A file is missing or damaged.
+    """
+    settings = {str(key): value for key, value in params.demonstrations.items()}[trainer]
+    agent = params.agent(settings.agent)
+    best = max(params.seeds, key=lambda seed: _validated(root, params, settings.agent, seed))
+    content = read_bytes(
+        Paths(root).agent(settings.agent).seed(best).policy, f"train@{settings.agent}"
+    )
+    xml = robot.read(root, agent.robot)
+    return record(xml, params.env, content, settings, num_threads)
+
+
+def record(
+    xml: str, env: EnvParams, expert: bytes, settings: DemonstrationParams, num_threads: int = 1
+) -> Demonstrations:
+    """Return episodes of an expert.
+
+    Args:
+        xml: The robot as MJCF text.
+        env: The task.
+        expert: Content of the expert's policy file.
+        settings: Which episodes.
+        num_threads: Threads that step the simulations; results do not depend on it.
+    """
+    policy, steps = policy_file.parse(expert), 0
+    episodes: list[Labelled] = []
+    while steps < settings.steps:
+        first = settings.seed + EPISODES_AT_ONCE * len(episodes)
+        played = play(
+            xml,
+            env,
+            policy,
+            policy,
+            list(range(first, first + EPISODES_AT_ONCE)),
+            settings.episode_steps,
+            settings.tumbled_starts,
+            num_threads,
+        )
+        episodes.append(played)
+        steps += len(played) * policy.actions.hold
+    return Demonstrations(concatenated(episodes), expert)
+
+
+def _validated(root: Path, params: Params, agent: str, seed: int) -> float:
+    """Return the return in validation of a seed's published policy."""
+    path = Paths(root).agent(agent).seed(seed).curve
+    returns = tables.read(path, (VALIDATION,), f"train@{agent}")[VALIDATION]
+    evaluated = returns[~np.isnan(returns)]
+    return float(evaluated.max() if params.training.publish == "best" else evaluated[-1])

@@ -1,0 +1,71 @@
+"""Who demonstrates, and what."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_training import small_params
+
+from jumping_ant.agents.imitation.demonstrations import Demonstrations
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
+from jumping_ant.experiment.models import Params
+from jumping_ant.training import demonstrating, driver
+
+CURVE = "env_steps,evaluation_return_mean\n10,{}\n20,{}\n"
+
+
+@pytest.fixture
+def params(project: Path) -> Params:
+    """Parameters of a project with trained agents, one of which demonstrates."""
+    params = small_params(1)
+    driver.train(project, params, params.demonstrations["imitation"].agent)
+    return params
+
+
+def write_curves(project: Path, params: Params, *returns: tuple[float, float]) -> dict[int, bytes]:
+    """Write learning curves of two evaluations for each seed, and return the policies."""
+    paths = Paths(project).agent(params.demonstrations["imitation"].agent)
+    for seed, values in zip(params.seeds, returns, strict=True):
+        paths.seed(seed).curve.write_text(CURVE.format(*values))
+        paths.seed(seed).policy.write_bytes(paths.seed(seed).policy.read_bytes())
+    return {seed: paths.seed(seed).policy.read_bytes() for seed in params.seeds}
+
+
+def test_the_best_in_validation_demonstrates(project: Path, params: Params) -> None:
+    policies = write_curves(project, params, (900.0, 100.0), (200.0, 300.0))
+    made = demonstrating.demonstrate(project, params, "imitation")
+    assert made.expert == policies[params.seeds[0]]
+    last = params.training.model_copy(update={"publish": "final"})
+    made = demonstrating.demonstrate(
+        project, params.model_copy(update={"training": last}), "imitation"
+    )
+    assert made.expert == policies[params.seeds[1]]
+
+
+def test_episodes_are_as_the_parameters_say(project: Path, params: Params) -> None:
+    settings = params.demonstrations["imitation"]
+    made = demonstrating.demonstrate(project, params, "imitation", num_threads=2)
+    assert made.to_bytes() == demonstrating.demonstrate(project, params, "imitation").to_bytes()
+    hold = params.agents["bc"].actions.hold
+    assert len(made.labelled) * hold >= settings.steps
+    lengths = [len(episode) * hold for episode in made.labelled.episodes()]
+    assert max(lengths) <= settings.episode_steps + hold
+    heights = np.array([episode.observations[0, 0] for episode in made.labelled.episodes()])
+    assert (heights > 1.0).any() and (heights < 1.0).any()  # some start in the air
+
+
+def test_an_imitator_is_trained_on_them(project: Path, params: Params) -> None:
+    path = Paths(project).demonstrations("imitation")
+    path.unlink()
+    with pytest.raises(
+        InputError, match=r"demonstrations.zip: .*`dvc repro demonstrate@imitation`"
+    ):
+        driver.train(project, params, "bc")
+    made = demonstrating.demonstrate(project, params, "imitation")
+    path.write_bytes(made.to_bytes())
+    driver.train(project, params, "bc")
+    assert (project / "models" / "bc" / "seed-0" / "policy.zip").is_file()
+    key = driver.dependencies("xml", params, params.agent("bc"), made.to_bytes())
+    other = Demonstrations(made.labelled[1:], made.expert).to_bytes()
+    assert key != driver.dependencies("xml", params, params.agent("bc"), other)
