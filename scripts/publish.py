@@ -6,6 +6,9 @@ Writes the section of that preset in docs/results.md. With the preset `default` 
 pictures of the README as well: docs/images/, and README.md's table of claims. With `article` it
 reads the output of `make article` in .article/ and results/article.json, and also writes the table
 of printed values in docs/article.md. With `run` it writes SAC's returns beside published ones, too.
+With `families` the section is in docs/families.md, which gets pictures as well, and
+results/families.json the comparison; `tuning` is what results/tuning.csv says of the search for
+settings, in the same document.
 """
 
 import argparse
@@ -21,7 +24,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError, reported
-from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_text
+from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import descriptions
@@ -36,11 +39,15 @@ FOLDERS = {
     "article": PROJECT_ROOT / ".article",
     "run": PROJECT_ROOT,
     "hopper": PROJECT_ROOT,
+    "families": PROJECT_ROOT,
 }
+DOCUMENTS = {"families": DOCS / "families.md"}  # others: docs/results.md
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
 PUBLISHED = DOCS / "published" / "ant_sac.csv"
 PUBLISHED_STEPS = (100_000, 200_000)
 FIGURES = ("learning_curves", "final_return")
+TUNING = RESULTS / "tuning.csv"
+RESULTS_PAGE = DOCS / "results.md"
 SIDE = 300  # [pixels] side of an agent's film in the animation
 SECONDS = 6.0  # length of the animation
 FPS = 20
@@ -51,13 +58,16 @@ FONT = ImageFont.load_default(20)
 def main() -> None:
     """Parse the command line and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("preset", choices=list(FOLDERS))
+    parser.add_argument("preset", choices=[*FOLDERS, "tuning"])
     preset = parser.parse_args().preset
+    if preset == "tuning":
+        replace_section(DOCUMENTS["families"], preset, effort_table(tables.read_rows(TUNING, "")))
+        return
     results = json.loads((FOLDERS[preset] / "results" / "comparison.json").read_text())
     agents = "\n".join(descriptions.agent_table(results["agents"]))
     evidence = claim_table(results["claims"], with_evidence=True)
     parts = [agents] if preset in OTHER_TASKS else [agents, evidence]
-    replace_section(DOCS / "results.md", preset, "\n".join(parts))
+    replace_section(DOCUMENTS.get(preset, RESULTS_PAGE), preset, "\n".join(parts))
     if preset == "default":
         replace_section(
             PROJECT_ROOT / "README.md",
@@ -71,6 +81,11 @@ def main() -> None:
     elif preset == "article":
         printed = json.loads((RESULTS / "article.json").read_text())["printed"]
         replace_section(DOCS / "article.md", "printed", printed_table(printed))
+    elif preset == "families":
+        write_json(RESULTS / "families.json", results)
+        for name in FIGURES:
+            content = (RESULTS / "figures" / f"{name}.png").read_bytes()
+            write_bytes(DOCS / "images" / f"families-{name}.png", content)
     elif preset == "run":
         replace_section(DOCS / "results.md", "published", published_table(PROJECT_ROOT))
 
@@ -121,6 +136,30 @@ def printed_table(printed: dict[str, Any]) -> str:
     ]
     head = "| value | printed | ours, median of the seeds | of ours below it | reproduced |"
     return "\n".join([head, "|---|---|---|---|---|", *rows])
+
+
+def effort_table(rows: Sequence[dict[str, str]]) -> str:
+    """Return how much search each agent's settings got, as Markdown.
+
+    Args:
+        rows: Those of `results/tuning.csv`.
+    """
+    lines = [
+        "| agent | trainings | minutes | return, full budget | changes to the first settings |",
+        "|---|---|---|---|---|",
+    ]
+    for agent in dict.fromkeys(row["agent"] for row in rows):
+        own = [row for row in rows if row["agent"] == agent]
+        whole = [row for row in own if float(row["share"]) == 1]
+        best = max(whole, key=lambda row: float(row["return"]))
+        minutes = sum(float(row["seconds"]) for row in own) / 60
+        settings = json.loads(best["settings"])
+        changes = ", ".join(f"`{key}` {value}" for key, value in settings.items()) or "none"
+        lines.append(
+            f"| {agent} | {len(own)} | {minutes:.0f} | "
+            f"{wording.number(float(best['return']))} | {changes} |"
+        )
+    return "\n".join(lines)
 
 
 def published_table(root: Path) -> str:

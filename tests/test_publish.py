@@ -35,7 +35,11 @@ def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -
     [
         ("claims", "README.md"),
         ("printed", "docs/article.md"),
-        *((preset, "docs/results.md") for preset in publish.FOLDERS),
+        ("tuning", "docs/families.md"),
+        *(
+            (preset, str(publish.DOCUMENTS.get(preset, publish.RESULTS_PAGE)))
+            for preset in publish.FOLDERS
+        ),
     ],
 )
 def test_the_documents_have_their_marks(name: str, document: str) -> None:
@@ -51,6 +55,21 @@ def test_claims_are_a_table_with_or_without_evidence() -> None:
     ]
     last = publish.claim_table([CLAIM], with_evidence=True).splitlines()[-1]
     assert last == "| A leads | refuted | 0.012 | Much (8 seeds). |"
+
+
+def test_effort_is_that_of_all_trainings() -> None:
+    keys = ("agent", "share", "return", "seconds", "settings")
+    rows = [
+        ("snes", "0.4", "9000.0", "60.0", "{}"),
+        ("snes", "1.0", "5000.0", "90.0", '{"stdev_init": 0.05}'),
+        ("snes", "1.0", "4000.0", "90.0", "{}"),
+        ("ars", "1.0", "3000.0", "30.0", "{}"),
+    ]
+    table = publish.effort_table([dict(zip(keys, row, strict=True)) for row in rows])
+    assert table.splitlines()[2:] == [
+        "| snes | 3 | 4 | 5,000 | `stdev_init` 0.05 |",
+        "| ars | 1 | 0 | 3,000 | none |",
+    ]
 
 
 @pytest.fixture
