@@ -149,12 +149,20 @@ class AgentModels:
         except MlflowException as error:
             if error.error_code != "RESOURCE_DOES_NOT_EXIST":
                 raise
-            client.create_registered_model(self._name, description=ABOUT)
+            self._register_name()
             return None
         if found.description != ABOUT:
             client.update_registered_model(self._name, ABOUT)
         champion: str | None = found.aliases.get(CHAMPION)
         return champion
+
+    def _register_name(self) -> None:
+        """Create the registered model, unless another process has done so in the meantime."""
+        try:
+            self._store.client.create_registered_model(self._name, description=ABOUT)
+        except MlflowException as error:
+            if error.error_code != "RESOURCE_ALREADY_EXISTS":
+                raise
 
     def _find_version(self, model: LoggedModel, record: SeedRecord) -> ModelVersion | None:
         """Return the policy's version; one whose model is gone is deleted."""
