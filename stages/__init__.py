@@ -11,7 +11,15 @@ from types import FrameType
 def _stop(number: int, frame: FrameType | None) -> None:
     """End at once, in one line; imports, renderers and encoders would print tracebacks."""
     os.write(sys.stderr.fileno(), b"stopped: nothing already computed is lost\n")
+    if _is_importing(frame):  # extension modules would raise an ImportError instead
+        os._exit(130)
     raise SystemExit(130)
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
+        frame = frame.f_back
+    return frame is not None
 
 
 # While a stage trains, its driver handles Ctrl-C instead, with a last checkpoint.

@@ -116,6 +116,24 @@ def test_ctrl_c_ends_a_stage_in_one_line(
         assert process.returncode == 130
 
 
+def test_ctrl_c_while_an_extension_module_is_imported_ends_in_one_line(tmp_path: Path) -> None:
+    """Extension modules made with pybind11 turn every exception into an ImportError."""
+    (tmp_path / "extension.py").write_text(
+        "import os, signal\n"
+        "try:\n    os.kill(os.getpid(), signal.SIGINT)\n"
+        "except BaseException as error:\n    raise ImportError('failed') from error\n"
+    )
+    program = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    ended = subprocess.run(
+        [sys.executable, "-c", program + "import stages, extension"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.stderr == "stopped: nothing already computed is lost\n"
+    assert ended.returncode == 130
+
+
 def test_there_is_something_wrong_with_every_fault() -> None:
     """In one process, and so all of them: none is a value that may stand there after all."""
     settings = projects.settings()
