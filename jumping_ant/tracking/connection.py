@@ -5,7 +5,7 @@ import logging
 import os
 import re
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -135,10 +135,10 @@ def _opened_alone(uri: str, project: Path) -> Iterator[None]:
     The first one that opens it creates the tables, and MLflow leaves a broken database behind if
     two do so at once.
     """
-    if not uri.startswith("sqlite:///"):
+    path = _database(uri)
+    if path is None:
         yield
         return
-    path = Path(uri.removeprefix("sqlite:///"))
     if not path.name:
         raise InputError(
             f"MLFLOW_TRACKING_URI: given {uri!r}, allowed: sqlite:///FILE, or a server's address"
@@ -150,6 +150,30 @@ def _opened_alone(uri: str, project: Path) -> Iterator[None]:
             # By itself MLflow would put the current folder's name into SQL, with its quotes.
             SqlAlchemyStore(uri, (project / "mlartifacts").as_uri())
         yield
+
+
+@contextmanager
+def mirrored_alone(uri: str, say: Callable[[str], None]) -> Iterator[None]:
+    """Keep other processes from mirroring files to a database file meanwhile.
+
+    Two would replace each other's model files. With a server, each uploads its own.
+    """
+    path = _database(uri)
+    if path is None:
+        yield
+        return
+    with path.with_name(f"{path.name}.mirror.lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say("another process is bringing MLflow up to date; waiting for it")
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _database(uri: str) -> Path | None:
+    """Return the file of a database; None if the store is something else."""
+    return Path(uri.removeprefix("sqlite:///")) if uri.startswith("sqlite:///") else None
 
 
 def _is_empty(path: Path) -> bool:

@@ -17,7 +17,11 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import pages, records
 from jumping_ant.tracking import store as stores
-from jumping_ant.tracking.connection import ConflictError, failures_as_input_errors
+from jumping_ant.tracking.connection import (
+    ConflictError,
+    failures_as_input_errors,
+    mirrored_alone,
+)
 from jumping_ant.tracking.models import AgentModels
 from jumping_ant.tracking.reading import Point
 from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, SeedRecord
@@ -50,7 +54,7 @@ def track(
     store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES)
     for remaining in reversed(range(ATTEMPTS)):
         try:
-            with failures_as_input_errors(store.uri):
+            with failures_as_input_errors(store.uri), mirrored_alone(store.uri, say):
                 done = _Mirror(store, comparison, say).run() if comparison.seeds else Counter[str]()
                 store.clear_abandoned()
                 _describe_experiment(store)
