@@ -1,11 +1,11 @@
 """The whole of `params.yaml`: an experiment."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Field, field_validator, model_validator
 
 from jumping_ant.agents.algorithm import AgentBlock
-from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.agents.catalogue import ALGORITHMS, demonstrated
 from jumping_ant.base.errors import InputError
 from jumping_ant.params.blocks import (
     ActionParams,
@@ -25,7 +25,9 @@ RESERVED_NAMES = {"lineup"}  # names of files in media/
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
 if TYPE_CHECKING:
     AnyAgent = AgentBlock
-else:  # any agent of the catalogue
+    Demonstrated = str
+else:  # any agent of the catalogue, and any trainer that needs demonstrations
+    Demonstrated = Literal[tuple(sorted(demonstrated()))]
     AnyAgent = Annotated[
         Union[tuple(algorithm.settings for algorithm in ALGORITHMS.values())],  # noqa: UP007
         Field(discriminator="algorithm"),
@@ -46,7 +48,7 @@ class Params(Block):
         Field(min_length=1, json_schema_extra={"additionalProperties": False}),
     ]
     """The agents that are trained, evaluated, filmed and compared, by name."""
-    demonstrations: dict[Literal["imitation"], DemonstrationParams]
+    demonstrations: dict[Demonstrated, DemonstrationParams]
     """What agents learn from whose trainer needs demonstrations, by trainer."""
     training: TrainingParams
     """How learning curves are measured during training."""
@@ -112,7 +114,7 @@ class Params(Block):
         for name, agent in self.agents.items():
             if not agent.learns_from_demonstrations:
                 continue
-            demonstrations = self.demonstrations.get(cast(Literal["imitation"], agent.trainer))
+            demonstrations = self.demonstrations.get(agent.trainer)
             if demonstrations is None:
                 raise ValueError(
                     f"demonstrations: given none for agents.{name}, allowed: "
@@ -136,7 +138,7 @@ class Params(Block):
         """Return the name of the agent that an agent imitates; empty if it imitates none."""
         if not agent.learns_from_demonstrations:
             return ""
-        return self.demonstrations[cast(Literal["imitation"], agent.trainer)].agent
+        return self.demonstrations[agent.trainer].agent
 
     def agent(self, name: str) -> AgentBlock:
         """Return one agent's block.

@@ -25,6 +25,8 @@ from jumping_ant.params.blocks import CompareParams
 
 Array = NDArray[np.float64]
 
+FRONTS = {"env_steps": "pareto_steps", "train_seconds": "pareto_seconds"}  # by kind of cost
+
 
 @dataclass(frozen=True)
 class LearningCurve:
@@ -68,8 +70,7 @@ def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dic
         "agents": agents,
         "equal_steps": equal["equal_steps"],
         "equal_seconds": equal["equal_seconds"],
-        "pareto_steps": pareto_front(_each(learners, "env_steps"), gains),
-        "pareto_seconds": pareto_front(_each(learners, "train_seconds"), gains),
+        **{front: pareto_front(_each(learners, cost), gains) for cost, front in FRONTS.items()},
         "probability_of_improvement": {pair: pairs[pair] for pair in ordered},
     }
 

@@ -6,13 +6,14 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jumping_ant.judging.comparison import FRONTS
 from jumping_ant.judging.results import AgentResults
 from jumping_ant.showing import scales
 from jumping_ant.words.looks import INK, Look
 
-COSTS = {  # keys of an agent's cost and of the front in comparison.json, and the axis's label
-    "env_steps": ("pareto_steps", "Training budget [control steps]"),
-    "train_seconds": ("pareto_seconds", "Training time per seed [s]"),
+COSTS = {  # keys of an agent's cost, and the axis's label
+    "env_steps": "Training budget [control steps]",
+    "train_seconds": "Training time per seed [s]",
 }
 
 
@@ -35,9 +36,9 @@ def draw(
     num_learners = sum(not agent.is_baseline for agent in results.values())
     figure = Figure(figsize=(9, 4 + 0.15 * num_learners), layout="constrained")
     panels = figure.subplots(1, len(COSTS), sharey=True)
-    for axes, (cost, (front, label)) in zip(panels, COSTS.items(), strict=True):
+    for axes, (cost, label) in zip(panels, COSTS.items(), strict=True):
         _draw_panel(axes, results, summary["agents"], cost, drawn, reference)
-        _draw_front(axes, results, summary["agents"], cost, summary[front])
+        _draw_front(axes, results, summary["agents"], cost, summary[FRONTS[cost]])
         axes.set_xlabel(label)
     panels[0].set_ylabel("Return per held-out episode")
     panels[0].set_ylim(bottom=0)

@@ -38,7 +38,7 @@ def demonstrate(root: Path, params: Params, trainer: str, num_threads: int = 1) 
     Raises:
         InputError: A file is missing or damaged.
     """
-    settings = {str(key): value for key, value in params.demonstrations.items()}[trainer]
+    settings = params.demonstrations[trainer]
     agent = params.agent(settings.agent)
     best = max(params.seeds, key=lambda seed: _validated(root, params, settings.agent, seed))
     content = read_bytes(

@@ -35,7 +35,7 @@ class Labelled:
     def __len__(self) -> int:
         return len(self.returns)
 
-    def __getitem__(self, rows: slice | NDArray[np.int64]) -> "Labelled":
+    def __getitem__(self, rows: slice) -> "Labelled":
         return Labelled(self.observations[rows], self.torques[rows], self.returns[rows])
 
     def episodes(self) -> list["Labelled"]:

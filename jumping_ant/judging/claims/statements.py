@@ -91,6 +91,19 @@ def claims(field: Field) -> Iterator[Claim]:
             yield _jumps_higher(agent, plain)
 
 
+def _returns_more(
+    agent: AgentResults, other: AgentResults, statement: int | None, text: str
+) -> Claim:
+    """Return the claim that an agent returns more than another."""
+    return Claim(
+        text,
+        statement,
+        lambda params: findings.independent(
+            RETURN, _sample(agent, "return"), _sample(other, "return"), params
+        ),
+    )
+
+
 def _learns_to_jump(dqn: AgentResults, random: AgentResults) -> Claim:
     parts = {"flight": "Share of time in flight", "apex": "Apex of a jump [m]"}
     return Claim(
@@ -107,12 +120,11 @@ def _learns_to_jump(dqn: AgentResults, random: AgentResults) -> Claim:
 
 
 def _beats_open_loop(learner: AgentResults, metronome: AgentResults) -> Claim:
-    return Claim(
-        f"{learner.label} returns more than {metronome.label}, which does not look at the robot.",
+    return _returns_more(
+        learner,
+        metronome,
         None,
-        lambda params: findings.independent(
-            RETURN, _sample(learner, "return"), _sample(metronome, "return"), params
-        ),
+        f"{learner.label} returns more than {metronome.label}, which does not look at the robot.",
     )
 
 
@@ -169,13 +181,12 @@ def _rounding_costs(learner: AgentResults) -> Claim:
 
 
 def _commands_cost(torques: AgentResults, commands: AgentResults) -> Claim:
-    return Claim(
+    return _returns_more(
+        torques,
+        commands,
+        5,
         f"Discrete actions are inefficient: {torques.label} returns more than {commands.label}, "
         "which chooses among the five commands.",
-        5,
-        lambda params: findings.independent(
-            RETURN, _sample(torques, "return"), _sample(commands, "return"), params
-        ),
     )
 
 
@@ -208,22 +219,20 @@ def _harder(simple: AgentResults, complex_: AgentResults, threshold: float) -> C
 
 
 def _second_critic(two: AgentResults, one: AgentResults) -> Claim:
-    return Claim(
-        f"A second critic helps: {two.label} returns more than {one.label}, which has one.",
+    return _returns_more(
+        two,
+        one,
         8,
-        lambda params: findings.independent(
-            RETURN, _sample(two, "return"), _sample(one, "return"), params
-        ),
+        f"A second critic helps: {two.label} returns more than {one.label}, which has one.",
     )
 
 
 def _best_of_evolution(pgpe: AgentResults, rival: AgentResults) -> Claim:
-    return Claim(
-        f"{pgpe.label} is the best evolutionary algorithm: it returns more than {rival.label}.",
+    return _returns_more(
+        pgpe,
+        rival,
         12,
-        lambda params: findings.independent(
-            RETURN, _sample(pgpe, "return"), _sample(rival, "return"), params
-        ),
+        f"{pgpe.label} is the best evolutionary algorithm: it returns more than {rival.label}.",
     )
 
 
@@ -249,13 +258,12 @@ def _heavy(pgpe: AgentResults, rival: AgentResults, unit: Unit, threshold: float
 
 
 def _for_sparse_rewards(pgpe: AgentResults, rival: AgentResults) -> Claim:
-    return Claim(
+    return _returns_more(
+        pgpe,
+        rival,
+        11,
         f"{pgpe.label} is an alternative where rewards are sparse: it returns more than "
         f"{rival.label}, which learns from the returns of whole episodes, too.",
-        11,
-        lambda params: findings.independent(
-            RETURN, _sample(pgpe, "return"), _sample(rival, "return"), params
-        ),
     )
 
 

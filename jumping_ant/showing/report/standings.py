@@ -13,9 +13,9 @@ from jumping_ant.words import looks
 from jumping_ant.words.looks import INK, Look
 from jumping_ant.words.wording import estimate
 
-COSTS = {  # keys of an agent's cost and of the front in comparison.json, and the axis's label
-    "env_steps": ("pareto_steps", "control steps"),
-    "train_seconds": ("pareto_seconds", "training time of a seed [s]"),
+COSTS = {  # keys of an agent's cost, and the axis's label
+    "env_steps": "control steps",
+    "train_seconds": "training time of a seed [s]",
 }
 LEAST_SPAN = 0.3  # decades between the least and the greatest cost that the axis has room for
 
@@ -78,12 +78,11 @@ def cost(
         drawn: Each agent's look.
     """
     figure = go.Figure()
-    front, title = COSTS[against]
-    agents = summary["agents"]
+    agents, front = summary["agents"], summary[comparison.FRONTS[against]]
     learners = [name for name, agent in results.items() if not agent.is_baseline]
     is_crowded = looks.is_crowded({name: results[name].family for name in learners})
-    named = summary[front] if is_crowded else learners
-    _add_front(figure, agents, against, summary[front], learners)
+    named = front if is_crowded else learners
+    _add_front(figure, agents, against, front, learners)
     for name in learners:
         label = results[name].label
         figure.add_scatter(
@@ -107,7 +106,7 @@ def cost(
             showlegend=name == best,
         )
     _name_families(figure, {name: results[name] for name in learners})
-    figure.update_xaxes(title=title, range=_range(agents, against, learners), **LOG_AXIS)
+    figure.update_xaxes(title=COSTS[against], range=_range(agents, against, learners), **LOG_AXIS)
     figure.update_yaxes(title="return of a held-out episode", rangemode="tozero")
     return finish(figure, 460)
 
