@@ -157,6 +157,10 @@ def mirrored_alone(uri: str, say: Callable[[str], None]) -> Iterator[None]:
     """Keep other processes from mirroring files to a database file meanwhile.
 
     Two would replace each other's model files. With a server, each uploads its own.
+
+    Args:
+        uri: The tracking URI.
+        say: Receives a line if another process must be waited for.
     """
     path = _database(uri)
     if path is None:
