@@ -21,6 +21,8 @@ ROWS = {
     "pgpe_vs_gymne": "evolution",
     "dqn_vs_sb3": "off_policy",
     "sac_vs_sb3": "off_policy",
+    "dqn_vs_sbx": "jax_peers",
+    "sac_vs_sbx": "jax_peers",
     "article_four_seeds_vs_script": "four_seeds",
     "render_vs_record_video": "rendering",
     "checkpoint_overhead": "checkpoint",

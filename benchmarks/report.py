@@ -20,6 +20,8 @@ PACKAGES = (
     "numpy",
     "torch",
     "stable-baselines3",
+    "sbx-rl",
+    "jax",
     "evotorch",
     "ray",
     "envpool",
