@@ -2,7 +2,8 @@
 
 Usage: python -m stages.scaling AGENT
 Reads: params `seeds`, `env`, `agents.AGENT`; the robot in assets/.
-Writes: results/agents/AGENT/scaling.csv, without rows for an agent that does not train.
+Writes: results/agents/AGENT/scaling.csv, without rows for an agent whose speed-up no
+claim compares.
 """
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text

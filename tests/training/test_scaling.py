@@ -1,5 +1,8 @@
 from pathlib import Path
 
+import pytest
+import small_agents
+
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
@@ -35,10 +38,12 @@ def test_learners_that_update_one_policy_are_timed_too(
         assert all(0 < row["seconds"] < 60 for row in rows)
 
 
-def test_agents_that_do_not_train_are_not_timed(known_params: Params, robot_xml: str) -> None:
-    for agent in ("random", "metronome"):
-        settings = known_params.agent(agent)
-        assert scaling.measure(robot_xml, known_params.env, settings, SEEDS) == []
+@pytest.mark.parametrize("algorithm", ["random", "open_loop", "snes", "ppo", "td3", "bc"])
+def test_what_no_claim_compares_is_not_timed(
+    known_params: Params, robot_xml: str, algorithm: str
+) -> None:
+    agent = small_agents.agents()[algorithm]
+    assert scaling.measure(robot_xml, known_params.env, agent, SEEDS) == []
 
 
 def test_the_table_is_read_back(known_params: Params, robot_xml: str, tmp_path: Path) -> None:

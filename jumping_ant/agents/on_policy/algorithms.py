@@ -10,7 +10,6 @@ from jumping_ant.agents.sb3.settings import SB3Params
 from jumping_ant.params.blocks import Count, Fraction, NonNegative, Positive
 
 COPIES = 4  # of a learned number: itself, its gradient and the optimiser's two means
-TIMED_ROUNDS = 2
 
 
 class OnPolicyParams(SB3Params):
@@ -42,15 +41,6 @@ class OnPolicyParams(SB3Params):
     def round_steps(self) -> int:
         """Control steps of a round, in all environments."""
         return self.num_envs * self.n_steps * self.actions.hold
-
-    def for_timing(self) -> Self:
-        """Return settings each of whose rows is a round."""
-        return self.model_copy(
-            update={
-                "log_interval": self.num_envs * self.n_steps,
-                "total_steps": TIMED_ROUNDS * self.round_steps,
-            }
-        )
 
     def memory(self, num_observations: int, num_motors: int) -> int:
         """Return about how much memory a seed takes: a round's experience, networks [bytes]."""
