@@ -77,7 +77,7 @@ test-processes:
 test-rest:
 	CI=1 pytest -q $(addprefix --ignore=,$(SMOKE_TESTS) $(PROCESS_TESTS))
 
-bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (ten minutes)
+bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (20 minutes)
 	python -m benchmarks
 
 soak: install ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)

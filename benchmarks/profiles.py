@@ -60,14 +60,14 @@ def profiles() -> Iterator[Profile]:
 
 def dqn(mj_step: float) -> Callable[[], Profile]:
     """Set up DQN's training."""
-    go_on = off_policy.project("dqn")
-    return partial(_profile, "DQN", mj_step, go_on, off_policy.STEPS["dqn"], LeanDQN)
+    train = off_policy.project("dqn")
+    return partial(_profile, "DQN", mj_step, train, off_policy.STEPS["dqn"], LeanDQN)
 
 
 def sac(mj_step: float) -> Callable[[], Profile]:
     """Set up SAC's training."""
-    go_on = off_policy.project("sac")
-    return partial(_profile, "SAC", mj_step, go_on, off_policy.STEPS["sac"], LeanSAC)
+    train = off_policy.project("sac")
+    return partial(_profile, "SAC", mj_step, train, off_policy.STEPS["sac"], LeanSAC)
 
 
 def pgpe(mj_step: float) -> Callable[[], Profile]:
@@ -90,7 +90,7 @@ def evaluation(mj_step: float) -> Callable[[], Profile]:
 def _profile(
     work: str,
     mj_step: float,
-    go_on: Callable[[], Any],
+    train: Callable[[], Any],
     steps: int,
     learner: type | None = None,
 ) -> Profile:
@@ -99,7 +99,7 @@ def _profile(
     Args:
         work: See `Profile`.
         mj_step: See `Profile`.
-        go_on: The function to call.
+        train: The function to call.
         steps: Control steps per call.
         learner: The class whose `train` takes the gradient steps, if any.
     """
@@ -107,10 +107,10 @@ def _profile(
         physics = stack.enter_context(_timed(Batch, "step"))
         learning = stack.enter_context(_timed(learner, "train")) if learner else []
         started = time.perf_counter()
-        go_on()
+        train()
         total = time.perf_counter() - started
     with profile(activities=[ProfilerActivity.CPU]) as trace:
-        go_on()
+        train()
     events = [event for event in trace.key_averages() if event.key in PRODUCTS]
     return Profile(
         work,
