@@ -17,7 +17,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article check style test test-quick test-smoke test-processes test-rest bench soak ui view watch schema map lock clean
+.PHONY: help install repro article check style test test-quick test-judging test-smoke test-processes test-rest bench soak ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -47,7 +47,7 @@ article: install ## reproduce what the article printed, into results/article.jso
 	python -m scripts.article
 
 check: install ## style, types, and the tests that train nothing: the quick loop
-	@$(MAKE) --no-print-directory --jobs=2 style test-quick
+	@$(MAKE) --no-print-directory --jobs=2 style test-quick test-judging
 
 style:
 	ruff check
@@ -57,8 +57,8 @@ style:
 test: install .venv/.browser ## check style, types and behaviour
 	@$(MAKE) --no-print-directory --jobs=3 --keep-going style test-smoke test-processes test-rest
 
-QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/judging tests/test_layers.py \
-	tests/policies tests/test_pipeline.py tests/test_publish.py
+QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/policies tests/test_layers.py \
+	tests/test_pipeline.py tests/test_publish.py
 
 # Three parts of about equal duration, run in parallel, as they often wait for processes: the pipeline
 # as a whole and MLflow, the soak and training, which start many processes, and all else.
@@ -67,6 +67,9 @@ PROCESS_TESTS = tests/test_soak.py tests/training
 
 test-quick:
 	pytest -q $(QUICK_TESTS)
+
+test-judging:
+	pytest -q tests/judging
 
 test-smoke:
 	CI=1 pytest -q $(SMOKE_TESTS)
