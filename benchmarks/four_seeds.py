@@ -51,12 +51,12 @@ def _learners() -> list[tuple[int, Contender, Contender]]:
         (
             article_agent("dqn").total_steps,
             partial(off_policy.project, "dqn"),
-            partial(off_policy.stable_baselines3, "dqn"),
+            partial(off_policy.script, "dqn"),
         ),
         (
             article_agent("sac").total_steps,
             partial(off_policy.project, "sac"),
-            partial(off_policy.stable_baselines3, "sac"),
+            partial(off_policy.script, "sac"),
         ),
         (article_agent("pgpe").generations, partial(evolution.project, 1), evolution.gymne),
     ]

@@ -1,11 +1,11 @@
 """DQN and SAC compared with Stable-Baselines3, called as in the article."""
 
+import importlib
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import torch
-from stable_baselines3 import DQN, SAC
 
 from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
@@ -37,7 +37,7 @@ def sac_vs_sb3() -> Row:
 
 
 def _compare(algorithm: str) -> Row:
-    ours, peer = partial(project, algorithm), partial(stable_baselines3, algorithm, num_threads=1)
+    ours, peer = partial(project, algorithm), partial(script, algorithm, num_threads=1)
     return compare_apart(f"{algorithm}_vs_sb3", "env-steps/s", ours, peer, REPEATS)
 
 
@@ -55,30 +55,28 @@ def project(algorithm: str) -> Callable[[], float]:
     return lambda: rate(partial(next, events), steps)
 
 
-def stable_baselines3(algorithm: str, num_threads: int | None = None) -> Callable[[], float]:
+def script(
+    algorithm: str, library: str = "stable_baselines3", num_threads: int | None = None
+) -> Callable[[], float]:
     """Start the article's script for an agent.
 
     Args:
         algorithm: `dqn` or `sac`.
+        library: Stable-Baselines3, or a package with its interface and defaults.
         num_threads: Threads of torch; by default its own choice, every core.
     """
     if num_threads is not None:
         torch.set_num_threads(num_threads)
     agent = article_agent(algorithm)
-    env = ArticleAnt()
-    model: DQN | SAC
+    env: ArticleAnt | Decisions = ArticleAnt()
+    changes: dict[str, Any] = {"policy_kwargs": {"net_arch": list(agent.net_arch)}}
     if algorithm == "dqn":
-        model = DQN(
-            "MlpPolicy",
-            Decisions(env, ActionSet.of(agent.actions, task().commands)),
-            learning_rate=agent.learning_rate,
-            seed=0,
-            **PAST_EXPLORATION,
-        )
+        env = Decisions(env, ActionSet.of(agent.actions, task().commands))
+        changes |= {"target_update_interval": agent.target_update_interval, **PAST_EXPLORATION}
     else:
-        model = SAC(
-            "MlpPolicy", env, learning_rate=agent.learning_rate, ent_coef=agent.ent_coef, seed=0
-        )
+        changes |= {"ent_coef": agent.ent_coef}
+    learner = getattr(importlib.import_module(library), algorithm.upper())
+    model = learner("MlpPolicy", env, learning_rate=agent.learning_rate, seed=0, **changes)
     steps = STEPS[algorithm]
     model.learn(steps * WARM_UP[algorithm])
     return lambda: rate(partial(model.learn, steps, reset_num_timesteps=False), steps)
