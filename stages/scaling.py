@@ -2,8 +2,8 @@
 
 Usage: python -m stages.scaling AGENT
 Reads: params `seeds`, `env`, `agents.AGENT`; the robot in assets/.
-Writes: results/agents/AGENT/scaling.csv, without rows for an agent whose speed-up no
-claim compares.
+Writes: results/agents/AGENT/scaling.csv, without rows for an agent whose algorithm's
+    speed-up no claim compares.
 """
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text

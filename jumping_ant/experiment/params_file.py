@@ -50,8 +50,8 @@ def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
     Raises:
         InputError: The file is missing, is not YAML, or does not fit the models; a line per error.
     """
-    try:
-        content: Any = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+    try:  # the parser in C, where it is installed, crashes where this one raises RecursionError
+        content: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
         num_values = _num_values(content, {})
     except OSError as error:
         raise InputError(f"{path.name}: {error.strerror}: {path}") from error

@@ -38,7 +38,7 @@ def measure(
 
     Returns:
         Rows of `COLUMNS`: the seconds that it took with each number of threads; empty for an agent
-        whose speed-up no claim compares.
+        whose algorithm's speed-up no claim compares.
     """
     timed = agent.for_timing() if agent.algorithm in ALGORITHMS else None
     if timed is None:
