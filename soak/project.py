@@ -22,7 +22,7 @@ BUDGETS: dict[str, dict[str, Any]] = {
     "metronome": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
     "metronome-full": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
     "metronome-unedited": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
-    "pgpe": {"generations": 24, "population_size": 10, "episode_steps": 50},
+    "pgpe": {"generations": 24, "population_size": 10, "episode_steps": 30},
 }
 LEARNERS = ("dqn", "sac", "pgpe")
 DEMONSTRATIONS = {
@@ -32,7 +32,10 @@ DEMONSTRATIONS = {
     "tumbled_starts": 0.25,
     "seed": 6_000_000,
 }
-LITTLE = {"dqn": 2_000, "sac": 1_200}
+LITTLE: dict[str, dict[str, Any]] = {
+    "dqn": {"total_steps": 1_200, "learning_starts": 200, "net_arch": [32, 32]},
+    "sac": {"total_steps": 600, "learning_starts": 100, "net_arch": [32, 32]},
+}
 CHECKPOINT_SECONDS = 0.3
 
 
@@ -40,10 +43,11 @@ def settings() -> Params:
     """Return the project's parameters, cut down."""
     content = params_file.load().model_dump()
     content["seeds"] = SEEDS
-    content["env"]["max_episode_steps"] = 200
+    content["env"]["max_episode_steps"] = 100
     content["training"] |= {"evaluations": 3, "evaluation_episodes": 4}
     content["compute"]["checkpoint_seconds"] = CHECKPOINT_SECONDS
     content["evaluate"]["episodes"] = 2
+    content["record"] |= {"width": 160, "height": 120}
     content["demonstrations"] = {"imitation": DEMONSTRATIONS}
     for agent, budget in BUDGETS.items():
         content["agents"][agent] |= budget
@@ -57,10 +61,9 @@ def settings_of(*agents: str) -> Params:
     if DEMONSTRATIONS["agent"] not in agents:
         content["demonstrations"] = {}
     for agent in set(agents) & LITTLE.keys():
-        content["agents"][agent] |= {"total_steps": LITTLE[agent]}
+        content["agents"][agent] |= LITTLE[agent]
     content["env"]["max_episode_steps"] = 60
     content["compute"]["workers"] = 1
-    content["record"] |= {"width": 160, "height": 120}
     content["compare"]["bootstrap_samples"] = 200
     return params_file.check(content)
 
