@@ -17,7 +17,8 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article check style test test-quick test-judging test-smoke test-processes test-rest bench soak ui view watch schema map lock clean
+.PHONY: help install repro article check style test test-quick test-judging test-smoke test-soak test-training \
+	test-rest bench soak ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -55,15 +56,18 @@ style:
 	mypy
 
 test: install .venv/.browser ## check style, types and behaviour
-	@$(MAKE) --no-print-directory --jobs=3 --keep-going style test-smoke test-processes test-rest
+	@$(MAKE) --no-print-directory --jobs=5 --keep-going \
+		test-smoke test-soak test-training test-rest style
 
 QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/policies tests/test_layers.py \
 	tests/test_pipeline.py tests/test_publish.py
 
-# Three parts of about equal duration, run in parallel, as they often wait for processes: the pipeline
-# as a whole and MLflow, the soak and training, which start many processes, and all else.
-SMOKE_TESTS = tests/test_smoke.py tests/tracking tests/test_wheel.py
-PROCESS_TESTS = tests/test_soak.py tests/training
+# Parts that run in parallel, as they often wait for processes. The first takes the longest, one
+# process after another, so the others give way to it.
+SMOKE_TESTS = tests/test_smoke.py tests/tracking
+SOAK_TESTS = tests/test_soak.py tests/training/test_compute.py
+TRAINING_TESTS = tests/training
+GIVE_WAY = CI=1 nice -n 15
 
 test-quick:
 	pytest -q $(QUICK_TESTS)
@@ -74,11 +78,14 @@ test-judging:
 test-smoke:
 	CI=1 pytest -q $(SMOKE_TESTS)
 
-test-processes:
-	CI=1 pytest -q $(PROCESS_TESTS)
+test-soak:
+	$(GIVE_WAY) pytest -q $(SOAK_TESTS)
+
+test-training:
+	$(GIVE_WAY) pytest -q $(TRAINING_TESTS) --ignore=tests/training/test_compute.py
 
 test-rest:
-	CI=1 pytest -q $(addprefix --ignore=,$(SMOKE_TESTS) $(PROCESS_TESTS))
+	$(GIVE_WAY) pytest -q $(addprefix --ignore=,$(SMOKE_TESTS) $(SOAK_TESTS) $(TRAINING_TESTS))
 
 bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (20 minutes)
 	python -m benchmarks

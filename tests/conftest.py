@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 
 import browser
 import pytest
+from playwright.sync_api import Browser
 
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
@@ -72,7 +73,21 @@ def source_xml() -> str:
 
 
 @pytest.fixture(scope="module")
-def open_page() -> Iterator[Callable[[str], browser.Visit]]:
-    """Opens an address in a headless browser and tells what the page asks for and complains of."""
+def chromium() -> Iterator[Browser]:
+    """A headless browser."""
     with browser.launched() as launched:
-        yield lambda address: browser.open_page(launched, address)
+        yield launched
+
+
+@pytest.fixture
+def open_page(chromium: Browser) -> Iterator[Callable[..., browser.Visit]]:
+    """Opens addresses in windows of their own, which are closed at the end."""
+    visits: list[browser.Visit] = []
+
+    def open_page(address: str, **size: int) -> browser.Visit:
+        visits.append(browser.open_page(chromium, address, **size))
+        return visits[-1]
+
+    yield open_page
+    for visit in visits:
+        visit.page.context.close()

@@ -52,13 +52,14 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     build = ["wheel", "-q", "--no-deps", "--no-build-isolation", "-w", folder, folder / "clone"]
     subprocess.run([sys.executable, "-m", "pip", *build], check=True)
     (wheel,) = folder.glob("*.whl")
-    subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder / "venv"], check=True)
     python = folder / "venv" / "bin" / "python"
     # Without the hashes: a wheel of our own has none in the lock.
     lock = (PROJECT_ROOT / "requirements.lock").read_text()
     (folder / "versions.txt").write_text("\n".join(re.findall(r"^[\w.-]+==\S+", lock, re.M)))
     constraints = ["-c", folder / "versions.txt"]
-    subprocess.run([python, "-m", "pip", "install", "-q", *constraints, wheel], check=True)
+    install = ["--python", python, "install", "-q", "--no-compile", *constraints, wheel]
+    subprocess.run([sys.executable, "-m", "pip", *install], check=True)
     return python
 
 
@@ -80,7 +81,7 @@ def test_the_stages_are_inside(installed: Path, tmp_path: Path) -> None:
     build = [installed, "-m", "jumping_ant.stages.build"]
     subprocess.run(build, cwd=tmp_path, check=True)
     assert (tmp_path / "assets" / "edited.xml").is_file()
-    listing = [installed, "-m", "pip", "show", "-f", "jumping-ant"]
+    listing = [sys.executable, "-m", "pip", "--python", installed, "show", "-f", "jumping-ant"]
     files = subprocess.run(listing, text=True, capture_output=True, check=True).stdout
     tops = {line.split("/")[0].strip() for line in files.splitlines() if line.startswith("  ")}
     assert {name for name in tops if not name.endswith(".dist-info")} == {"jumping_ant"}

@@ -20,14 +20,14 @@ from jumping_ant.showing.report import page
 from jumping_ant.sim import robot
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def settings(known_params: Params) -> Params:
     record = known_params.record.model_copy(update=FILM)
     agents = {name: known_params.agents[name] for name in AGENTS}
     return known_params.model_copy(update={"seeds": SEEDS, "record": record, "agents": agents})
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xml: str) -> Path:
     """A project through all stages that the report comes after."""
     root = tmp_path_factory.mktemp("project")
@@ -53,7 +53,7 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     return root
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def html(project: Path, settings: Params) -> str:
     text = page.build(project, settings)
     write_text(project / "results" / "report.html", text)

@@ -1,29 +1,24 @@
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import launched, open_page
-from playwright.sync_api import Browser
+from browser import Visit
 from reported import AGENTS, charts
 
 from jumping_ant.base.files import write_bytes, write_text
 from jumping_ant.showing import rendering
 
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    with launched() as browser:
-        yield browser
+OpenPage = Callable[..., Visit]
 
 
 @pytest.mark.parametrize("width", [390, 1400])
 def test_the_page_holds_together_in_a_browser(
-    html: str, project: Path, chromium: Browser, width: int
+    html: str, project: Path, open_page: OpenPage, width: int
 ) -> None:
     address = (project / "results" / "report.html").as_uri()
-    visit = open_page(chromium, address, width=width)
+    visit = open_page(address, width=width)
     page = visit.page
     assert page.evaluate("undrawn.size") > 0, "charts far from the window wait"
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
@@ -37,11 +32,12 @@ def test_the_page_holds_together_in_a_browser(
         assert box and box["x"] >= 0 and box["x"] + box["width"] <= width
     assert visit.console_errors == visit.page_errors == []
     assert all(request.startswith("file://") for request in visit.requests), visit.requests
-    page.close()
 
 
-def test_films_play_together_and_can_be_moved(project: Path, chromium: Browser, html: str) -> None:
-    visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
+def test_films_play_together_and_can_be_moved(
+    project: Path, open_page: OpenPage, html: str
+) -> None:
+    visit = open_page((project / "results" / "report.html").as_uri(), width=1400)
     page = visit.page
     times = "[...document.querySelectorAll('video')].map((video) => video.currentTime)"
     visit.wait_for(f"{times}.every((time) => time > 0.2)")  # it plays as it opens
@@ -59,12 +55,11 @@ def test_films_play_together_and_can_be_moved(project: Path, chromium: Browser, 
     spread = page.evaluate(f"Math.max(...{times}) - Math.min(...{times})")
     assert spread < 0.3
     assert visit.page_errors == []
-    page.close()
 
 
-def test_only_films_in_the_window_play(project: Path, chromium: Browser, html: str) -> None:
+def test_only_films_in_the_window_play(project: Path, open_page: OpenPage, html: str) -> None:
     address = (project / "results" / "report.html").as_uri()
-    visit = open_page(chromium, address, width=390, height=300)
+    visit = open_page(address, width=390, height=300)
     first, last = (f"document.querySelectorAll('video')[{index}]" for index in (0, 3))
     assert visit.page.evaluate(f"{first}.paused && {last}.paused")
     visit.page.locator("video").nth(3).scroll_into_view_if_needed()
@@ -73,18 +68,17 @@ def test_only_films_in_the_window_play(project: Path, chromium: Browser, html: s
     visit.page.locator("video").nth(0).scroll_into_view_if_needed()
     visit.wait_for(f"{first}.currentTime > 0.2 && {last}.paused")
     assert visit.page_errors == []
-    visit.page.close()
 
 
 def test_films_of_any_length_play_together(
-    project: Path, chromium: Browser, html: str, tmp_path: Path
+    project: Path, open_page: OpenPage, html: str, tmp_path: Path
 ) -> None:
     shutil.copytree(project / "media", tmp_path / "media")
     write_text(tmp_path / "results" / "report.html", html)
     short = rendering.encode(np.zeros((4, 64, 64, 3), np.uint8), fps=10)
     write_bytes(tmp_path / "media" / "random.mp4", short)
     (tmp_path / "media" / "dqn.mp4").unlink()
-    visit = open_page(chromium, (tmp_path / "results" / "report.html").as_uri())
+    visit = open_page((tmp_path / "results" / "report.html").as_uri())
     page = visit.page
     short, long = (f"document.querySelectorAll('video')[{index}]" for index in (3, 2))
     is_held = f"Math.abs({short}.currentTime - {short}.duration) < 0.01"
@@ -107,13 +101,12 @@ def test_films_of_any_length_play_together(
     visit.wait_for(f"{long}.currentTime > 0.6 && {is_held}")
     assert visit.page_errors == []
     assert all("ERR_FILE_NOT_FOUND" in error for error in visit.console_errors)
-    page.close()
 
 
 def test_logarithmic_axes_always_have_some_numbers(
-    project: Path, chromium: Browser, html: str
+    project: Path, open_page: OpenPage, html: str
 ) -> None:
-    visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
+    visit = open_page((project / "results" / "report.html").as_uri(), width=1400)
     visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
     for low, high in [(310, 330), (310, 480), (700, 1400), (800, 9000), (90, 4e4), (5, 2e9)]:
         ends = [np.log10(low), np.log10(high)]
@@ -124,11 +117,10 @@ def test_logarithmic_axes_always_have_some_numbers(
             )
             numbers = visit.page.locator(f"#{chart} .{axis}tick text").all_inner_texts()
             assert 2 <= len(numbers) <= 12, (low, high, numbers)
-    visit.page.close()
 
 
-def test_the_menu_changes_the_measure(project: Path, chromium: Browser, html: str) -> None:
-    visit = open_page(chromium, (project / "results" / "report.html").as_uri(), width=1400)
+def test_the_menu_changes_the_measure(project: Path, open_page: OpenPage, html: str) -> None:
+    visit = open_page((project / "results" / "report.html").as_uri(), width=1400)
     page = visit.page
     page.locator("#episodes").scroll_into_view_if_needed()
     page.locator("#episodes .updatemenu-header").click()
@@ -137,4 +129,3 @@ def test_the_menu_changes_the_measure(project: Path, chromium: Browser, html: st
     shown = "document.getElementById('episodes').data.filter((box) => box.visible === true)"
     assert page.evaluate(f"{shown}.length") == len(AGENTS)
     assert page.evaluate(f"{shown}[2].x[0]") == pytest.approx(2 * 4995)
-    page.close()

@@ -16,7 +16,7 @@ from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.tracking import live, machine_load, pages
 
-OpenPage = Callable[[str], Visit]
+OpenPage = Callable[..., Visit]
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ def small_params(workers: int) -> Params:
     settings = small_agents.PARAMS.model_dump()
     settings["seeds"] = [0, 5]
     settings["env"]["max_episode_steps"] = 40
-    settings["training"]["evaluations"] = 2
+    settings["training"] |= {"evaluations": 2, "evaluation_episodes": 4}
     settings["compute"]["workers"] = workers
     settings["demonstrations"]["imitation"] |= {"steps": 1000, "episode_steps": 40}
     for name in SMALL_OF_ALL:

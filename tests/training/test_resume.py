@@ -69,7 +69,7 @@ def test_a_killed_run_resumes_to_the_same_bytes(
     driver.train(project, settings, agent)
     expected = digests(project / "models")
     forget(project)
-    for seed, checkpoint in ((0, 1), (0, 2), (5, 1), (5, 2)):
+    for seed, checkpoint in ((0, 1), (5, 2)):
         shutil.rmtree(project / "models")  # as DVC does before a stage runs
         with monkeypatch.context() as patch, pytest.raises(KillError):
             interrupt(patch, seed, checkpoint)
@@ -242,12 +242,11 @@ def test_a_signal_ends_training_with_a_checkpoint(
 def test_a_dead_worker_is_replaced_from_the_checkpoint(
     project: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    settings = small_params(2)
-    driver.train(project, settings, "pgpe")
+    driver.train(project, small_params(1), "pgpe")
     expected = digests(project / "models")
     shutil.rmtree(project / ".checkpoints")
-    slow = settings.model_dump()
-    slow["compute"] = {"workers": 2, "checkpoint_seconds": 1e-9}
+    slow = small_params(2).model_dump()
+    slow["compute"]["checkpoint_seconds"] = 1e-9
 
     def kill_one() -> None:
         folder = project / ".checkpoints"
