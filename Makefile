@@ -66,7 +66,7 @@ QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/policies tests
 # process after another, so the others give way to it.
 SMOKE_TESTS = tests/test_smoke.py tests/tracking
 SOAK_TESTS = tests/test_soak.py tests/training/test_compute.py
-TRAINING_TESTS = tests/training
+TRAINING_TESTS = tests/training tests/agents
 GIVE_WAY = CI=1 nice -n 15
 
 test-quick:

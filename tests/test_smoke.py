@@ -150,9 +150,6 @@ def test_mlflow_mirrors_the_files(project: Project) -> None:
         assert run.info.status == "FINISHED"
     project.run(sys.executable, "-m", "stages.track")
     assert len(project.runs()) == len(runs), "tracking again adds nothing"
-    (project.folder / "mlflow.db").unlink()
-    project.run(sys.executable, "-m", "stages.track")
-    assert {run.info.run_name for run in project.runs()} == {r.info.run_name for r in runs}
 
 
 def test_a_new_seed_trains_alone(project: Project) -> None:
@@ -215,10 +212,6 @@ def test_a_change_is_told_readably(project: Project) -> None:
     ("key", "value", "line"),
     [
         ("agents.sac.learning_rte", 0.1, "agents.sac.learning_rte: unknown key"),
-        ("agents.sac.learning_rate", "fast", "agents.sac.learning_rate: given 'fast'"),
-        ("agents.sac.gamma", 2, "agents.sac.gamma: given 2"),
-        ("agents.sac.algorithm", "sarsa", "agents.sac.algorithm: given 'sarsa'"),
-        ("seeds", [], "seeds: "),
         ("seeds", [1, 1], "seeds holds 1 more than once"),
     ],
 )
