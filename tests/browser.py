@@ -2,7 +2,7 @@
 
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -46,6 +46,9 @@ class Visit:
     def _note_request(self, address: str) -> None:
         if not address.startswith(("data:", "blob:")):
             self.requests.append(address)
+
+
+OpenPage = Callable[..., Visit]
 
 
 @contextmanager

@@ -5,7 +5,7 @@ numbers take them from here.
 """
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import browser
 import pytest
@@ -80,7 +80,7 @@ def chromium() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def open_page(chromium: Browser) -> Iterator[Callable[..., browser.Visit]]:
+def open_page(chromium: Browser) -> Iterator[browser.OpenPage]:
     """Opens addresses in windows of their own, which are closed at the end."""
     visits: list[browser.Visit] = []
 

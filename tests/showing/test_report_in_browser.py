@@ -1,16 +1,13 @@
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Visit
+from browser import OpenPage
 from reported import AGENTS, charts
 
 from jumping_ant.base.files import write_bytes, write_text
 from jumping_ant.showing import rendering
-
-OpenPage = Callable[..., Visit]
 
 
 @pytest.mark.parametrize("width", [390, 1400])

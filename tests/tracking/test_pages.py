@@ -7,7 +7,7 @@ from pathlib import Path
 import imageio.v3 as imageio
 import numpy as np
 import pytest
-from browser import Visit
+from browser import OpenPage, Visit
 from mlflow import MlflowClient
 from playwright.sync_api import expect
 from tracked_project import curve_lines, make_bare, make_whole, served, tracked, unset_variables
@@ -15,8 +15,6 @@ from tracked_project import curve_lines, make_bare, make_whole, served, tracked,
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.tracking import live, machine_load, pages
-
-OpenPage = Callable[..., Visit]
 
 
 @pytest.fixture(scope="module")
