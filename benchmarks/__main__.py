@@ -3,7 +3,6 @@
 Usage: python -m benchmarks [NAME...]
 """
 
-import argparse
 import importlib
 import sys
 from collections.abc import Collection, Iterator
@@ -12,6 +11,7 @@ import psutil  # type: ignore[import-untyped]
 
 from benchmarks import report
 from benchmarks.measure import Row
+from jumping_ant.base import command_line
 
 # Modules are imported when needed: some take seconds.
 ROWS = {
@@ -40,7 +40,7 @@ MOST_BUSY = 20.0  # [%] largest load of all cores before a row that gives reliab
 
 def main() -> None:
     """Measure, and write the results after every row."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line.parser(__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     names = parser.parse_args().names or ROW_NAMES
     unknown = set(names) - set(NAMES)

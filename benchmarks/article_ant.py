@@ -21,7 +21,9 @@ class ArticleAnt(AntEnv):
 
     def __init__(self, **options: Any) -> None:
         self._task = task()
-        with tempfile.NamedTemporaryFile("w", suffix=".xml") as file:  # it needs a path
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", suffix=".xml"
+        ) as file:  # it needs a path
             file.write(robot_xml())
             file.flush()
             super().__init__(

@@ -38,14 +38,14 @@ def load() -> Results:
     fresh: Results = {"rows": [], "profiles": [], "scale": [], "machine": machine()}
     if not RESULTS_PATH.exists():
         return fresh
-    stored: Results = json.loads(RESULTS_PATH.read_text())
+    stored: Results = json.loads(RESULTS_PATH.read_text(encoding="utf-8"))
     return stored if stored["machine"] == fresh["machine"] else fresh
 
 
 def save(results: Results) -> None:
     """Write the results, and update the README's tables."""
     write_json(RESULTS_PATH, results)
-    write_text(README_PATH, fill(README_PATH.read_text(), results))
+    write_text(README_PATH, fill(README_PATH.read_text(encoding="utf-8"), results))
 
 
 def machine() -> dict[str, Any]:

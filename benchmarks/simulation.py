@@ -53,7 +53,7 @@ def vector_env_vs_async_gymnasium() -> Row:
 
 def vector_env_vs_envpool() -> Row:
     """Compare with EnvPool's stock Ant, on two threads."""
-    stock = robot.source_path("ant").read_text()
+    stock = robot.source_path("ant").read_text(encoding="utf-8")
     return compare_apart(
         "vector_env_vs_envpool",
         "env-steps/s",

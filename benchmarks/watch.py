@@ -59,7 +59,7 @@ def watch(
         env={**environment, MARK: mark},
         stdout=subprocess.PIPE,
         stderr=None if is_shown else subprocess.STDOUT,
-        text=True,
+        encoding="utf-8",
     )
     has_ended = threading.Event()
     sampler = threading.Thread(target=_sample, args=(mark, usage, started, has_ended))

@@ -40,7 +40,7 @@ class Checkout:
 
     def write_params(self, params: Params) -> None:
         """Write other parameters to its `params.yaml`."""
-        with (self.folder / "params.yaml").open("w") as file:
+        with (self.folder / "params.yaml").open("w", encoding="utf-8") as file:
             YAML().dump(params.model_dump(), file)
 
     def seconds(self, *command: str) -> float:
@@ -59,7 +59,7 @@ class Checkout:
     def run(self, *command: str) -> subprocess.CompletedProcess[str]:
         """Run a command in it; return its exit status and output, whatever they are."""
         return subprocess.run(
-            command, cwd=self.folder, env=self.environment, text=True, capture_output=True
+            command, cwd=self.folder, env=self.environment, encoding="utf-8", capture_output=True
         )
 
 
@@ -100,7 +100,9 @@ def renew_project(folder: Path) -> None:
 def _names() -> list[str]:
     """Return what git tracks or would track, as paths from the project's root."""
     listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    names = subprocess.run(listing, cwd=PROJECT_ROOT, text=True, capture_output=True, check=True)
+    names = subprocess.run(
+        listing, cwd=PROJECT_ROOT, encoding="utf-8", capture_output=True, check=True
+    )
     listed = filter(None, names.stdout.split("\0"))
     return [name for name in listed if (PROJECT_ROOT / name).is_file()]  # not deleted since
 

@@ -39,9 +39,9 @@ def _section(place: Path) -> str:
 
 def _first_line(path: Path) -> str:
     """Return the first sentence of a module's docstring."""
-    docstring = ast.get_docstring(ast.parse(path.read_text())) or ""
+    docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
     return docstring.partition("\n\n")[0].replace("\n", " ").replace("|", "\\|")
 
 
 if __name__ == "__main__":
-    write_text(PATH, text(PATH.read_text()))
+    write_text(PATH, text(PATH.read_text(encoding="utf-8")))

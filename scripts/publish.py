@@ -11,7 +11,6 @@ results/families.json the comparison; `tuning` is what results/tuning.csv says o
 settings, in the same document.
 """
 
-import argparse
 import io
 import json
 from collections.abc import Sequence
@@ -22,7 +21,7 @@ import imageio.v2 as imageio
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from jumping_ant.base import tables
+from jumping_ant.base import command_line, tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
@@ -57,13 +56,15 @@ FONT = ImageFont.load_default(20)
 
 def main() -> None:
     """Parse the command line and write."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line.parser(__doc__)
     parser.add_argument("preset", choices=[*FOLDERS, "tuning"])
     preset = parser.parse_args().preset
     if preset == "tuning":
         replace_section(DOCUMENTS["families"], preset, effort_table(tables.read_rows(TUNING, "")))
         return
-    results = json.loads((FOLDERS[preset] / "results" / "comparison.json").read_text())
+    results = json.loads(
+        (FOLDERS[preset] / "results" / "comparison.json").read_text(encoding="utf-8")
+    )
     agents = "\n".join(descriptions.agent_table(results["agents"]))
     evidence = claim_table(results["claims"], with_evidence=True)
     parts = [agents] if preset in OTHER_TASKS else [agents, evidence]
@@ -79,7 +80,7 @@ def main() -> None:
             write_bytes(DOCS / "images" / f"{name}.png", content)
         write_bytes(DOCS / "images" / "jumping.webp", animation())
     elif preset == "article":
-        printed = json.loads((RESULTS / "article.json").read_text())["printed"]
+        printed = json.loads((RESULTS / "article.json").read_text(encoding="utf-8"))["printed"]
         replace_section(DOCS / "article.md", "printed", printed_table(printed))
     elif preset == "families":
         write_json(RESULTS / "families.json", results)
@@ -97,7 +98,7 @@ def replace_section(path: Path, name: str, content: str) -> None:
         InputError: The document lacks a mark.
     """
     begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
-    head, found_begin, rest = path.read_text().partition(begin)
+    head, found_begin, rest = path.read_text(encoding="utf-8").partition(begin)
     _, found_end, tail = rest.partition(end)
     if not (found_begin and found_end):
         raise InputError(f"{path}: given no {begin.strip()} ... {end}, between which to write")

@@ -8,7 +8,6 @@ uses none of these seeds and start states. The trainings are added to results/tu
 it has already are not repeated. The best settings are printed, to be put into the preset.
 """
 
-import argparse
 import csv
 import json
 import os
@@ -26,6 +25,7 @@ import torch
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Finished
 from jumping_ant.agents.job import Job, trainer_of
+from jumping_ant.base import command_line
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
@@ -118,7 +118,7 @@ SPACES: dict[str, Space] = {
 
 def main() -> None:
     """Parse the command line, and search."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line.parser(__doc__)
     parser.add_argument("agents", nargs="*", metavar="AGENT", help=", ".join(SPACES))
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     arguments = parser.parse_args()
@@ -221,13 +221,13 @@ def _changes(agent: AgentBlock, trial: AgentBlock) -> dict[str, Any]:
 def _rows() -> list[dict[str, str]]:
     if not PATH.is_file():
         return []
-    with PATH.open(newline="") as file:
+    with PATH.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
 def _add(row: Sequence[Any]) -> None:
     is_new = not PATH.is_file()
-    with PATH.open("a", newline="") as file:
+    with PATH.open("a", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         if is_new:
             writer.writerow(COLUMNS)

@@ -6,7 +6,6 @@ Without parts all of them run, and the file is recreated; with parts their figur
 existing ones.
 """
 
-import argparse
 import itertools
 import json
 import random
@@ -19,6 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from jumping_ant.base import command_line
 from jumping_ant.base.files import PROJECT_ROOT, write_json
 from scripts.checkout import Checkout, checkout
 from soak import mutations, payloads
@@ -42,7 +42,7 @@ Figures = dict[str, Any]
 
 def main() -> None:
     """Parse the command line, run the parts, and exit with 1 if anything went wrong."""
-    parser = argparse.ArgumentParser(prog="python -m soak", description=__doc__.splitlines()[0])
+    parser = command_line.parser(__doc__, "python -m soak")
     parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=0)
@@ -72,7 +72,7 @@ def main() -> None:
     minutes = (time.monotonic() - started) / 60
     figures = {"minutes": round(minutes, 1)} | {part: figures.get(part, {}) for part in PARTS}
     if arguments.parts and PATH.exists():
-        figures = added(json.loads(PATH.read_text()), figures)
+        figures = added(json.loads(PATH.read_text(encoding="utf-8")), figures)
     write_json(PATH, figures)
     print(json.dumps(figures, indent=2))
     print("\n".join(troubles))

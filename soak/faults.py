@@ -156,7 +156,8 @@ class Faults(Injector):
         for project in pair:  # what one could not write while the other did
             codes.append(self._run(*TRACK, project=project, MLFLOW_TRACKING_URI=uri).returncode)
         rows = [
-            len((self._model_folder(seed) / "curve.csv").read_text().splitlines()) - 1
+            len((self._model_folder(seed) / "curve.csv").read_text(encoding="utf-8").splitlines())
+            - 1
             for seed in projects.SEEDS
         ]
         points = self._points(database).values()

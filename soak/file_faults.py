@@ -68,7 +68,7 @@ class FileFaults(Injector):
     def _commit_fails(self) -> bool:
         """Have DVC fail after training; the next run must not train again."""
         config = self._project.folder / ".dvc" / "config.local"
-        config.write_text("[cache]\n    dir = /dev/null/cache\n")
+        config.write_text("[cache]\n    dir = /dev/null/cache\n", encoding="utf-8")
         failed = self._run(*REPRO, "--force")
         config.unlink()
         # Without DVC's run cache, which may have an earlier, equal run.
@@ -80,10 +80,10 @@ class FileFaults(Injector):
         """Press Ctrl-C at any time; the stage says so in a line, and the next run resumes."""
         process = self._start_training()
         time.sleep(self._generator.uniform(0, 8))
-        length = len(self._log.read_text())
+        length = len(self._log.read_text(encoding="utf-8"))
         os.killpg(process.pid, signal.SIGINT)
         process.wait()
-        told = self._log.read_text()[length:]
+        told = self._log.read_text(encoding="utf-8")[length:]
         return "Traceback" not in told and self._is_as_expected(self._run(*TRAIN))
 
     def _follower_killed(self) -> bool:
@@ -100,16 +100,16 @@ class FileFaults(Injector):
         cached = self._project.folder / "cached"
         for path in list((self._project.folder / "models" / AGENT).rglob("*.*")):
             path.unlink()
-            cached.write_text("cached")
+            cached.write_text("cached", encoding="utf-8")
             path.symlink_to(cached)
         done = self._run(*TRAIN)
-        return cached.read_text() == "cached" and self._is_as_expected(done)
+        return cached.read_text(encoding="utf-8") == "cached" and self._is_as_expected(done)
 
     def _litter(self) -> bool:
         """Leave what a killed write leaves; DVC must not see it, the next write removes it."""
         self._run("dvc", "repro", "build")
         litter = self._project.folder / "assets" / ".edited.xml.999999.new.tmp"
-        litter.write_text("half")
+        litter.write_text("half", encoding="utf-8")
         is_unseen = "up to date" in self._run("dvc", "status", "build").stdout
         return is_unseen and self._run(*BUILD).returncode == 0 and not litter.exists()
 
@@ -202,7 +202,7 @@ class FileFaults(Injector):
     def _bad_robot(self, part: str) -> bool:
         """Give `build` a robot that asks for what none needs."""
         path = self._project.folder / "robots" / "bad.xml"
-        path.write_text(ROBOT.format(part))
+        path.write_text(ROBOT.format(part), encoding="utf-8")
         settings = projects.settings()
         own = settings.robot.model_copy(update={"source": "robots/bad.xml"})
         self._project.write_params(settings.model_copy(update={"robot": own}))

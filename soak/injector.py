@@ -77,12 +77,12 @@ class Injector(ABC):
             command,
             cwd=project.folder,
             env=project.environment | variables,
-            text=True,
+            encoding="utf-8",
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             preexec_fn=before,
         )
-        with self._log.open("a") as log:
+        with self._log.open("a", encoding="utf-8") as log:
             log.write(done.stdout)
         return done
 

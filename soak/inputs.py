@@ -74,11 +74,11 @@ class Inputs:
         if fault is None:
             return False
         path = self._project.folder / "params.yaml"
-        before = path.read_text()
-        with path.open("w") as file:
+        before = path.read_text(encoding="utf-8")
+        with path.open("w", encoding="utf-8") as file:
             YAML().dump(fault.content, file)
         self._expect("train", "sac", named=fault.key, given=f"params.yaml with {fault.key}")
-        path.write_text(before)
+        path.write_text(before, encoding="utf-8")
         return True
 
     def try_files(self) -> None:
@@ -92,14 +92,17 @@ class Inputs:
     def try_another_robot(self) -> None:
         """Give the stages an episode of a robot with another number of joints."""
         path = self._project.folder / "assets" / "edited.xml"
-        before = path.read_text()
+        before = path.read_text(encoding="utf-8")
         lines = before.splitlines(keepends=True)
         joints = [number for number, line in enumerate(lines) if 'name="ankle_4"' in line]
         motors = [number for number, line in enumerate(lines) if 'joint="ankle_4"' in line]
-        path.write_text("".join(line for n, line in enumerate(lines) if n not in joints + motors))
+        path.write_text(
+            "".join(line for n, line in enumerate(lines) if n not in joints + motors),
+            encoding="utf-8",
+        )
         self._expect("record", "pgpe", named="trajector", given="an episode of another robot")
         self._expect("evaluate", "pgpe", named="env.commands", given="another robot")
-        path.write_text(before)
+        path.write_text(before, encoding="utf-8")
 
     def _try_file(self, name: str, *command: str, named: str) -> None:
         path = self._project.folder / name
@@ -119,7 +122,7 @@ class Inputs:
             [sys.executable, "-m", f"stages.{stage}", *arguments],
             cwd=self._project.folder,
             env=self._project.environment,
-            text=True,
+            encoding="utf-8",
             capture_output=True,
         )
         said = done.stderr.strip()

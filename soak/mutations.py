@@ -147,7 +147,7 @@ def _limited() -> Iterator[None]:
     def stop(number: int, frame: object) -> None:
         raise TimeoutError(f"still reading after {SECONDS} s")
 
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
     before = resource.getrlimit(resource.RLIMIT_AS)
     limit = pages * resource.getpagesize() + BYTES
     resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))

@@ -103,7 +103,9 @@ class Target:
     def __init__(self, name: str, agent: str) -> None:
         self._name = name
         stage = DVC_STAGE if name == "dvc" else name
-        locked = YAML(typ="safe", pure=True).load(Path("dvc.lock").read_text())["stages"]
+        locked = YAML(typ="safe", pure=True).load(Path("dvc.lock").read_text(encoding="utf-8"))[
+            "stages"
+        ]
         full_names = [name for name in locked if name.partition("@")[0] == stage]
         own = f"{stage}@{agent}"
         full_name = own if own in full_names else full_names[0]

@@ -134,6 +134,6 @@ def await_checkpoint(
 
 def recorded_digest(project: Checkout, agent: str) -> str:
     """Return DVC's digest of an agent's models, from `dvc.lock`."""
-    lock = YAML(typ="safe").load((project.folder / "dvc.lock").read_text())
+    lock = YAML(typ="safe").load((project.folder / "dvc.lock").read_text(encoding="utf-8"))
     outs = lock["stages"][f"train@{agent}"]["outs"]
     return next(out["md5"] for out in outs if out["path"] == f"models/{agent}")

@@ -1,6 +1,5 @@
 """The stages of `dvc.yaml`, one thin script each; a stage never imports another stage."""
 
-import argparse
 import os
 import signal
 import sys
@@ -26,7 +25,7 @@ def _is_importing(frame: FrameType | None) -> bool:
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _stop)
 
-from jumping_ant.base import garbage, telemetry  # noqa: E402
+from jumping_ant.base import command_line, garbage, telemetry  # noqa: E402
 from jumping_ant.base.errors import reported  # noqa: E402
 from jumping_ant.experiment import params_file  # noqa: E402
 from jumping_ant.experiment.models import Params  # noqa: E402
@@ -35,29 +34,29 @@ telemetry.switch_off()  # before a stage imports tools with telemetry
 garbage.collect_rarely()  # before it imports much
 
 
-def parse(description: str) -> Params:
+def parse(docstring: str | None) -> Params:
     """Return all parameters, for a stage that takes no argument.
 
     Args:
-        description: What the stage does, for `--help`; only the first line is used.
+        docstring: What the stage does, for `--help`.
 
     Raises:
         InputError: `params.yaml` has a mistake.
     """
-    argparse.ArgumentParser(description=description.splitlines()[0]).parse_args()
+    command_line.parser(docstring).parse_args()
     return params_file.load()
 
 
-def parse_agent(description: str) -> tuple[str, Params]:
+def parse_agent(docstring: str | None) -> tuple[str, Params]:
     """Return the agent that the command line names, and all parameters.
 
     Args:
-        description: What the stage does, for `--help`; only the first line is used.
+        docstring: What the stage does, for `--help`.
 
     Raises:
         InputError: There is no such agent, or `params.yaml` has a mistake.
     """
-    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser = command_line.parser(docstring)
     parser.add_argument("agent")
     agent = parser.parse_args().agent
     settings = params_file.load()

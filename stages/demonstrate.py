@@ -7,9 +7,7 @@ Reads: params `seeds`, `env`, `training.publish`, `demonstrations.TRAINER`; the 
 Writes: trainers/TRAINER/ (demonstrations.zip, code.json).
 """
 
-import argparse
-
-from jumping_ant.base import machine
+from jumping_ant.base import command_line, machine
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, read_bytes, write_all
 from jumping_ant.base.paths import Paths
@@ -21,7 +19,7 @@ from . import run
 
 def main() -> None:
     """Run the stage."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line.parser(__doc__)
     parser.add_argument("trainer")
     trainer, settings = parser.parse_args().trainer, params_file.load()
     if trainer not in settings.demonstrations:

@@ -8,12 +8,11 @@ Writes: digests/STAGE.json, for training trainers/TRAINER/code.json: the SHA-256
     digests/train-TRAINER.json.
 """
 
-import argparse
 from pathlib import Path
 
 from jumping_ant.agents.catalogue import demonstrated
 from jumping_ant.agents.code import code_of, trainers
-from jumping_ant.base import imports
+from jumping_ant.base import command_line, imports
 from jumping_ant.base.files import PROJECT_ROOT, digest, to_json, write_all
 from jumping_ant.base.paths import Paths
 
@@ -53,7 +52,7 @@ def _place(name: str) -> Path:
 
 def main() -> None:
     """Run the stage."""
-    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    command_line.parser(__doc__).parse_args()
     found = {name: {*files, PROJECT_ROOT / "requirements.lock"} for name, files in code().items()}
     digests = {file: digest(file) for file in set.union(*found.values())}
     write_all(

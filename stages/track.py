@@ -6,8 +6,7 @@ Writes: no file; runs, models and artifacts go to `MLFLOW_TRACKING_URI`, by defa
 mlartifacts/ in the project folder.
 """
 
-import argparse
-
+from jumping_ant.base import command_line
 from jumping_ant.tracking.mirror import track
 
 from . import run
@@ -15,7 +14,7 @@ from . import run
 
 def main() -> None:
     """Run the stage."""
-    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
+    command_line.parser(__doc__).parse_args()
     track()
 
 

@@ -69,7 +69,7 @@ def robot_xml() -> str:
 @pytest.fixture(scope="session")
 def source_xml() -> str:
     """Gymnasium's own Ant, unedited."""
-    return robot.source_path("ant").read_text()
+    return robot.source_path("ant").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

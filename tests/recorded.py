@@ -87,7 +87,7 @@ def rerun_cli(*arguments: str | Path, home: Path) -> subprocess.CompletedProcess
         [Path(sys.executable).with_name("rerun"), "rrd", *arguments],
         env=os.environ | {"CI": "true", "HOME": str(home)},  # no usage statistics
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=120,
     )
 

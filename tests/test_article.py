@@ -217,7 +217,9 @@ def test_a_preset_that_is_not_there_names_those_that_are() -> None:
 
 def test_a_preset_overrides_only_what_there_is(tmp_path: Path) -> None:
     (tmp_path / "presets").mkdir()
-    (tmp_path / "params.yaml").write_text((PROJECT_ROOT / "params.yaml").read_text())
-    (tmp_path / "presets" / "odd").write_text("-S agents.dqn.gama=0.5\n")
+    (tmp_path / "params.yaml").write_text(
+        (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    (tmp_path / "presets" / "odd").write_text("-S agents.dqn.gama=0.5\n", encoding="utf-8")
     with pytest.raises(InputError, match="presets/odd: given agents.dqn.gama, allowed"):
         presets.load("odd", tmp_path)

@@ -47,10 +47,10 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Params]:
             "compute": params.compute.model_copy(update={"workers": 1}),
         }
     )
-    with (root / "params.yaml").open("w") as file:
+    with (root / "params.yaml").open("w", encoding="utf-8") as file:
         YAML().dump(params.model_dump(), file)
     (root / "assets").mkdir()
-    (root / "assets" / "edited.xml").write_text(robot.build(params.robot))
+    (root / "assets" / "edited.xml").write_text(robot.build(params.robot), encoding="utf-8")
     for name in agents:
         train(root, params, name)
     return root, params
@@ -76,7 +76,11 @@ def test_tests_of_trained_agents_are_as_long_as_the_articles(
 def test_fitness_is_that_of_the_generations_in_the_curve(
     tiny: tuple[Path, Params], reproduced: reproduction.Reproduction
 ) -> None:
-    lines = (tiny[0] / "models" / "pgpe" / "seed-5" / "curve.csv").read_text().splitlines()
+    lines = (
+        (tiny[0] / "models" / "pgpe" / "seed-5" / "curve.csv")
+        .read_text(encoding="utf-8")
+        .splitlines()
+    )
     rows = [dict(zip(lines[0].split(","), line.split(","), strict=True)) for line in lines[1:]]
     (row,) = [row for row in rows if row["updates"] == "60"]
     point = reproduced.fitness["fitness_median"].places()[2]
@@ -126,7 +130,7 @@ def test_the_table_of_printed_values_tells_what_came_out() -> None:
 
 
 def test_the_document_has_a_place_for_the_table() -> None:
-    text = (publish.DOCS / "article.md").read_text()
+    text = (publish.DOCS / "article.md").read_text(encoding="utf-8")
     assert text.index("<!-- printed -->\n") < text.index("<!-- end of printed -->")
 
 
@@ -159,7 +163,7 @@ def test_measuring_writes_into_the_project(
     monkeypatch.setattr(command, "RESULTS", tmp_path)
     monkeypatch.setattr(sys, "argv", ["article", "--measure", "--folder", str(tiny[0])])
     command.main()
-    content = json.loads((tmp_path / "article.json").read_text())
+    content = json.loads((tmp_path / "article.json").read_text(encoding="utf-8"))
     assert content["printed"] == json.loads(json.dumps(reproduced.summary()["printed"]))
     assert content["article_settings"] is False
     assert content["machine"]["cores"] >= 1 and content["machine"]["versions"]["mujoco"]
@@ -188,10 +192,10 @@ def test_another_algorithm_under_an_articles_name_is_refused(tiny: tuple[Path, P
 
 
 def test_a_shorter_evolution_is_refused(tiny: tuple[Path, Params], tmp_path: Path) -> None:
-    content = (tiny[0] / "models" / "pgpe" / "seed-3" / "curve.csv").read_text()
+    content = (tiny[0] / "models" / "pgpe" / "seed-3" / "curve.csv").read_text(encoding="utf-8")
     short = tmp_path / "models" / "pgpe" / "seed-3" / "curve.csv"
     short.parent.mkdir(parents=True)
-    short.write_text("".join(content.splitlines(keepends=True)[:51]))
+    short.write_text("".join(content.splitlines(keepends=True)[:51]), encoding="utf-8")
     with pytest.raises(InputError, match="given 50 generations, allowed: 100 or more"):
         reproduction._fitness(tmp_path, [3])
 
@@ -200,23 +204,27 @@ def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: P
     copy = tmp_path / "copy"
     renew_project(copy)
     code = copy / "jumping_ant" / "params" / "article.py"
-    assert code.read_text() == (PROJECT_ROOT / "jumping_ant" / "params" / "article.py").read_text()
+    assert code.read_text(encoding="utf-8") == (
+        PROJECT_ROOT / "jumping_ant" / "params" / "article.py"
+    ).read_text(encoding="utf-8")
     assert not (copy / "results").exists() and not (copy / "dvc.lock").exists()
     kept = [".checkpoints/sac/a", "models/sac/policy.zip", "results/a.json", "dvc.lock"]
     for name in kept:
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
-        (copy / name).write_text("kept")
-    code.write_text("old")
-    (copy / "jumping_ant" / "gone.py").write_text("old")
+        (copy / name).write_text("kept", encoding="utf-8")
+    code.write_text("old", encoding="utf-8")
+    (copy / "jumping_ant" / "gone.py").write_text("old", encoding="utf-8")
     renew_project(copy)
-    assert code.read_text() == (PROJECT_ROOT / "jumping_ant" / "params" / "article.py").read_text()
+    assert code.read_text(encoding="utf-8") == (
+        PROJECT_ROOT / "jumping_ant" / "params" / "article.py"
+    ).read_text(encoding="utf-8")
     assert not (copy / "jumping_ant" / "gone.py").exists()
-    assert {(copy / name).read_text() for name in kept} == {"kept"}
+    assert {(copy / name).read_text(encoding="utf-8") for name in kept} == {"kept"}
 
 
 def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
     """Have copies find a shell script in place of DVC."""
-    (folder / "dvc").write_text(f"#!/bin/sh\n{script}\n")
+    (folder / "dvc").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
     (folder / "dvc").chmod(0o755)
     monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
 
@@ -227,7 +235,7 @@ def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
     replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
     params, copy = presets.load("article"), tmp_path / "copy"
     command.run(copy, params)
-    assert (copy / "called").read_text() == f"{copy} repro\n"
+    assert (copy / "called").read_text(encoding="utf-8") == f"{copy} repro\n"
     assert params_file.load(copy / "params.yaml") == params
 
 

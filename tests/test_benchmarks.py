@@ -28,7 +28,7 @@ EMPTY = {
 
 @pytest.fixture(scope="module")
 def results() -> dict:
-    return json.loads(report.RESULTS_PATH.read_text())
+    return json.loads(report.RESULTS_PATH.read_text(encoding="utf-8"))
 
 
 def test_compare_takes_medians_over_pairs() -> None:
@@ -119,6 +119,6 @@ def test_committed_results_are_complete(results: dict) -> None:
 
 
 def test_committed_tables_show_the_committed_results(results: dict) -> None:
-    page = report.README_PATH.read_text()
+    page = report.README_PATH.read_text(encoding="utf-8")
     assert report.fill(page, results) == page
     assert all(f"| `{name}` |" in page and f"**`{name}`**" in page for name in ROW_NAMES)

@@ -88,7 +88,9 @@ def test_replay_memory_left_empty_is_that_of_every_worker(known_params: Params) 
 
 def test_a_checkout_is_a_repository_with_everything_but_results() -> None:
     with checkout() as project:
-        assert (project.folder / "dvc.yaml").read_text() == (PROJECT_ROOT / "dvc.yaml").read_text()
+        assert (project.folder / "dvc.yaml").read_text(encoding="utf-8") == (
+            PROJECT_ROOT / "dvc.yaml"
+        ).read_text(encoding="utf-8")
         assert not (project.folder / "mlflow.db").exists()
         assert project.seconds("git", "status") > 0
         with pytest.raises(RuntimeError, match="no-such-command"):

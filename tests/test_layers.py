@@ -28,7 +28,7 @@ def test_everything_has_its_place() -> None:
 
 
 def test_the_map_of_the_house_is_current() -> None:
-    before = house_map.PATH.read_text()
+    before = house_map.PATH.read_text(encoding="utf-8")
     assert house_map.text(before) == before, "run `make map`"
 
 
@@ -54,7 +54,8 @@ def users(library: str) -> set[str]:
     return {
         str(path.relative_to(LIBRARY))
         for path in MODULES
-        if f"import {library}" in path.read_text() or f"from {library}" in path.read_text()
+        if f"import {library}" in path.read_text(encoding="utf-8")
+        or f"from {library}" in path.read_text(encoding="utf-8")
     }
 
 

@@ -17,7 +17,7 @@ def cells() -> list[str]:
     """Return the code, but for cells that draw in Jupyter's page."""
     return [
         "".join(cell["source"])
-        for cell in json.loads(PATH.read_text())["cells"]
+        for cell in json.loads(PATH.read_text(encoding="utf-8"))["cells"]
         if cell["cell_type"] == "code" and "needs-jupyter" not in cell["metadata"].get("tags", [])
     ]
 
@@ -30,7 +30,7 @@ def test_it_trains_and_films(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", program],
         cwd=tmp_path,
-        text=True,
+        encoding="utf-8",
         capture_output=True,
     )
     assert done.returncode == 0, done.stderr

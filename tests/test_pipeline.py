@@ -16,7 +16,7 @@ from jumping_ant.base.files import PROJECT_ROOT as ROOT
 from jumping_ant.experiment import params_file, presets
 from stages import digest
 
-STAGES = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text())["stages"]
+STAGES = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
 
 
 CODE = digest.code()
@@ -65,7 +65,8 @@ def test_imitators_are_trained_after_whom_they_imitate(tmp_path: Path) -> None:
     for name in ("dvc.yaml", "params.yaml"):
         shutil.copy(ROOT / name, tmp_path)
     apply_overrides(
-        tmp_path / "params.yaml", shlex.split((ROOT / "presets" / "families").read_text())[1::2]
+        tmp_path / "params.yaml",
+        shlex.split((ROOT / "presets" / "families").read_text(encoding="utf-8"))[1::2],
     )
     graph = Repo.init(str(tmp_path), no_scm=True).index.graph
     stages = {stage.name: stage for stage in graph}
@@ -85,7 +86,7 @@ PRESETS = sorted(path.name for path in (ROOT / "presets").iterdir())
 @pytest.mark.parametrize("preset", PRESETS)
 def test_presets_change_what_dvc_makes_of_them(preset: str, tmp_path: Path) -> None:
     file = Path(shutil.copy(ROOT / "params.yaml", tmp_path))
-    words = shlex.split((ROOT / "presets" / preset).read_text())
+    words = shlex.split((ROOT / "presets" / preset).read_text(encoding="utf-8"))
     assert set(words[::2]) == {"-S"}
     apply_overrides(file, words[1::2])
     assert params_file.load() != presets.load(preset) == params_file.load(file)

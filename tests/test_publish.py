@@ -15,19 +15,19 @@ TEXT = "Above.\n\n<!-- part -->\nold\nlines\n<!-- end of part -->\n\nBelow.\n"
 
 def test_a_section_is_replaced_between_its_marks(tmp_path: Path) -> None:
     path = tmp_path / "results.md"
-    path.write_text(TEXT)
+    path.write_text(TEXT, encoding="utf-8")
     publish.replace_section(path, "part", "new\n")
-    assert path.read_text() == TEXT.replace("old\nlines", "new")
+    assert path.read_text(encoding="utf-8") == TEXT.replace("old\nlines", "new")
 
 
 @pytest.mark.parametrize("mark", ["<!-- part -->", "<!-- end of part -->"])
 def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -> None:
     path = tmp_path / "results.md"
-    path.write_text(TEXT.replace(mark, "<!-- another -->"))
-    before = path.read_text()
+    path.write_text(TEXT.replace(mark, "<!-- another -->"), encoding="utf-8")
+    before = path.read_text(encoding="utf-8")
     with pytest.raises(InputError, match="results.md: given no <!-- part --> ... <!-- end of part"):
         publish.replace_section(path, "part", "new\n")
-    assert path.read_text() == before
+    assert path.read_text(encoding="utf-8") == before
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -
     ],
 )
 def test_the_documents_have_their_marks(name: str, document: str) -> None:
-    text = (publish.PROJECT_ROOT / document).read_text()
+    text = (publish.PROJECT_ROOT / document).read_text(encoding="utf-8")
     assert text.index(f"<!-- {name} -->\n") < text.index(f"<!-- end of {name} -->")
 
 
@@ -75,13 +75,17 @@ def test_effort_is_that_of_all_trainings() -> None:
 @pytest.fixture
 def validated(tmp_path: Path) -> Path:
     """A project in which SAC was validated at 100,000 and 200,000 control steps."""
-    (tmp_path / "params.yaml").write_text((publish.PROJECT_ROOT / "params.yaml").read_text())
+    (tmp_path / "params.yaml").write_text(
+        (publish.PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     paths = Paths(tmp_path).agent("sac")
     for number, seed in enumerate(params_file.load().seeds):
         curve = paths.seed(seed).curve
         curve.parent.mkdir(parents=True)
         rows = ["50000,", f"100000,{number}", "150000,", f"200000,{100 * number}"]
-        curve.write_text("\n".join(["env_steps,evaluation_return_mean", *rows]) + "\n")
+        curve.write_text(
+            "\n".join(["env_steps,evaluation_return_mean", *rows]) + "\n", encoding="utf-8"
+        )
     return tmp_path
 
 
@@ -95,6 +99,6 @@ def test_returns_stand_beside_published_ones(validated: Path) -> None:
 def test_a_budget_without_these_steps_is_refused(validated: Path) -> None:
     seed = params_file.load().seeds[0]
     curve = Paths(validated).agent("sac").seed(seed).curve
-    curve.write_text("env_steps,evaluation_return_mean\n100000,1\n200000,\n")
+    curve.write_text("env_steps,evaluation_return_mean\n100000,1\n200000,\n", encoding="utf-8")
     with pytest.raises(InputError, match="given no validation at 200,000 control steps"):
         publish.published_table(validated)

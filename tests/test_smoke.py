@@ -42,7 +42,7 @@ class Project:
 
     def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
         done = subprocess.run(
-            command, cwd=self.folder, env=self._env, text=True, capture_output=True
+            command, cwd=self.folder, env=self._env, encoding="utf-8", capture_output=True
         )
         if check and done.returncode:
             raise AssertionError(f"{shlex.join(command)}\n{done.stdout}\n{done.stderr}")
@@ -67,7 +67,9 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
     project.run("git", "config", "user.email", "test@example.org")
     project.run("git", "add", "-A")
     project.run("git", "commit", "-qm", "Start")
-    project.run("dvc", "exp", "run", *shlex.split((ROOT / "presets" / "smoke").read_text()))
+    project.run(
+        "dvc", "exp", "run", *shlex.split((ROOT / "presets" / "smoke").read_text(encoding="utf-8"))
+    )
     return project
 
 
@@ -80,13 +82,15 @@ def test_everything_is_there_and_up_to_date(project: Project) -> None:
         assert frames.shape[1:] == (120, 160, 3)
         assert frames.std() > 5 and (frames[0] != frames[-1]).any()
         assert (project.folder / "media" / f"{agent}.rrd").stat().st_size > 10_000
-    comparison = json.loads((project.folder / "results" / "comparison.json").read_text())
+    comparison = json.loads(
+        (project.folder / "results" / "comparison.json").read_text(encoding="utf-8")
+    )
     assert list(comparison["agents"]) == AGENTS
     for figures in comparison["agents"].values():
         assert figures["seeds"] == 2
         low, iqm, high = (figures["return"][name] for name in ("low", "iqm", "high"))
         assert low <= iqm <= high
-    page = (project.folder / "results" / "report.html").read_text()
+    page = (project.folder / "results" / "report.html").read_text(encoding="utf-8")
     assert all(claim["text"] in html.unescape(page) for claim in comparison["claims"])
     assert project.stale() == set()
     assert "Data and pipelines are up to date." in project.run("dvc", "repro").stdout
@@ -94,7 +98,9 @@ def test_everything_is_there_and_up_to_date(project: Project) -> None:
 
 def digests(project: Project) -> dict[str, str]:
     """Return DVC's digest of every output without wall-clock times in it, but for recordings."""
-    stages = YAML(typ="safe").load((project.folder / "dvc.lock").read_text())["stages"]
+    stages = YAML(typ="safe").load((project.folder / "dvc.lock").read_text(encoding="utf-8"))[
+        "stages"
+    ]
     timed = ("timing.csv", "scaling.csv", "comparison.json", "figures", "plots", "report.html")
     return {
         out["path"]: out["md5"]
@@ -107,8 +113,8 @@ def digests(project: Project) -> dict[str, str]:
 def test_a_forced_rerun_on_one_worker_changes_no_byte(project: Project, tmp_path: Path) -> None:
     before = digests(project)
     params = project.folder / "params.yaml"
-    text = params.read_text()
-    with params.open("w") as file:
+    text = params.read_text(encoding="utf-8")
+    with params.open("w", encoding="utf-8") as file:
         YAML().dump(YAML(typ="safe").load(text) | {"compute": ONE_WORKER}, file)
     assert len(before) > 5 * len(AGENTS)
     recordings = ["dqn.rrd", "sac.rrd", "lineup.rrd"]
@@ -117,7 +123,7 @@ def test_a_forced_rerun_on_one_worker_changes_no_byte(project: Project, tmp_path
     done = project.run("dvc", "repro", "--force", "--single-item", *UNTIMED)
     assert "sac seed 1: done, 600 steps" in done.stderr
     assert "trained before" not in done.stderr
-    params.write_text(text)
+    params.write_text(text, encoding="utf-8")
     assert digests(project) == before
     for name in recordings:
         new = project.folder / "media" / name
@@ -155,27 +161,30 @@ def test_mlflow_mirrors_the_files(project: Project) -> None:
 def test_a_new_seed_trains_alone(project: Project) -> None:
     before = digests(project)
     path = project.folder / "params.yaml"
-    text = path.read_text()
-    with path.open("w") as file:
+    text = path.read_text(encoding="utf-8")
+    with path.open("w", encoding="utf-8") as file:
         YAML().dump(YAML(typ="safe").load(text) | {"seeds": [0, 1, 2]}, file)
     done = project.run("dvc", "repro", "--single-item", "train@pgpe")
     assert {line for line in done.stderr.splitlines() if "trained before" in line} == {
         f"pgpe: seed {seed}: trained before, 1,600 steps" for seed in (0, 1)
     }
     assert "pgpe seed 2: done" in done.stderr
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     project.run("dvc", "repro", "--single-item", "train@pgpe")
     assert digests(project) == before
 
 
 def test_changed_code_reruns_what_runs_it(project: Project) -> None:
     module = project.folder / "jumping_ant" / "agents" / "evolution" / "trainer.py"
-    before, stale = module.read_text(), project.stale()  # the forced rerun measured new times
-    module.write_text(before + "\n# A comment.\n")
+    before, stale = (
+        module.read_text(encoding="utf-8"),
+        project.stale(),
+    )  # the forced rerun measured new times
+    module.write_text(before + "\n# A comment.\n", encoding="utf-8")
     assert project.stale() - stale == {"digest"}
     project.run("dvc", "repro", "digest")
     assert project.stale() - stale == {"train@pgpe"}
-    module.write_text(before)
+    module.write_text(before, encoding="utf-8")
     project.run("dvc", "repro", "digest")
     assert project.stale() == stale <= {"lineup", "compare", "report", "track"}
 
@@ -203,7 +212,7 @@ def test_a_change_is_told_readably(project: Project) -> None:
     assert {"agents.sac.learning_rate", "results/agents/sac/metrics.json:return"} <= set(columns)
     assert not any(column.startswith(("agents.dqn", "results/agents/dqn")) for column in columns)
     project.run("dvc", "plots", "diff", "--out", "diff")
-    page = (project.folder / "diff" / "index.html").read_text()
+    page = (project.folder / "diff" / "index.html").read_text(encoding="utf-8")
     assert "workspace" in page and "HEAD" in page
     shutil.rmtree(project.folder / "diff")
 
@@ -219,18 +228,21 @@ def test_bad_input_ends_before_any_training(
     project: Project, key: str, value: Any, line: str
 ) -> None:
     path = project.folder / "params.yaml"
-    before, lock = path.read_text(), (project.folder / "dvc.lock").read_text()
+    before, lock = (
+        path.read_text(encoding="utf-8"),
+        (project.folder / "dvc.lock").read_text(encoding="utf-8"),
+    )
     settings = YAML(typ="safe").load(before)
     *parents, last = key.split(".")
     reduce(lambda block, name: block[name], parents, settings)[last] = value
-    with path.open("w") as file:
+    with path.open("w", encoding="utf-8") as file:
         YAML().dump(settings, file)
     done = project.run("dvc", "repro", check=False)
-    path.write_text(before)
+    path.write_text(before, encoding="utf-8")
     assert done.returncode != 0
     assert line in done.stdout + done.stderr
     assert "Traceback" not in done.stdout + done.stderr
-    assert (project.folder / "dvc.lock").read_text() == lock
+    assert (project.folder / "dvc.lock").read_text(encoding="utf-8") == lock
 
 
 @pytest.mark.parametrize("stage", ["train", "evaluate", "record"])

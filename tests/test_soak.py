@@ -40,9 +40,9 @@ def test_a_killed_pipeline_ends_with_the_same_bytes(project: Checkout) -> None:
     killer = Killer(project, AGENT, random.Random(1), most=1)
     for _ in range(5):
         killer.once()
-        if "resumes from" in killer.log.read_text():
+        if "resumes from" in killer.log.read_text(encoding="utf-8"):
             break
-    assert "resumes from" in killer.log.read_text()
+    assert "resumes from" in killer.log.read_text(encoding="utf-8")
     assert killer.count.identical == killer.count.killed > 0
 
 
@@ -99,7 +99,7 @@ def test_ctrl_c_ends_a_stage_in_one_line(
         env=project.environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
-        text=True,
+        encoding="utf-8",
         start_new_session=True,
         # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
@@ -121,14 +121,15 @@ def test_ctrl_c_while_an_extension_module_is_imported_ends_in_one_line(tmp_path:
     (tmp_path / "extension.py").write_text(
         "import os, signal\n"
         "try:\n    os.kill(os.getpid(), signal.SIGINT)\n"
-        "except BaseException as error:\n    raise ImportError('failed') from error\n"
+        "except BaseException as error:\n    raise ImportError('failed') from error\n",
+        encoding="utf-8",
     )
     program = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     ended = subprocess.run(
         [sys.executable, "-c", program + "import stages, extension"],
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
         capture_output=True,
-        text=True,
+        encoding="utf-8",
     )
     assert ended.stderr == "stopped: nothing already computed is lost\n"
     assert ended.returncode == 130

@@ -55,8 +55,10 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder / "venv"], check=True)
     python = folder / "venv" / "bin" / "python"
     # Without the hashes: a wheel of our own has none in the lock.
-    lock = (PROJECT_ROOT / "requirements.lock").read_text()
-    (folder / "versions.txt").write_text("\n".join(re.findall(r"^[\w.-]+==\S+", lock, re.M)))
+    lock = (PROJECT_ROOT / "requirements.lock").read_text(encoding="utf-8")
+    (folder / "versions.txt").write_text(
+        "\n".join(re.findall(r"^[\w.-]+==\S+", lock, re.M)), encoding="utf-8"
+    )
     constraints = ["-c", folder / "versions.txt"]
     install = ["--python", python, "install", "-q", "--no-compile", *constraints, wheel]
     subprocess.run([sys.executable, "-m", "pip", *install], check=True)
@@ -69,7 +71,7 @@ def test_the_environment_steps_and_a_policy_acts(installed: Path, tmp_path: Path
     arrays = (weight, weight[:, 0], 0 * ones, ones, weight, weight[:, 0])
     (tmp_path / "policy.zip").write_bytes(LinearPolicy(*arrays, ActionSet()).to_bytes())
     done = subprocess.run(
-        [installed, "-c", ACT], cwd=tmp_path, text=True, capture_output=True, check=False
+        [installed, "-c", ACT], cwd=tmp_path, encoding="utf-8", capture_output=True, check=False
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("rewards [")
@@ -77,18 +79,22 @@ def test_the_environment_steps_and_a_policy_acts(installed: Path, tmp_path: Path
 
 def test_the_stages_are_inside(installed: Path, tmp_path: Path) -> None:
     """And work on the folder that one is in."""
-    (tmp_path / "params.yaml").write_text((PROJECT_ROOT / "params.yaml").read_text())
+    (tmp_path / "params.yaml").write_text(
+        (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     build = [installed, "-m", "jumping_ant.stages.build"]
     subprocess.run(build, cwd=tmp_path, check=True)
     assert (tmp_path / "assets" / "edited.xml").is_file()
     listing = [sys.executable, "-m", "pip", "--python", installed, "show", "-f", "jumping-ant"]
-    files = subprocess.run(listing, text=True, capture_output=True, check=True).stdout
+    files = subprocess.run(listing, encoding="utf-8", capture_output=True, check=True).stdout
     tops = {line.split("/")[0].strip() for line in files.splitlines() if line.startswith("  ")}
     assert {name for name in tops if not name.endswith(".dist-info")} == {"jumping_ant"}
 
 
 def test_every_package_is_named() -> None:
-    told = tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    told = tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"][
+        "setuptools"
+    ]
     library = PROJECT_ROOT / "jumping_ant"
     packages = [path.parent.relative_to(PROJECT_ROOT) for path in library.rglob("__init__.py")]
     mapped = {"jumping_ant.stages", "jumping_ant.defaults"}

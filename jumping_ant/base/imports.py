@@ -16,7 +16,7 @@ def direct(path: Path, root: Path = CODE_ROOT) -> frozenset[Path]:
         root: The folder that contains the project's packages.
     """
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

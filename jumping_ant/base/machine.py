@@ -45,12 +45,14 @@ def available_memory() -> float:
     """
     available = math.inf
     with suppress(OSError, ValueError, StopIteration):
-        lines = Path("/proc/meminfo").read_text().splitlines()
+        lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
         line = next(line for line in lines if line.startswith("MemAvailable:"))
         available = 1024 * int(line.split()[1])
     with suppress(OSError, ValueError):  # the limit may be the word "max"
-        limit = int((CONTROL_GROUP / "memory.max").read_text())
-        available = min(available, limit - int((CONTROL_GROUP / "memory.current").read_text()))
+        limit = int((CONTROL_GROUP / "memory.max").read_text(encoding="utf-8"))
+        available = min(
+            available, limit - int((CONTROL_GROUP / "memory.current").read_text(encoding="utf-8"))
+        )
     return available
 
 
@@ -60,7 +62,7 @@ def processor() -> str:
     Clouds give one name to processors that compute with different instructions.
     """
     with suppress(OSError):
-        first = Path("/proc/cpuinfo").read_text().partition("\n\n")[0]
+        first = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0]
         fields = dict(re.findall(r"^(.*?)\s*: (.*)$", first, re.MULTILINE))
         if "model name" in fields:
             numbers = [f"{key.removeprefix('cpu ')} {fields[key]}" for key in KEYS if key in fields]

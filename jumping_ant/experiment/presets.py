@@ -30,7 +30,7 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
             fit the models.
     """
     yaml = YAML(typ="safe")
-    content = yaml.load((root / "params.yaml").read_text())
+    content = yaml.load((root / "params.yaml").read_text(encoding="utf-8"))
     for key, value in overrides(name, root).items():
         *parents, last = key.lstrip("+~").split(".")
         try:
@@ -58,7 +58,7 @@ def overrides(name: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
     """
     path = root / "presets" / name
     try:
-        words = shlex.split(path.read_text())
+        words = shlex.split(path.read_text(encoding="utf-8"))
     except OSError as error:
         names = sorted(preset.name for preset in path.parent.iterdir())
         raise InputError(f"preset: given {name!r}, allowed: {', '.join(names)}") from error

@@ -128,7 +128,7 @@ def _probe(backend: str) -> str | None:
             [sys.executable, "-c", _PROBE],
             env=os.environ | {"MUJOCO_GL": backend},
             capture_output=True,
-            text=True,
+            encoding="utf-8",
             timeout=_PROBE_SECONDS,
         )
     except subprocess.TimeoutExpired:

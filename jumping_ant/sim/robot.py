@@ -146,7 +146,7 @@ def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[
     return {
         "source": {"file": file, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()},
         "versions": {name: importlib.metadata.version(name) for name in ("gymnasium", "mujoco")},
-        "before": _physique(path.read_text()),
+        "before": _physique(path.read_text(encoding="utf-8")),
         "after": _physique(xml),
     }
 

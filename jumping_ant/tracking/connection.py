@@ -144,7 +144,7 @@ def _opened_alone(uri: str, project: Path) -> Iterator[None]:
             f"MLFLOW_TRACKING_URI: given {uri!r}, allowed: sqlite:///FILE, or a server's address"
         )
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.with_name(f"{path.name}.lock").open("w") as lock:
+    with path.with_name(f"{path.name}.lock").open("w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if _is_empty(path):
             # By itself MLflow would put the current folder's name into SQL, with its quotes.
@@ -166,7 +166,7 @@ def mirrored_alone(uri: str, say: Callable[[str], None]) -> Iterator[None]:
     if path is None:
         yield
         return
-    with path.with_name(f"{path.name}.mirror.lock").open("w") as lock:
+    with path.with_name(f"{path.name}.mirror.lock").open("w", encoding="utf-8") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

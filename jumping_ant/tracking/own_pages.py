@@ -63,7 +63,7 @@ def user_of(client: Address, server: Address) -> int | None:
         None if the connection is closed or comes from another machine.
     """
     ends = [_entry(client), _entry(server)]
-    for line in CONNECTIONS.read_text().splitlines()[1:]:
+    for line in CONNECTIONS.read_text(encoding="utf-8").splitlines()[1:]:
         fields = line.split()
         if fields[1:3] == ends and fields[3] == ESTABLISHED:  # others have lost their owner
             return int(fields[7])

@@ -52,6 +52,6 @@ def _start(process_id: int) -> str:
     stat = Path(f"/proc/{process_id}/stat")
     if not stat.exists():  # not Linux
         return f"{psutil.Process(process_id).create_time():.2f}"
-    ticks_since_boot = stat.read_text().rpartition(")")[2].split()[19]
-    boot = Path("/proc/sys/kernel/random/boot_id").read_text()
+    ticks_since_boot = stat.read_text(encoding="utf-8").rpartition(")")[2].split()[19]
+    boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="utf-8")
     return f"{boot[:8]}-{ticks_since_boot}"

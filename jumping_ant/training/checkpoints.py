@@ -116,7 +116,7 @@ class Checkpoints:
         with ExitStack() as stack:
             for folder in (self._workspace, self._folder):
                 folder.mkdir(parents=True, exist_ok=True)
-                self._take(stack.enter_context((folder / "lock").open("a+")))
+                self._take(stack.enter_context((folder / "lock").open("a+", encoding="utf-8")))
             yield
             self._remove_oldest(seeds)
 

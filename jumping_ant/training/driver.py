@@ -254,7 +254,7 @@ def dependencies(
     content = {
         "robot": xml,
         "params": [block.model_dump() for block in (params.env, params.training, agent)],
-        "code": [path.read_text() for path in code],
+        "code": [path.read_text(encoding="utf-8") for path in code],
         "machine": machine.describe(),
     }
     if demonstrations is not None:
@@ -299,7 +299,7 @@ class _Seed:
         # what may be a link into DVC's cache is not written through.
         for path in (self._paths.policy, self._paths.final_policy, self._paths.curve):
             path.unlink(missing_ok=True)
-        self._file = self._paths.curve.open("x", newline="")
+        self._file = self._paths.curve.open("x", newline="", encoding="utf-8")
         if saved := self._trained_before():
             self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")
             self._resume_from(saved)
@@ -432,7 +432,7 @@ def _is_asked_again(root: Path, checkpoints: Checkpoints, seeds: Sequence[int]) 
     if len(timing) < len(finished) or not lock.is_file():
         return False
     digest = hashlib.md5(_timing_table(timing).encode(), usedforsecurity=False).hexdigest()
-    return digest in lock.read_text()
+    return digest in lock.read_text(encoding="utf-8")
 
 
 def _timing_table(timing: Mapping[int, Sequence[tuple[int, float]]]) -> str:

@@ -37,11 +37,11 @@ def test_a_new_file_has_the_permissions_that_its_user_gives(tmp_path: Path) -> N
 def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
     """DVC may have linked an output to its cache."""
     cached, path = tmp_path / "cached", tmp_path / "a"
-    cached.write_text("in the cache")
+    cached.write_text("in the cache", encoding="utf-8")
     path.symlink_to(cached)
     files.write_text(path, "new")
-    assert path.read_text() == "new" and not path.is_symlink()
-    assert cached.read_text() == "in the cache"
+    assert path.read_text(encoding="utf-8") == "new" and not path.is_symlink()
+    assert cached.read_text(encoding="utf-8") == "in the cache"
 
 
 OLD = {"a": "old a", "folder/c": "old c"}
@@ -50,7 +50,7 @@ NEW = {"a": "new a", "b": "new b", "folder/c": "new c"}
 
 def contents(folder: Path) -> dict[str, str]:
     return {
-        str(path.relative_to(folder)): path.read_text()
+        str(path.relative_to(folder)): path.read_text(encoding="utf-8")
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
@@ -220,7 +220,9 @@ def test_a_power_cut_leaves_the_old_files_or_the_new(
 def test_json_keeps_the_order_of_keys_and_all_digits(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     files.write_json(path, {"b": 0.1, "a": [1, None]})
-    assert path.read_text() == '{\n  "b": 0.1,\n  "a": [\n    1,\n    null\n  ]\n}\n'
+    assert (
+        path.read_text(encoding="utf-8") == '{\n  "b": 0.1,\n  "a": [\n    1,\n    null\n  ]\n}\n'
+    )
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf")])

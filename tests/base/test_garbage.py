@@ -29,5 +29,5 @@ Litter("late")
 )
 def test_little_garbage_is_left_to_the_exit_and_beyond(setting: str, told: list[str]) -> None:
     command = [sys.executable, "-c", PROGRAM.format(setting=setting)]
-    done = subprocess.run(command, text=True, capture_output=True, check=True)
+    done = subprocess.run(command, encoding="utf-8", capture_output=True, check=True)
     assert done.stdout.split() == told

@@ -24,7 +24,7 @@ def test_cores_are_those_that_the_process_may_use() -> None:
 
 @pytest.mark.skipif(not Path("/proc/cpuinfo").exists(), reason="a system without it")
 def test_the_processor_is_told_from_others_of_its_name() -> None:
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     told = machine.processor()
     for key in ("model name", "model"):
         value = next(line.split(": ")[1] for line in lines if line.split("\t")[0] == key)

@@ -12,7 +12,7 @@ from jumping_ant.base.files import PROJECT_ROOT
 
 
 def test_make_switches_off_the_same() -> None:
-    makefile = (PROJECT_ROOT / "Makefile").read_text()
+    makefile = (PROJECT_ROOT / "Makefile").read_text(encoding="utf-8")
     exported = dict(re.findall(r"^export (\w+) := (true|0)$", makefile, re.MULTILINE))
     assert exported == telemetry.SWITCHES
 
@@ -25,7 +25,7 @@ def test_who_imports_what_reports_switches_it_off(module: str) -> None:
         [sys.executable, "-c", program],
         cwd=PROJECT_ROOT,
         env=own | {"RAY_USAGE_STATS_ENABLED": "1"},
-        text=True,
+        encoding="utf-8",
         capture_output=True,
         check=True,
     )

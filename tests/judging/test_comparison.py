@@ -269,7 +269,9 @@ def test_tables_are_tidy(project):
     results = load(project, PARAMS)
     curves = comparison.learning_curves(results, COMPARE)
     write_csv(project / "curves.csv", comparison.curve_rows(curves))
-    (project / "seeds.csv").write_text(comparison.to_csv(comparison.seed_rows(results)))
+    (project / "seeds.csv").write_text(
+        comparison.to_csv(comparison.seed_rows(results)), encoding="utf-8"
+    )
     table = read_csv(project / "curves.csv")
     assert list(table[0]) == ["agent", "env_steps", "seconds", "return_iqm", "low", "high"]
     assert [row["agent"] for row in table] == ["random"] * 2 + ["sac-long"] * 4 + ["dqn"] * 4
@@ -301,7 +303,7 @@ def test_missing_and_empty_files_name_the_stage_to_run(project, path, stage, con
     if content is None:
         (project / path).unlink()
     else:
-        (project / path).write_text(content)
+        (project / path).write_text(content, encoding="utf-8")
     with pytest.raises(InputError, match=said) as error:
         load(project, PARAMS)
     assert path in str(error.value)
@@ -398,15 +400,15 @@ def run_stage(project: Path) -> subprocess.CompletedProcess[str]:
     for package in ("jumping_ant", "stages"):
         shutil.copytree(PROJECT_ROOT / package, project / package, dirs_exist_ok=True)
     return subprocess.run(
-        [sys.executable, "-m", "stages.compare"], cwd=project, capture_output=True, text=True
+        [sys.executable, "-m", "stages.compare"], cwd=project, capture_output=True, encoding="utf-8"
     )
 
 
 def test_the_stage_writes_the_same_files_every_time(tmp_path):
-    content = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
+    content = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
     few = {name: content["agents"][name] for name in ("random", "dqn", "sac", "pgpe")}
     content |= {"seeds": SEEDS, "compare": COMPARE.model_dump(), "agents": few}
-    with (tmp_path / "params.yaml").open("w") as file:
+    with (tmp_path / "params.yaml").open("w", encoding="utf-8") as file:
         YAML().dump(content, file)
     agents = {name: block["algorithm"] for name, block in content["agents"].items()}
     write_project(tmp_path, agents, SEEDS)

@@ -14,7 +14,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import models, params_file, presets
 
-CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
+CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
 RANDOM = CONTENT["agents"]["random"]
 MISSING = object()
 NAMES = "lower-case letters, digits, _ and -, the first a letter or digit"
@@ -317,8 +317,8 @@ def test_files_that_hold_no_parameters(tmp_path: Path, content: bytes | None, sa
 @pytest.mark.parametrize(("text", "value"), [("3e-4", 3e-4), ("010", 10.0), ("yes", None)])
 def test_scalars_are_those_of_yaml_1_2(tmp_path: Path, text: str, value: float | None) -> None:
     path = tmp_path / "params.yaml"
-    real = (PROJECT_ROOT / "params.yaml").read_text()
-    path.write_text(re.sub(r"density: [0-9.]+", f"density: {text}", real))
+    real = (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8")
+    path.write_text(re.sub(r"density: [0-9.]+", f"density: {text}", real), encoding="utf-8")
     if value is None:
         with pytest.raises(InputError, match="robot.density: given"):
             params_file.load(path)

@@ -8,7 +8,7 @@ from ruamel.yaml import YAML
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import schema
 
-CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text())
+CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
 VALIDATOR = jsonschema.Draft202012Validator(json.loads(schema.text()))
 
 
@@ -25,11 +25,11 @@ def _parts(content: Any) -> list[Any]:
 
 
 def test_the_file_is_current() -> None:
-    assert schema.PATH.read_text() == schema.text(), "run `make schema`"
+    assert schema.PATH.read_text(encoding="utf-8") == schema.text(), "run `make schema`"
 
 
 def test_editors_find_it() -> None:
-    first = (PROJECT_ROOT / "params.yaml").read_text().splitlines()[0]
+    first = (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8").splitlines()[0]
     assert first == f"# yaml-language-server: $schema={schema.PATH.name}"
 
 

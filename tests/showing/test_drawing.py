@@ -155,6 +155,6 @@ def test_a_process_imports_little() -> None:
         f"import sys, jumping_ant.showing.drawing; print({IMPORTED_IN_VAIN} & sys.modules.keys())"
     )
     run = subprocess.run(
-        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, text=True
+        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, encoding="utf-8"
     )
     assert run.stdout.strip() == "set()", run.stderr

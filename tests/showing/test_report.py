@@ -59,7 +59,9 @@ def test_every_link_stays_on_this_machine(html: str, project: Path) -> None:
 
 
 def test_the_table_shows_the_comparison(html: str, project: Path) -> None:
-    summary = json.loads((project / "results" / "comparison.json").read_text())["agents"]
+    summary = json.loads((project / "results" / "comparison.json").read_text(encoding="utf-8"))[
+        "agents"
+    ]
     cells = Reader(html).cells
     dqn = summary["dqn"]["return"]
     assert f"{dqn['iqm']:.0f}[{dqn['low']:.0f}, {dqn['high']:.0f}]" in cells
@@ -86,7 +88,9 @@ def test_baselines_and_robots_are_named(html: str) -> None:
 
 
 def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
-    found = json.loads((project / "results" / "comparison.json").read_text())["claims"]
+    found = json.loads((project / "results" / "comparison.json").read_text(encoding="utf-8"))[
+        "claims"
+    ]
     assert len(found) == 16
     text = " ".join(Reader(html).cells)
     places = []
@@ -128,12 +132,18 @@ def test_claims_are_grouped_by_statement_and_counted() -> None:
 
 
 def test_every_statement_of_the_article_has_a_title() -> None:
-    rows = re.findall(r"^\| (\d+)[ab]? \|", (PROJECT_ROOT / "docs" / "claims.md").read_text(), re.M)
+    rows = re.findall(
+        r"^\| (\d+)[ab]? \|",
+        (PROJECT_ROOT / "docs" / "claims.md").read_text(encoding="utf-8"),
+        re.M,
+    )
     assert sorted(statements.STATEMENTS) == sorted(set(map(int, rows)))
 
 
 def test_a_claims_chart_shows_every_seed(html: str, project: Path) -> None:
-    found = json.loads((project / "results" / "comparison.json").read_text())["claims"]
+    found = json.loads((project / "results" / "comparison.json").read_text(encoding="utf-8"))[
+        "claims"
+    ]
     drawn = charts(html)
     for index, claim in enumerate(found):
         plot, chart = claim["plot"], drawn[f"claim_{index}"]
@@ -207,7 +217,9 @@ def test_equal_results_make_equal_pages(html: str, project: Path, settings: Para
 
 
 def test_the_ranking_shows_each_agents_interval(html: str, project: Path) -> None:
-    summary = json.loads((project / "results" / "comparison.json").read_text())["agents"]
+    summary = json.loads((project / "results" / "comparison.json").read_text(encoding="utf-8"))[
+        "agents"
+    ]
     chart = charts(html)["ranking"]
     points = [trace for trace in chart["data"] if "error_x" in trace]
     assert [trace["y"] for trace in points] == [["PGPE"], ["SAC"], ["DQN"], ["random"]]
@@ -223,7 +235,7 @@ def test_the_ranking_shows_each_agents_interval(html: str, project: Path) -> Non
 
 
 def test_costs_have_their_front_and_baselines(html: str, project: Path) -> None:
-    summary = json.loads((project / "results" / "comparison.json").read_text())
+    summary = json.loads((project / "results" / "comparison.json").read_text(encoding="utf-8"))
     agents = summary["agents"]
     for cost, front in (("env_steps", "pareto_steps"), ("train_seconds", "pareto_seconds")):
         chart = charts(html)[f"cost_{cost}"]
@@ -242,7 +254,7 @@ def test_costs_have_their_front_and_baselines(html: str, project: Path) -> None:
 
 
 def test_the_matrix_shows_who_beats_whom(html: str, project: Path) -> None:
-    pairs = json.loads((project / "results" / "comparison.json").read_text())
+    pairs = json.loads((project / "results" / "comparison.json").read_text(encoding="utf-8"))
     pairs = pairs["probability_of_improvement"]
     (cells,) = charts(html)["improvement"]["data"]
     assert cells["x"] == cells["y"] == ["PGPE", "SAC", "DQN", "random"]
@@ -385,7 +397,11 @@ def test_many_claims_are_folded_under_their_statements(crowd: str, html: str) ->
         ("media/sac.mp4", Path.unlink, "media/sac.mp4: .*run `dvc repro --force record@sac`"),
         ("media/sac.mp4", lambda p: p.write_bytes(b"x"), "run `dvc repro --force record@sac`"),
         ("results/comparison.json", Path.unlink, "run `dvc repro compare`"),
-        ("results/comparison.json", lambda p: p.write_text("{"), "run `dvc repro --force compare`"),
+        (
+            "results/comparison.json",
+            lambda p: p.write_text("{", encoding="utf-8"),
+            "run `dvc repro --force compare`",
+        ),
         ("models/dqn/seed-7/policy.zip", Path.unlink, "run `dvc repro train@dqn`"),
     ],
 )

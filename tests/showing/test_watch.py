@@ -45,7 +45,7 @@ def project(tmp_path: Path, robot_xml: str) -> Path:
     shutil.copytree(ROOT / "jumping_ant", tmp_path / "jumping_ant")
     shutil.copy(ROOT / "params.yaml", tmp_path)
     (tmp_path / "assets").mkdir()
-    (tmp_path / "assets" / "edited.xml").write_text(robot_xml)
+    (tmp_path / "assets" / "edited.xml").write_text(robot_xml, encoding="utf-8")
     for seed in (0, 5):
         folder = tmp_path / "models" / "random" / f"seed-{seed}"
         folder.mkdir(parents=True)
@@ -80,7 +80,7 @@ def test_seeds_that_are_not_trained_are_refused(project: Path) -> None:
     ],
 )
 def test_bad_input_ends_in_one_line(project: Path, arguments: list[str], line: str) -> None:
-    done = subprocess.run(command(*arguments), cwd=project, capture_output=True, text=True)
+    done = subprocess.run(command(*arguments), cwd=project, capture_output=True, encoding="utf-8")
     assert done.returncode == 2
     assert done.stderr.startswith(line) and done.stderr.count("\n") == 1
 
@@ -88,7 +88,7 @@ def test_bad_input_ends_in_one_line(project: Path, arguments: list[str], line: s
 def test_a_screen_that_is_not_there_ends_in_one_line(project: Path) -> None:
     environment = os.environ | {"DISPLAY": ":98765", "WAYLAND_DISPLAY": ""}
     done = subprocess.run(
-        command("random"), cwd=project, env=environment, capture_output=True, text=True
+        command("random"), cwd=project, env=environment, capture_output=True, encoding="utf-8"
     )
     assert done.returncode == 2
     assert done.stderr.startswith("error: display: no window opens here (")
@@ -169,7 +169,7 @@ def watching(project: Path) -> Iterator[subprocess.Popen[str]]:
         env=environment | {"HOME": str(project), "http_proxy": "http://127.0.0.1:9"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
+        encoding="utf-8",
         # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )

@@ -20,7 +20,7 @@ ROBOTS = {
 
 
 def load(source: str) -> mujoco.MjModel:
-    return robot.load(robot.source_path(source).read_text())
+    return robot.load(robot.source_path(source).read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize(("source", "sizes"), ROBOTS.items(), ids=ROBOTS.keys())

@@ -280,7 +280,7 @@ def test_pictures_are_drawn_without_a_screen() -> None:
         cwd=PROJECT_ROOT,
         env=environment,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=120,
     )
     assert process.returncode == 0, process.stderr

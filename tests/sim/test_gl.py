@@ -54,7 +54,7 @@ def run(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
         env=clean | environment,
         cwd=PROJECT_ROOT,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=120,
     )
 

@@ -50,7 +50,7 @@ def test_what_no_robot_needs_is_refused(xml: str, line: str) -> None:
 def test_every_robot_of_gymnasium_is_accepted() -> None:
     for path in robot.GYMNASIUM_ASSETS.glob("*.xml"):
         if path.stem in robot.GYMNASIUM_ROBOTS:
-            mjcf.check(path.read_text())
+            mjcf.check(path.read_text(encoding="utf-8"))
 
 
 def test_a_robot_may_include_its_neighbours_alone(tmp_path: Path) -> None:

@@ -382,7 +382,9 @@ def test_a_source_is_a_file_of_the_project(tmp_path: Path) -> None:
     write_text(tmp_path / "robots" / "mine.xml", "<mujoco>")
     with pytest.raises(InputError, match=r"robot.source: mine.xml: not valid MJCF: no element"):
         robot.build(own, tmp_path)
-    write_text(tmp_path / "robots" / "mine.xml", robot.source_path("hopper").read_text())
+    write_text(
+        tmp_path / "robots" / "mine.xml", robot.source_path("hopper").read_text(encoding="utf-8")
+    )
     assert robot.load(robot.build(own, tmp_path)).nu == 3
     summary = robot.summarize(own, robot.build(own, tmp_path), tmp_path)
     assert summary["source"]["file"] == "robots/mine.xml"

@@ -82,7 +82,7 @@ def test_foreign_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     with pytest.raises(InputError, match="No such file"):
         trajectory.load(path)
-    path.write_text("seed,episode\n0,1\n")
+    path.write_text("seed,episode\n0,1\n", encoding="utf-8")
     with pytest.raises(InputError, match="cannot read"):
         trajectory.load(path)
     np.savez(path, qpos=np.zeros((6, 15)))

@@ -175,7 +175,11 @@ def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project:
 
     def start() -> subprocess.Popen[str]:
         return subprocess.Popen(
-            command, cwd=PROJECT_ROOT, stdin=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            command,
+            cwd=PROJECT_ROOT,
+            stdin=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
         )
 
     grow(bare_project, 2)

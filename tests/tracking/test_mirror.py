@@ -267,7 +267,7 @@ def test_a_changed_evaluation_updates_metrics_and_leaves_the_champion(project: P
     alias = "SELECT version FROM registered_model_aliases WHERE name = 'jumping-ant-sac'"
     assert query(project, alias) == [(2,)]
     path = project / "results" / "agents" / "sac" / "seeds.csv"
-    path.write_text(path.read_text().replace("1,115,", "1,5,"))
+    path.write_text(path.read_text(encoding="utf-8").replace("1,115,", "1,5,"), encoding="utf-8")
     tracked(project)
     assert query(project, alias) == [(2,)], "held-out episodes choose nothing"
     latest = query(project, "SELECT value FROM latest_metrics WHERE key = 'evaluation/return'")
@@ -276,7 +276,7 @@ def test_a_changed_evaluation_updates_metrics_and_leaves_the_champion(project: P
 
 def test_the_best_in_validation_is_champion(untracked_project: Path) -> None:
     path = untracked_project / "models" / "sac" / "seed-0" / "curve.csv"
-    path.write_text(path.read_text().replace(",600,", ",700,"))
+    path.write_text(path.read_text(encoding="utf-8").replace(",600,", ",700,"), encoding="utf-8")
     tracked(untracked_project)
     aliases = "SELECT name, version FROM registered_model_aliases ORDER BY name"
     assert query(untracked_project, aliases) == [("jumping-ant-pgpe", 2), ("jumping-ant-sac", 1)]
@@ -284,7 +284,10 @@ def test_the_best_in_validation_is_champion(untracked_project: Path) -> None:
 
 def test_validation_is_of_the_policy_that_was_published(untracked_project: Path) -> None:
     path = untracked_project / "models" / "sac" / "seed-0" / "curve.csv"
-    path.write_text(path.read_text().replace("400,400,4,400,,", "400,400,4,400,90,"))
+    path.write_text(
+        path.read_text(encoding="utf-8").replace("400,400,4,400,,", "400,400,4,400,90,"),
+        encoding="utf-8",
+    )
     params = params_file.load(untracked_project / "params.yaml")
     found = {}
     for publish in ("best", "final"):
@@ -368,10 +371,10 @@ def test_a_damaged_database_is_told_in_one_line(project: Path) -> None:
 
 def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
     path = tmp_path / "curve.csv"
-    path.write_text("env_steps,loss\n100,much\n")
+    path.write_text("env_steps,loss\n100,much\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"curve\.csv: .*'much'"):
         reading.read_curve(path)
-    path.write_text("env_steps,loss,other\n100,nan,\n200,1.5,inf\n300,2")
+    path.write_text("env_steps,loss,other\n100,nan,\n200,1.5,inf\n300,2", encoding="utf-8")
     assert reading.read_curve(path) == {("loss", 200): 1.5}
 
 
@@ -398,7 +401,9 @@ def test_two_make_one_database(tmp_path: Path) -> None:
         "print(store.connect(pathlib.Path(sys.argv[1]), 5, 0).experiment_id)"
     )
     command = [sys.executable, "-c", program, str(tmp_path)]
-    processes = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    processes = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8") for _ in range(3)
+    ]
     answers = [process.communicate()[0] for process in processes]
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert len(set(answers)) == 1

@@ -96,7 +96,7 @@ def test_a_served_policy_begins_new_episodes_with_a_batch_of_another_size(tmp_pa
 def test_a_model_brings_the_packages_it_needs() -> None:
     found: set[str] = set()
     for path in imports.closure(models.CODE):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 found |= {alias.name.partition(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom):

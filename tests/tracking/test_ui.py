@@ -59,7 +59,7 @@ def status_for_nobody(address: str, method: str = "GET") -> int:
             os.write(writing, str(status(address, method)).encode())
         os._exit(0)
     os.close(writing)
-    with open(reading) as pipe:
+    with open(reading, encoding="utf-8") as pipe:
         os.waitpid(child, 0)
         return int(pipe.read())
 
@@ -106,15 +106,15 @@ def test_a_model_whose_files_were_changed_is_replaced(untracked_project: Path, h
     tracked(project)
     assert tracked(project)[-1].endswith("4 unchanged")
     path = next((project / "mlartifacts" / "models").rglob("serving.py"))
-    expected = path.read_text()
+    expected = path.read_text(encoding="utf-8")
     if how == "changed":
-        path.write_text(expected + "\nprint('hello')\n")
+        path.write_text(expected + "\nprint('hello')\n", encoding="utf-8")
     elif how == "added":
-        (path.parent / "numpy.py").write_text("print('hello')\n")
+        (path.parent / "numpy.py").write_text("print('hello')\n", encoding="utf-8")
     else:
         path.unlink()
     lines = tracked(project)
     assert lines[-1].endswith("1 repaired, 3 unchanged")
     assert any("models 1" in line for line in lines)
-    assert path.read_text() == expected and not (path.parent / "numpy.py").exists()
+    assert path.read_text(encoding="utf-8") == expected and not (path.parent / "numpy.py").exists()
     assert tracked(project)[-1].endswith("4 unchanged")

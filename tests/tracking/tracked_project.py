@@ -86,11 +86,11 @@ def compare(root: Path) -> None:
 
 def make_bare(root: Path, database: Path) -> None:
     yaml = YAML()
-    content = yaml.load((PROJECT_ROOT / "params.yaml").read_text())
+    content = yaml.load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
     content["seeds"] = list(SEEDS)
     content["agents"] = {agent: content["agents"][agent] for agent in AGENTS}
     root.mkdir(parents=True)
-    with (root / "params.yaml").open("w") as file:
+    with (root / "params.yaml").open("w", encoding="utf-8") as file:
         yaml.dump(content, file)
     write_json(Paths(root).physique, {"after": {"mass": 0.44, "parts": {"leg": 1}}})
     shutil.copy(database, root / "mlflow.db")
@@ -190,7 +190,7 @@ def run_python(code: str, *arguments: str, cwd: Path, **environment: str) -> str
         cwd=cwd,
         env=FRESH_PROCESS | environment,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
     )
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout

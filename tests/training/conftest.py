@@ -12,6 +12,6 @@ from jumping_ant.base.paths import Paths
 @pytest.fixture
 def project(tmp_path: Path, robot_xml: str) -> Path:
     (tmp_path / "assets").mkdir()
-    (tmp_path / "assets" / "edited.xml").write_text(robot_xml)
+    (tmp_path / "assets" / "edited.xml").write_text(robot_xml, encoding="utf-8")
     write_bytes(Paths(tmp_path).demonstrations("imitation"), small_agents.demonstrations(robot_xml))
     return tmp_path

@@ -48,7 +48,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 def rows(path: Path) -> list[dict[str, str]]:
     """Return the rows of a CSV file."""
-    with path.open() as file:
+    with path.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 

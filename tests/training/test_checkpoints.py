@@ -195,7 +195,7 @@ def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
     )
     pipe = subprocess.PIPE
     command = [sys.executable, "-c", program, str(tmp_path)]
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, encoding="utf-8") as other:
         assert other.stdout.readline() == "open\n"
         threading.Timer(0.5, other.stdin.close).start()
         with store(tmp_path, said).opened([0]):

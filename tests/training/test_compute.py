@@ -188,7 +188,7 @@ def is_let_in(address: str, **environment: str) -> bool:
         [sys.executable, "-c", OUTSIDER, address],
         env=own | environment,
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=60,
     )
     return done.returncode == 0 and int(done.stdout) > 0

@@ -27,7 +27,7 @@ def write_curves(project: Path, params: Params, *returns: tuple[float, float]) -
     """Write learning curves of two evaluations for each seed, and return the policies."""
     paths = Paths(project).agent(params.demonstrations["imitation"].agent)
     for seed, values in zip(params.seeds, returns, strict=True):
-        paths.seed(seed).curve.write_text(CURVE.format(*values))
+        paths.seed(seed).curve.write_text(CURVE.format(*values), encoding="utf-8")
         paths.seed(seed).policy.write_bytes(paths.seed(seed).policy.read_bytes())
     return {seed: paths.seed(seed).policy.read_bytes() for seed in params.seeds}
 

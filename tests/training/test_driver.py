@@ -68,10 +68,10 @@ def test_nothing_is_written_through_a_link_into_the_cache(project: Path) -> None
     for name in ("curve.csv", "policy.zip", "final.zip", "machine.json"):
         path = project / "models" / "pgpe" / "seed-0" / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        cached.write_text("in the cache")
+        cached.write_text("in the cache", encoding="utf-8")
         path.symlink_to(cached)
     driver.train(project, settings, "pgpe")
-    assert cached.read_text() == "in the cache"
+    assert cached.read_text(encoding="utf-8") == "in the cache"
     assert not any(path.is_symlink() for path in (project / "models").rglob("*"))
 
 
@@ -81,7 +81,7 @@ def test_a_machine_is_named_beside_each_policy(project: Path) -> None:
         folder = project / "models" / "pgpe" / f"seed-{seed}"
         names = {path.name for path in folder.iterdir()}
         assert names == {"curve.csv", "final.zip", "machine.json", "policy.zip"}
-        told = json.loads((folder / "machine.json").read_text())
+        told = json.loads((folder / "machine.json").read_text(encoding="utf-8"))
         assert told == machine.describe()
         assert told["cpu"] and told["blas_threads"] == 1
         assert set(told["versions"]) >= {"mujoco", "numpy", "torch"}
@@ -121,7 +121,7 @@ def with_training(**changes: Any) -> Params:
 
 def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[bytes, float]:
     """Return each snapshot of a run and its mean return in the validation episodes."""
-    xml = (project / "assets" / "edited.xml").read_text()
+    xml = (project / "assets" / "edited.xml").read_text(encoding="utf-8")
     rules = settings.training
     seeds = [rules.evaluation_seed + i for i in range(rules.evaluation_episodes)]
     block = settings.agents[agent]

@@ -182,13 +182,15 @@ def test_a_training_is_done_again_only_once_dvc_has_recorded_it(
 
     def record() -> None:
         digest = hashlib.md5(timing.read_bytes(), usedforsecurity=False).hexdigest()
-        (project / "dvc.lock").write_text(f"- path: {timing}\n  hash: md5\n  md5: {digest}\n")
+        (project / "dvc.lock").write_text(
+            f"- path: {timing}\n  hash: md5\n  md5: {digest}\n", encoding="utf-8"
+        )
 
     assert is_trained()
-    first = timing.read_text()
-    assert not is_trained() and timing.read_text() == first
+    first = timing.read_text(encoding="utf-8")
+    assert not is_trained() and timing.read_text(encoding="utf-8") == first
     record()
-    assert is_trained() and timing.read_text() != first, "`dvc repro --force`"
+    assert is_trained() and timing.read_text(encoding="utf-8") != first, "`dvc repro --force`"
     assert not is_trained(), "forced, but stopped before DVC recorded it"
     record()
     assert is_trained()
@@ -224,7 +226,7 @@ def test_a_signal_ends_training_with_a_checkpoint(
     curve.unlink()
 
     def send() -> None:
-        while not curve.exists() or curve.read_text().count("\n") < 2:
+        while not curve.exists() or curve.read_text(encoding="utf-8").count("\n") < 2:
             time.sleep(0.001)
         os.kill(os.getpid(), signal.SIGTERM)
 

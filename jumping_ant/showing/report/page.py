@@ -59,7 +59,7 @@ def build(root: Path, params: Params) -> str:
     results = {name: loaded[name] for name in _order(families, summary["agents"])}
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
     films = {name: _filmed(root, params, name) for name in results}
-    plotly, script = get_plotlyjs(), (FOLDER / "script.js").read_text()
+    plotly, script = get_plotlyjs(), (FOLDER / "script.js").read_text(encoding="utf-8")
     context = {
         "security_policy": _security_policy(plotly, script),
         "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
@@ -91,7 +91,7 @@ def build(root: Path, params: Params) -> str:
         "machines": _machines(root, params, results),
         "mlflow": MLFLOW,
         "plotly": plotly,
-        "style": (FOLDER / "style.css").read_text(),
+        "style": (FOLDER / "style.css").read_text(encoding="utf-8"),
         "script": script,
     }
     environment = jinja2.Environment(
