@@ -82,7 +82,7 @@ class Faults(Injector):
         projects.await_checkpoint(self._project, AGENT, process)
         time.sleep(self._generator.uniform(0, 1))
         everybody = projects.family(process)
-        workers = [other for other in everybody if "ray::_Worker" in projects.command_line(other)]
+        workers = [one for one in everybody if "spawn_main" in projects.command_line(one)]
         if workers:
             projects.kill([self._generator.choice(workers)])
         return process.wait() == 0 and self._digest() == self._expected

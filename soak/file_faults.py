@@ -49,8 +49,8 @@ class FileFaults(Injector):
             "temporary_experiment": self._temporary_experiment,
             "other_parameters": self._other_parameters,
             "wrong_checkpoint": self._wrong_checkpoint,
-            "wrong_finished_seed": partial(self._bad_finished_seed, self._with_wrong_content),
-            "torn_finished_seed": partial(self._bad_finished_seed, lambda content: content[:-9]),
+            "wrong_finished_seed": partial(self._bad_finished_seed, _with_wrong_content),
+            "torn_finished_seed": partial(self._bad_finished_seed, _torn),
             "film_cut": self._film_cut,
             "policy_bomb": partial(self._bad_file, policy, self._bomb, EVALUATE),
             "policy_not_finite": partial(self._bad_file, policy, self._not_finite, EVALUATE),
@@ -169,14 +169,14 @@ class FileFaults(Injector):
         projects.await_checkpoint(self._project, AGENT, process, after=1)
         projects.kill(projects.family(process))
         for newest in projects.checkpoints(self._project, AGENT)[-1:]:
-            newest.write_bytes(self._with_wrong_content(newest.read_bytes()))
+            newest.write_bytes(_with_wrong_content(newest))
         return self._is_as_expected(self._run(*TRAIN))
 
-    def _bad_finished_seed(self, change: Callable[[bytes], bytes]) -> bool:
+    def _bad_finished_seed(self, changed: Callable[[Path], bytes]) -> bool:
         """Change a finished seed; it must be trained again."""
         self._run(*TRAIN)
         for path in (self._project.folder / ".checkpoints" / AGENT).rglob("seed-0.finished"):
-            path.write_bytes(change(path.read_bytes()))
+            path.write_bytes(changed(path))
         done = self._run(*TRAIN)
         return "not used" in done.stdout and self._is_as_expected(done)
 
@@ -284,9 +284,15 @@ class FileFaults(Injector):
         header = Archive(content)["policy.json"].replace(b'"format": 3', b'"format": 4')
         return pack({**Archive(content), "policy.json": header})
 
-    def _with_wrong_content(self, content: bytes) -> bytes:
-        wrong = pack_state({"state": np.zeros(3)})
-        return replace(Saved.from_bytes(content), content=wrong, best=wrong).to_bytes()
+
+def _torn(path: Path) -> bytes:
+    return path.read_bytes()[:-9]
+
+
+def _with_wrong_content(path: Path) -> bytes:
+    wrong, owner = pack_state({"state": np.zeros(3)}), projects.owner_of(path)
+    saved = Saved.from_bytes(path.read_bytes(), owner)
+    return replace(saved, content=wrong, best=wrong).to_bytes(owner)
 
 
 @contextmanager

@@ -45,7 +45,7 @@ class Injector(ABC):
         self._project = project
         self._generator = generator
         self._log = project.folder / "faults.log"
-        self._set_workers(1)  # no Ray to start; the bytes are the same
+        self._set_workers(1)  # no processes to start; the bytes are the same
         self._run(*TRAIN)
         self._set_workers(0)
         self._expected = self._digest()

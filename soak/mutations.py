@@ -33,6 +33,7 @@ from jumping_ant.tracking import records
 from jumping_ant.training import driver
 from jumping_ant.training.checkpoints import Saved
 from scripts.checkout import Checkout
+from soak.project import owner_of
 
 AGENTS = ("dqn", "sac", "pgpe")
 EVALUATED = "pgpe"
@@ -173,7 +174,7 @@ def _imitate(path: Path) -> None:
 
 def _resume(path: Path) -> None:
     try:
-        Saved.from_bytes(path.read_bytes())
+        Saved.from_bytes(path.read_bytes(), owner_of(path))
     except ValueError as error:  # what is damaged is told, and not used
         raise InputError(str(error)) from error
 

@@ -20,7 +20,9 @@ from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import HEADER, Interface, header_entries
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking.serving import ServedPolicy
-from jumping_ant.training.checkpoints import Checkpoints, Saved
+from jumping_ant.training.checkpoints import Checkpoints, Owner, Saved
+
+OWNER = Owner("sac", 0, "key")
 
 
 @dataclass
@@ -99,11 +101,11 @@ def _checkpoint_files(payload: Payload) -> Iterator[bytes]:
     saved = Saved(1, 0.0, [], None, "", None, b"", b"")
     pickled = pickle.dumps(payload)
     yield pickled
-    yield replace(saved, content=pickled).to_bytes()
+    yield replace(saved, content=pickled).to_bytes(OWNER)
     values = json.dumps({"learner": {"values": None}}).encode()
     for array in (pickled, _object_array(payload)):
         state = {"values.json": values, "state/learner/values.npy": array}
-        yield replace(saved, content=archive.pack(state)).to_bytes()
+        yield replace(saved, content=archive.pack(state)).to_bytes(OWNER)
 
 
 def _trajectory_files(payload: Payload) -> Iterator[bytes]:
@@ -135,10 +137,10 @@ def _serve(folder: Path, content: bytes) -> None:
 
 def _load_checkpoint(folder: Path, content: bytes) -> None:
     """Read a checkpoint as training does."""
-    place = folder / ".checkpoints" / "sac" / "key"
+    place = folder / ".checkpoints" / OWNER.agent / OWNER.key
     place.mkdir(parents=True, exist_ok=True)
     (place / "seed-0.1.checkpoint").write_bytes(content)
-    saved = Checkpoints(folder, "sac", "key", print).load(0)
+    saved = Checkpoints(folder, OWNER.agent, OWNER.key, print).load(OWNER.seed)
     if saved:
         archive.unpack_state(saved.content)
 

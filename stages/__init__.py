@@ -4,12 +4,14 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
     """End at once, in one line; imports, renderers and encoders would print tracebacks."""
-    os.write(sys.stderr.fileno(), b"stopped: nothing already computed is lost\n")
+    with suppress(OSError):
+        os.write(2, b"stopped: nothing already computed is lost\n")
     if _is_importing(frame):  # extension modules would raise an ImportError instead
         os._exit(130)
     raise SystemExit(130)
@@ -25,13 +27,16 @@ def _is_importing(frame: FrameType | None) -> bool:
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _stop)
 
-from jumping_ant.base import command_line, garbage, telemetry  # noqa: E402
+from jumping_ant.base import command_line, garbage, output, telemetry  # noqa: E402
 from jumping_ant.base.errors import reported  # noqa: E402
 from jumping_ant.experiment import params_file  # noqa: E402
 from jumping_ant.experiment.models import Params  # noqa: E402
 
 telemetry.switch_off()  # before a stage imports tools with telemetry
 garbage.collect_rarely()  # before it imports much
+
+
+NO_THREAD = "can't start new thread"  # Python's words for a limit of the system
 
 
 def parse(docstring: str | None) -> Params:
@@ -68,11 +73,16 @@ def run(main: Callable[[], None]) -> None:
     """Run a stage's `main`.
 
     Failures print one line. The exit status is 2 for a mistake in the input, 1 for a file that
-    cannot be written, as on a full disk, or for workers that die, and 130 for a request to stop.
+    cannot be written, as on a full disk, for workers that die, or where the system gives no more
+    memory or threads, and 130 for a request to stop.
     """
+    output.tolerate_failures()
     try:
         with reported():
             main()
-    except OSError as error:
-        print(f"error: {error}; nothing already computed is lost", file=sys.stderr)
+    except (OSError, MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and str(error) != NO_THREAD:
+            raise
+        reason = str(error) or "out of memory"
+        print(f"error: {reason}; nothing already computed is lost", file=sys.stderr)
         sys.exit(1)

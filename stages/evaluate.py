@@ -21,7 +21,7 @@ from . import parse_agent, run
 
 def final_policy(paths: SeedPaths, published: Policy) -> Policy:
     """Return a seed's final policy, or the published object itself if the two are equal."""
-    final = policy_file.load(paths.final_policy)
+    final = policy_file.load(paths.final_policy, paths.owner)
     is_same = filecmp.cmp(paths.final_policy, paths.policy, shallow=False)
     return published if is_same else final
 
@@ -31,7 +31,9 @@ def main() -> None:
     agent, settings = parse_agent(__doc__)
     paths = Paths().agent(agent)
     xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
-    trained = {seed: policy_file.load(paths.seed(seed).policy) for seed in settings.seeds}
+    trained = {
+        seed: policy_file.load(paths.seed(seed).policy, (agent, seed)) for seed in settings.seeds
+    }
     num_threads = machine.num_cores()
     episodes, median = evaluation.evaluate(xml, settings, trained, num_threads)
     others = {

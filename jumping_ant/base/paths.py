@@ -23,10 +23,22 @@ class SeedPaths:
     """The files that training one seed of an agent writes.
 
     Attributes:
-        folder: The folder that contains them.
+        models: The folder of the agent's seeds.
+        number: The seed.
     """
 
-    folder: Path
+    models: Path
+    number: int
+
+    @property
+    def folder(self) -> Path:
+        """The folder that contains them."""
+        return self.models / f"seed-{self.number}"
+
+    @property
+    def owner(self) -> tuple[str, int]:
+        """The agent and the seed that they are of."""
+        return self.models.name, self.number
 
     @property
     def policy(self) -> Path:
@@ -68,7 +80,7 @@ class AgentPaths:
 
     def seed(self, number: int) -> SeedPaths:
         """Return the files of one seed."""
-        return SeedPaths(self.models / f"seed-{number}")
+        return SeedPaths(self.models, number)
 
     @property
     def timing(self) -> Path:

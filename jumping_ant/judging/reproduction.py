@@ -251,7 +251,8 @@ def _returns(xml: str, params: Params, centers: Sequence[Policy]) -> Array:
 
 
 def _final_policy(root: Path, agent: str, seed: int) -> Any:
-    return policy_file.load(Paths(root).agent(agent).seed(seed).final_policy)
+    paths = Paths(root).agent(agent).seed(seed)
+    return policy_file.load(paths.final_policy, paths.owner)
 
 
 def _fitness(root: Path, seeds: Sequence[int]) -> dict[str, Trace]:

@@ -4,6 +4,7 @@ A policy file is a zip archive. Its entry `policy.json` says which kind of polic
 are stored next to it, as `.npy` entries or, for agents of Stable-Baselines3, in the entries that
 Stable-Baselines3 itself writes (so that `SAC.load` and `DQN.load` read the same file). Only numbers
 are read from it: the structure comes from this package's classes. Equal policies give equal bytes.
+Once it is published, `owner.json` says whose it is: the agent and the seed.
 
 A policy decides every `hold` control steps; its torques are held in between. The code that
 steps the simulation handles this.
@@ -22,6 +23,7 @@ from jumping_ant.base.archive import from_array, to_array
 
 FORMAT = 3
 HEADER = "policy.json"
+OWNER = "owner.json"
 LARGEST = 100_000  # observations, or motors, of a policy that is read
 _TABLE = "commands.npy"
 

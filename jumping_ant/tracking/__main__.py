@@ -13,7 +13,7 @@ import signal
 import sys
 from pathlib import Path
 
-from jumping_ant.base import garbage
+from jumping_ant.base import garbage, output
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 
@@ -27,6 +27,7 @@ def main() -> None:
     parser.add_argument("agent", help="name of the agent in params.yaml")
     parser.add_argument("--root", type=Path, default=PROJECT_ROOT, help="the project folder")
     arguments = parser.parse_args()
+    output.tolerate_failures()
     os.nice(NICENESS)
     garbage.collect_rarely()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the training, then the pipe closes

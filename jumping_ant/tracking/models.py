@@ -220,7 +220,7 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
             _model_tags(record, run),
             record.params,
         )
-    interface = policy_file.read_interface(record.policy_path)
+    interface = policy_file.read_interface(record.policy_path, (record.agent, record.seed))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model"
         mlflow.pyfunc.save_model(

@@ -85,7 +85,7 @@ class SeedRecord:
     @cached_property
     def hold(self) -> int:
         """Control steps that each of the policy's choices is held for."""
-        return policy_file.load(self.policy_path).actions.hold
+        return policy_file.load(self.policy_path, (self.agent, self.seed)).actions.hold
 
     @cached_property
     def curve(self) -> dict[Point, float]:

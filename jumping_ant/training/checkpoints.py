@@ -11,7 +11,7 @@ another robot, other code or other versions are never resumed from. The folder c
 | seed-N.finished | seed N, finished |
 
 Every file is complete or absent (see `jumping_ant.base.files`), begins with the digest of the rest,
-and holds numbers and text: nothing in it is executed.
+states the agent, seed and key that it is of, and holds numbers and text: nothing in it is executed.
 
 Finished seeds are kept after training, so that a training with more seeds trains only the new ones.
 Files of other keys are kept, too, so that a return to earlier parameters resumes what they had
@@ -24,7 +24,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -35,6 +35,24 @@ from jumping_ant.base.paths import home
 GENERATIONS = 2
 KEPT_BYTES = 2 * 2**30  # for an agent, of other parameters and of seeds that are not trained now
 _HEADER, _CONTENT, _BEST = "header.json", "content", "best"
+
+
+@dataclass(frozen=True)
+class Owner:
+    """Whose a checkpoint is; its place says the same.
+
+    Attributes:
+        agent: The agent's name.
+        seed: The seed.
+        key: Digest of what the seed's results depend on.
+    """
+
+    agent: str
+    seed: int
+    key: str
+
+    def __str__(self) -> str:
+        return f"agent {self.agent}, seed {self.seed}, key {self.key}"
 
 
 @dataclass(frozen=True)
@@ -61,25 +79,28 @@ class Saved:
     best: bytes
     content: bytes
 
-    def to_bytes(self) -> bytes:
-        """Return the file's content."""
+    def to_bytes(self, owner: Owner) -> bytes:
+        """Return the content of the owner's file."""
         header = {name: getattr(self, name) for name in self._header_names()}
+        header["owner"] = asdict(owner)
         entries = {_HEADER: json.dumps(header).encode(), _BEST: self.best, _CONTENT: self.content}
         packed = pack(entries)
         return hashlib.sha256(packed).hexdigest().encode() + b"\n" + packed
 
     @classmethod
-    def from_bytes(cls, file: bytes) -> "Saved":
-        """Read a file's content.
+    def from_bytes(cls, file: bytes, owner: Owner) -> "Saved":
+        """Read the content of the owner's file.
 
         Raises:
-            ValueError: The file is damaged.
+            ValueError: The file is damaged, or another owner's.
         """
         digest, _, packed = file.partition(b"\n")
         if hashlib.sha256(packed).hexdigest().encode() != digest:
             raise ValueError("the digest does not match")
         entries = Archive(packed)
         header = json.loads(entries[_HEADER])
+        if (stated := header.pop("owner")) != asdict(owner):
+            raise ValueError(f"it is that of {Owner(**stated)}, not of {owner}")
         header["timing"] = [tuple(row) for row in header["timing"]]
         return cls(best=entries[_BEST], content=entries[_CONTENT], **header)
 
@@ -99,6 +120,7 @@ class Checkpoints:
 
     def __init__(self, root: Path, agent: str, key: str, say: Callable[[str], None]) -> None:
         self._workspace = root / ".checkpoints" / agent
+        self._agent, self._key = agent, key
         self._agent_folder = home(root) / ".checkpoints" / agent
         self._folder = self._agent_folder / key
         self._say = say
@@ -123,7 +145,7 @@ class Checkpoints:
     def load(self, seed: int) -> Saved | None:
         """Return a seed's newest undamaged checkpoint, if any; remove newer, damaged ones."""
         for path in reversed(self._generations(seed)):
-            if saved := self._read(path):
+            if saved := self._read(path, seed):
                 return saved
             path.unlink()
         return None
@@ -137,7 +159,7 @@ class Checkpoints:
     def finished(self, seed: int) -> Saved | None:
         """Return a seed that is already trained, None if it is not."""
         path = self._finished_path(seed)
-        return self._read(path) if path.exists() else None
+        return self._read(path, seed) if path.exists() else None
 
     def forget(self, seed: int) -> None:
         """Remove a finished seed, so that it is trained again."""
@@ -151,7 +173,8 @@ class Checkpoints:
         """
         old = self._generations(seed)
         number = int(old[-1].suffixes[-2][1:]) + 1 if old else 1
-        write_bytes(self._folder / f"seed-{seed}.{number}.checkpoint", saved.to_bytes())
+        path = self._folder / f"seed-{seed}.{number}.checkpoint"
+        write_bytes(path, saved.to_bytes(self._owner(seed)))
         for path in old[: 1 - GENERATIONS]:
             path.unlink()
 
@@ -161,13 +184,16 @@ class Checkpoints:
         Raises:
             OSError: It cannot be written, as on a full disk; older ones are unchanged.
         """
-        write_bytes(self._finished_path(seed), saved.to_bytes())
+        write_bytes(self._finished_path(seed), saved.to_bytes(self._owner(seed)))
         for path in self._generations(seed):
             path.unlink()
 
-    def _read(self, path: Path) -> Saved | None:
+    def _owner(self, seed: int) -> Owner:
+        return Owner(self._agent, seed, self._key)
+
+    def _read(self, path: Path, seed: int) -> Saved | None:
         try:
-            return Saved.from_bytes(path.read_bytes())
+            return Saved.from_bytes(path.read_bytes(), self._owner(seed))
         except Exception as error:  # a damaged file can raise anything
             self._say(f"{path.name} is damaged ({error}) and is not used")
             return None

@@ -41,9 +41,9 @@ def demonstrate(root: Path, params: Params, trainer: str, num_threads: int = 1) 
     settings = params.demonstrations[trainer]
     agent = params.agent(settings.agent)
     best = max(params.seeds, key=lambda seed: _validated(root, params, settings.agent, seed))
-    content = read_bytes(
-        Paths(root).agent(settings.agent).seed(best).policy, f"train@{settings.agent}"
-    )
+    paths = Paths(root).agent(settings.agent).seed(best)
+    content = read_bytes(paths.policy, f"train@{settings.agent}")
+    policy_file.parse(content, paths.owner)
     xml = robot.read(root, agent.robot)
     return record(xml, params.env, content, settings, num_threads)
 

@@ -41,9 +41,11 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import EnvParams, TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
-from jumping_ant.training import compute, memory
+from jumping_ant.training import cluster, compute, memory
 from jumping_ant.training.checkpoints import Checkpoints, Saved
+from jumping_ant.training.forced import is_forced
 from jumping_ant.training.progress import TrainingProgress
+from jumping_ant.training.workers import Work
 
 COLUMNS = (
     "env_steps",
@@ -113,7 +115,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         key = dependencies(xml, params, agent, demonstrations)
         checkpoints = Checkpoints(root, agent_name, key, display.say)
         stack.enter_context(checkpoints.opened(params.seeds))
-        if _is_asked_again(root, checkpoints, params.seeds):
+        if is_forced():
             for seed in params.seeds:
                 checkpoints.forget(seed)
         paths = Paths(root).agent(agent_name)
@@ -132,13 +134,13 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         untrained = [number for number, seed in seeds.items() if not seed.is_finished]
         is_trivial = agent.max_env_steps == 0  # not worth starting processes
         workers = 1 if is_trivial else compute.num_workers(params.compute.workers, len(untrained))
-        if untrained and not is_trivial and not compute.is_on_cluster():
+        if untrained and not is_trivial and not cluster.address():
             memory.check(xml, agent_name, agent, min(workers, len(untrained)), display.say)
         while untrained:  # once, unless a checkpoint is rejected
             threads = compute.num_threads(params.compute.workers, len(untrained))
             num_threads = dict(zip(untrained, threads, strict=True))
 
-            def start(number: int, num_threads: dict[int, int] = num_threads) -> compute.Job:
+            def start(number: int, num_threads: dict[int, int] = num_threads) -> Work:
                 return partial(
                     train_seed,
                     xml,
@@ -384,8 +386,8 @@ class _Seed:
         write_all(
             {
                 self._paths.machine: to_json(saved.machine),
-                self._paths.final_policy: saved.content,
-                self._paths.policy: published,
+                self._paths.final_policy: policy_file.owned(saved.content, self._paths.owner),
+                self._paths.policy: policy_file.owned(published, self._paths.owner),
             }
         )
         self.is_finished = True
@@ -417,22 +419,6 @@ def _row(event: Progress | Snapshot, returns: tuple[float, ...]) -> dict[str, fl
 def _cell(value: Any) -> str:
     """Format a number so that it reads back the same; empty for None and NaN."""
     return "" if value is None or math.isnan(value) else repr(value)
-
-
-def _is_asked_again(root: Path, checkpoints: Checkpoints, seeds: Sequence[int]) -> bool:
-    """Tell whether `dvc.lock` records what the finished seeds give, as with `dvc repro --force`.
-
-    Then they are trained again. What DVC has not recorded is used: whatever ended the run between
-    the end of training and DVC's record, training was not in vain. Training seconds differ each
-    time, so their table tells one training from another with equal results.
-    """
-    finished = {seed: checkpoints.finished(seed) for seed in seeds}
-    timing = {seed: saved.timing for seed, saved in finished.items() if saved}
-    lock = Paths(root).lock
-    if len(timing) < len(finished) or not lock.is_file():
-        return False
-    digest = hashlib.md5(_timing_table(timing).encode(), usedforsecurity=False).hexdigest()
-    return digest in lock.read_text(encoding="utf-8")
 
 
 def _timing_table(timing: Mapping[int, Sequence[tuple[int, float]]]) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from jumping_ant.training import checkpoints
-from jumping_ant.training.checkpoints import Checkpoints, Saved
+from jumping_ant.training.checkpoints import Checkpoints, Owner, Saved
 
 SAVED = Saved(
     env_steps=100,
@@ -94,6 +94,30 @@ def test_a_damaged_one_gives_way_to_the_one_before(tmp_path: Path, said: Lines, 
     assert stored.load(0) is None
 
 
+@pytest.mark.parametrize(
+    ("place", "told"),
+    [
+        ("sac/key/seed-1.finished", "agent sac, seed 1, key key"),
+        ("sac/other/seed-0.finished", "agent sac, seed 0, key other"),
+        ("dqn/key/seed-0.finished", "agent dqn, seed 0, key key"),
+    ],
+)
+def test_a_file_in_the_place_of_another_is_not_used(
+    tmp_path: Path, said: Lines, place: str, told: str
+) -> None:
+    store(tmp_path, said).finish(0, POLICY)
+    folder = tmp_path / ".checkpoints"
+    (folder / place).parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(folder / "sac/key/seed-0.finished", folder / place)
+    agent, key, name = place.split("/")
+    seed = int(name[len("seed-")])
+    assert Checkpoints(tmp_path, agent, key, said).finished(seed) is None
+    (line,) = said
+    assert "it is that of agent sac, seed 0, key key, not of " + told in line
+    shutil.copy(folder / place, (folder / place).with_name(f"seed-{seed}.1.checkpoint"))
+    assert Checkpoints(tmp_path, agent, key, said).load(seed) is None
+
+
 def test_a_disk_that_is_full_damages_nothing(tmp_path: Path, said: Lines) -> None:
     """A limit on the size of files ends a write half way, as a full disk does."""
     stored = store(tmp_path, said)
@@ -156,7 +180,7 @@ def test_the_oldest_ones_are_removed_beyond_a_size(
 ) -> None:
     train(tmp_path, said, [0, 1])
     store(tmp_path, said, "half").save(0, SAVED)
-    size = len(POLICY.to_bytes())
+    size = len(POLICY.to_bytes(Owner("sac", 0, "other")))
     monkeypatch.setattr(checkpoints, "KEPT_BYTES", 3.5 * size)
     folder = tmp_path / ".checkpoints" / "sac"
     for age, path in enumerate(("half/seed-0.1.checkpoint", "key/seed-1.finished")):

@@ -26,13 +26,14 @@ from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.training import compute, driver
+from jumping_ant.training.workers import Work
 
 
 def test_every_agent_reports_the_same_from_workers(robot_xml: str) -> None:
     """Inline and on Ray, where each of two processes trains one agent after another."""
     params, demonstrations = small_params(2), small_agents.demonstrations(robot_xml)
 
-    def start(name: str) -> compute.Job:
+    def start(name: str) -> Work:
         agent = params.agent(name)
         return partial(
             driver.train_seed,
@@ -120,7 +121,7 @@ def with_training(**changes: Any) -> Params:
 
 
 def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[bytes, float]:
-    """Return each snapshot of a run and its mean return in the validation episodes."""
+    """Return each snapshot of a run, as published, and its mean return in validation."""
     xml = (project / "assets" / "edited.xml").read_text(encoding="utf-8")
     rules = settings.training
     seeds = [rules.evaluation_seed + i for i in range(rules.evaluation_episodes)]
@@ -133,7 +134,8 @@ def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[by
     means = {}
     for content in policy_files:
         episodes = rollout.run(xml, settings.env, policy_file.parse(content), seeds)
-        means[content] = float(np.mean([episode.rewards.sum() for episode in episodes]))
+        published = policy_file.owned(content, (agent, seed))
+        means[published] = float(np.mean([episode.rewards.sum() for episode in episodes]))
     return means
 
 
@@ -196,8 +198,9 @@ def test_of_equal_snapshots_the_first_is_published(
     folder = project / "models" / agent / "seed-0"
     ours = [policy for number, policy in seen if number == 0]
     assert len(set(ours)) == 4
-    assert (folder / "policy.zip").read_bytes() == ours[1]
-    assert (folder / "final.zip").read_bytes() == ours[3]
+    owner = (agent, 0)
+    assert (folder / "policy.zip").read_bytes() == policy_file.owned(ours[1], owner)
+    assert (folder / "final.zip").read_bytes() == policy_file.owned(ours[3], owner)
 
 
 def test_unknown_agent_is_refused(project: Path) -> None:

@@ -1,9 +1,15 @@
 """What a person sees of a training: bars on a terminal, plain lines elsewhere."""
 
 import io
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.training import progress
 from jumping_ant.training.progress import TrainingProgress
 
@@ -76,3 +82,22 @@ def test_an_error_leaves_the_terminal_in_order() -> None:
     with pytest.raises(KeyboardInterrupt), TrainingProgress("pgpe", [0], 800, stream):
         raise KeyboardInterrupt
     assert stream.getvalue().endswith("\n")
+
+
+@pytest.mark.parametrize("output", ["2>&-", "2>/dev/full", "2>&1 >&- | head -1", ">&- 2>&- <&-"])
+def test_a_stage_goes_on_without_anyone_to_tell(tmp_path: Path, output: str) -> None:
+    """Closed, full, or read by a process that has ended."""
+    code = (
+        "import sys, time; from stages import run\n"
+        "def main():\n"
+        "    for number in range(3):\n"
+        "        print('progress', number, file=sys.stderr)\n"
+        "        time.sleep(0.2)\n"
+        "        print('more')\n"
+        "    open('trained', 'x', encoding='utf-8').close()\n"
+        "run(main)\n"
+    )
+    command = f"set -o pipefail; {shlex.join([sys.executable, '-c', code])} {output}"
+    environment = os.environ | {"PYTHONPATH": str(PROJECT_ROOT)}
+    subprocess.run(["bash", "-c", command], cwd=tmp_path, env=environment, check=True)
+    assert (tmp_path / "trained").exists()

@@ -1,10 +1,11 @@
 """Training ends at any time, and resumes: kills, signals, dead workers, other seeds, `--force`."""
 
-import hashlib
 import os
 import re
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -15,16 +16,19 @@ from typing import Any
 import psutil
 import pytest
 import small_agents
+from ruamel.yaml import YAML
 from small_training import TRAINED, KillError, digests, forget, rows, small_params
 
 from jumping_ant.agents.events import Checkpoint
 from jumping_ant.base.archive import pack_state
 from jumping_ant.base.errors import StoppedError
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.training import driver
-from jumping_ant.training.checkpoints import Saved
+from jumping_ant.training.checkpoints import Owner, Saved
+from scripts.checkout import with_tools
 
 
 def with_many_checkpoints() -> Params:
@@ -103,8 +107,10 @@ def test_a_checkpoint_of_wrong_content_gives_way_to_the_one_before(
         driver.train(project, often, agent)
     for path in (project / ".checkpoints").rglob("*"):
         if path.name in ("seed-5.2.checkpoint", "seed-0.finished"):
-            saved = Saved.from_bytes(path.read_bytes())
-            path.write_bytes(replace(saved, content=pack_state({"state": 1})).to_bytes())
+            seed = int(path.name[len("seed-")])
+            owner = Owner(agent, seed, path.parent.name)
+            saved = Saved.from_bytes(path.read_bytes(), owner)
+            path.write_bytes(replace(saved, content=pack_state({"state": 1})).to_bytes(owner))
     capsys.readouterr()
     driver.train(project, settings, agent)
     said = capsys.readouterr().err
@@ -165,35 +171,50 @@ def test_a_new_seed_trains_alone(project: Path, capsys: pytest.CaptureFixture[st
     assert digests(project / "models") == expected
 
 
-def test_a_training_is_done_again_only_once_dvc_has_recorded_it(
-    project: Path, capsys: pytest.CaptureFixture[str]
+def test_a_finished_training_is_done_again_only_if_it_is_forced(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Else something went wrong after it had finished, and it is not thrown away."""
+    """Whatever made DVC run the stage again: litter beside the code, a failure after training."""
     settings = small_params(1)
-    timing = project / "results" / "agents" / "pgpe" / "timing.csv"
 
     def is_trained() -> bool:
         """Train, as DVC calls it; return whether any seed was trained."""
         shutil.rmtree(project / "models", ignore_errors=True)
-        timing.unlink(missing_ok=True)
         capsys.readouterr()
         driver.train(project, settings, "pgpe")
         return "seed 5: trained before" not in capsys.readouterr().err
 
-    def record() -> None:
-        digest = hashlib.md5(timing.read_bytes(), usedforsecurity=False).hexdigest()
-        (project / "dvc.lock").write_text(
-            f"- path: {timing}\n  hash: md5\n  md5: {digest}\n", encoding="utf-8"
-        )
+    assert is_trained()
+    assert not is_trained()
+    monkeypatch.setattr(driver, "is_forced", lambda: True)
+    assert is_trained()
+    assert is_trained()
+    monkeypatch.undo()
+    assert not is_trained()
 
-    assert is_trained()
-    first = timing.read_text(encoding="utf-8")
-    assert not is_trained() and timing.read_text(encoding="utf-8") == first
-    record()
-    assert is_trained() and timing.read_text(encoding="utf-8") != first, "`dvc repro --force`"
-    assert not is_trained(), "forced, but stopped before DVC recorded it"
-    record()
-    assert is_trained()
+
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ("dvc repro asked", "False"),
+        ("dvc repro --force asked", "True"),
+        ("python -m dvc repro -sf asked", "True"),
+        ("dvc exp run --force asked", "True"),
+    ],
+)
+def test_what_forces_a_training(tmp_path: Path, command: str, told: str) -> None:
+    code = "from jumping_ant.training.forced import is_forced; print(is_forced())"
+    stage = {"cmd": f'{sys.executable} -c "{code}" > told', "outs": [{"told": {"cache": False}}]}
+    with (tmp_path / "dvc.yaml").open("w", encoding="utf-8") as file:
+        YAML().dump({"stages": {"asked": stage}}, file)
+    environment = with_tools() | {"PYTHONPATH": str(PROJECT_ROOT)}
+    run = partial(subprocess.run, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    run(["git", "init", "-q"])
+    name = ["-c", "user.name=a", "-c", "user.email=a@b"]
+    run(["git", *name, "commit", "-q", "--allow-empty", "-m", "a"])
+    run(["dvc", "init", "-q"])
+    run(command.split())
+    assert (tmp_path / "told").read_text(encoding="utf-8").strip() == told
 
 
 def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
@@ -257,7 +278,7 @@ def test_a_dead_worker_is_replaced_from_the_checkpoint(
         workers = [
             process
             for process in psutil.Process().children(recursive=True)
-            if "ray::_Worker" in " ".join(process.cmdline())
+            if "spawn_main" in " ".join(process.cmdline())
         ]
         workers[0].kill()
 
@@ -266,5 +287,5 @@ def test_a_dead_worker_is_replaced_from_the_checkpoint(
     driver.train(project, params_file.check(slow), "pgpe")
     killer.join()
     told = capsys.readouterr().err
-    assert re.search(r"pgpe: seed \d: its worker died, and another takes over", told)
+    assert re.search(r"pgpe: seed \d: its worker died \(SIGKILL\), and another takes over", told)
     assert digests(project / "models") == expected

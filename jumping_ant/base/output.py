@@ -1,0 +1,57 @@
+"""Standard output and error, in commands for which they are no reason to stop."""
+
+import io
+import os
+import sys
+from contextlib import suppress
+from typing import Any, TextIO
+
+
+class _Tolerant(io.RawIOBase):
+    """A file that accepts what the file beneath it cannot take."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+
+    def write(self, data: Any) -> int:
+        """Write some or all of the data; return how much of it is done with."""
+        try:
+            return os.write(self._descriptor, data)
+        except OSError:
+            return len(data)
+
+    def writable(self) -> bool:
+        return True
+
+    def isatty(self) -> bool:
+        return os.isatty(self._descriptor)
+
+    def fileno(self) -> int:
+        return self._descriptor
+
+
+def tolerate_failures() -> None:
+    """Ignore failing writes to standard output and error: closed, full, or read by nobody.
+
+    What a command prints is progress and advice; its results are files.
+    """
+    for descriptor in range(3):  # else the next file opened would take the place of a closed one
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
+    sys.stdout = _tolerant(sys.stdout, 1)
+    sys.stderr = _tolerant(sys.stderr, 2)
+
+
+def _tolerant(stream: TextIO | None, descriptor: int) -> TextIO:
+    """Return a stream to the same file that ignores failures; None stands for a closed one."""
+    if stream is not None:
+        with suppress(OSError):
+            stream.flush()
+    return io.TextIOWrapper(
+        io.BufferedWriter(_Tolerant(descriptor)),
+        encoding=stream.encoding if stream else "utf-8",
+        errors="backslashreplace",
+        line_buffering=True,
+    )

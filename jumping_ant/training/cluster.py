@@ -1,0 +1,160 @@
+"""Workers on a Ray cluster that runs already; Ray uploads the code, so nothing needs to be shared.
+
+This module starts none of Ray's servers.
+"""
+
+import logging
+import os
+import socket
+import threading
+import time
+from collections.abc import Hashable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import torch
+
+import jumping_ant
+from jumping_ant.base import machine
+from jumping_ant.base.errors import InputError, WorkerError
+from jumping_ant.training.workers import Died, Ended, Item, News, Work
+
+NO_CLUSTER = ("", "local")  # with these values of RAY_ADDRESS, Ray itself joins none
+SECONDS_FOR_ANSWER = 2.0
+SECONDS_BETWEEN_LOOKS = 1.0
+SECONDS_LOST = 15.0  # before a cluster is given up; after a minute, Ray would end this process
+
+
+def address() -> str | None:
+    """Return the address of the Ray cluster that `RAY_ADDRESS` names, None if there is none.
+
+    `auto` is the cluster that this user, or root, has started on this machine with `ray start`.
+    (Ray would also take another user's, who could then run code as this one.)
+    """
+    given = os.environ.get("RAY_ADDRESS", "")
+    if given == "auto":
+        return _started_here()
+    return None if given in NO_CLUSTER else given
+
+
+def _started_here() -> str | None:
+    folder = os.environ.get("RAY_TMPDIR") or os.environ.get("TMPDIR") or "/tmp"
+    with suppress(OSError), (Path(folder) / "ray" / "ray_current_cluster").open("rb") as file:
+        if os.fstat(file.fileno()).st_uid in (os.getuid(), 0):
+            noted = file.read(1000).decode(errors="replace").strip()
+            return noted if _answers(noted) else None
+    return None
+
+
+def _answers(address: str) -> bool:
+    """Tell whether something accepts connections at HOST:PORT, or ray://HOST:PORT."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), SECONDS_FOR_ANSWER).close()
+    except (OSError, ValueError, OverflowError):
+        return False
+    return True
+
+
+class Cluster:
+    """Actors of a Ray cluster, each of which runs one job (see `workers.Workers`).
+
+    Args:
+        address: The cluster's address.
+
+    Raises:
+        InputError: The cluster cannot be joined.
+    """
+
+    def __init__(self, address: str) -> None:
+        import ray  # takes a second, which training on one machine does without
+        from ray.exceptions import AuthenticationError
+
+        try:
+            if not _answers(address):
+                raise ConnectionError("nothing answers there")  # Ray would try for minutes
+            ray.init(
+                address,
+                runtime_env={"py_modules": [str(Path(jumping_ant.__file__).parent)]},
+                logging_level=logging.ERROR,
+                log_to_driver=False,
+            )
+        except (ConnectionError, AuthenticationError) as error:
+            reason = str(error).strip().partition("\n")[0]
+            raise InputError(
+                f"RAY_ADDRESS: given {address!r}, which cannot be joined ({reason}); allowed: the "
+                "address of a running cluster (with RAY_AUTH_MODE=token and its token, where it "
+                "asks for one), or unset to compute on this machine"
+            ) from error
+        self._ray = ray
+        actor: Any = ray.remote(_Worker)
+        self._worker = actor.options(num_cpus=1, max_concurrency=2)  # a second thread for `stop`
+        self._running: dict[Any, tuple[Any, Any]] = {}
+        self._last_look = self._last_seen = time.monotonic()
+
+    def run(self, key: Hashable, work: Work) -> None:
+        """Start a job."""
+        worker = self._worker.remote()
+        self._running[worker.run.remote(work)] = key, worker
+
+    def news(self, timeout: float) -> Iterator[tuple[Any, News]]:
+        """Wait for news of running jobs."""
+        ready, _ = self._ray.wait(list(self._running), num_returns=1, timeout=timeout)
+        if time.monotonic() - self._last_look > SECONDS_BETWEEN_LOOKS:
+            self._look()
+        for generator in ready:
+            key, worker = self._running[generator]
+            news = self._next(generator)
+            if not isinstance(news, Item):
+                del self._running[generator]
+                self._ray.kill(worker)  # frees its core, which another may wait for
+            yield key, news
+
+    def _next(self, generator: Any) -> News:
+        errors = self._ray.exceptions
+        try:
+            return Item(self._ray.get(next(generator)))
+        except StopIteration:
+            return Ended()
+        except (errors.RayActorError, errors.OutOfMemoryError) as error:
+            return Died(str(error).strip().partition("\n")[0])
+
+    def _look(self) -> None:
+        """Raise WorkerError if the cluster has been lost, for which Ray would wait for ever."""
+        context = self._ray.get_runtime_context()
+        if _answers(context.gcs_address) and any(
+            node["Alive"] for node in self._ray.nodes() if node["NodeID"] == context.get_node_id()
+        ):
+            self._last_seen = time.monotonic()
+        self._last_look = time.monotonic()
+        if self._last_look - self._last_seen > SECONDS_LOST:
+            raise WorkerError(
+                f"the Ray cluster at {context.gcs_address} is lost; once it runs again, the next "
+                "run resumes"
+            )
+
+    def stop(self) -> None:
+        """Ask all running jobs to stop."""
+        for _, worker in self._running.values():
+            worker.stop.remote()
+
+    def close(self) -> None:
+        """End all processes, and leave the cluster."""
+        self._ray.shutdown()
+
+
+class _Worker:
+    """A process that runs one job at a time, and can be told to stop while it runs."""
+
+    def __init__(self) -> None:
+        self._stop = threading.Event()
+
+    def run(self, work: Work) -> Iterator[Any]:
+        """Yield the job's items."""
+        torch.set_num_threads(machine.BLAS_THREADS)
+        yield from work(self._stop)
+
+    def stop(self) -> None:
+        """Ask the job to stop."""
+        self._stop.set()

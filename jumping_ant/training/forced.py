@@ -1,0 +1,23 @@
+"""Whether the user asks for a training that is done already, with `dvc repro --force`."""
+
+from contextlib import suppress
+from pathlib import Path
+
+import psutil  # type: ignore[import-untyped]
+
+
+def is_forced() -> bool:
+    """Tell whether DVC runs this process and was told to run everything.
+
+    DVC does not tell a stage, but the command line that DVC was called with does.
+    """
+    for process in psutil.Process().parents():
+        words: list[str] = []
+        with suppress(psutil.Error):
+            words = process.cmdline()
+        names = [Path(word).name for word in words[:3]]  # DVC alone, or after an interpreter
+        if "dvc" in names:
+            from dvc.cli import parse_args  # type: ignore[import-untyped]
+
+            return bool(getattr(parse_args(words[names.index("dvc") + 1 :]), "force", False))
+    return False
