@@ -17,10 +17,9 @@ from jumping_ant.params import article
 from jumping_ant.params.blocks import EnvParams, EvaluateParams, RobotParams
 from jumping_ant.sim import robot
 
-# As `jumping_ant.training.compute` has it before it imports Ray: a test may import EvoTorch first,
-# which imports Ray.
-if not os.environ.get("RAY_ADDRESS"):
-    os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+# Keeps the clusters of tests on the loopback address. Ray reads it when it is imported, as by
+# EvoTorch.
+os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 
 # Threads that wait for others of a matrix product spin for a while, which is fastest if each has a
 # core of its own. Tests run beside each other: there a measurement of two threads takes ten times

@@ -61,7 +61,7 @@ def users(library: str) -> set[str]:
 
 def test_mlflow_and_ray_have_one_home_each() -> None:
     assert {name.split("/")[0] for name in users("mlflow")} == {"tracking"}
-    assert users("ray") == {"training/compute.py"}
+    assert users("ray") == {"training/cluster.py"}
 
 
 def test_package_files_are_empty() -> None:

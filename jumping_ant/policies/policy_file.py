@@ -91,17 +91,16 @@ def parse(source: bytes | BinaryIO, owner: Owner | None = None) -> Policy:
         raise InputError(
             f"policy file: given torques of shape {shape}, allowed: {(1, interface.num_motors)}"
         )
-    if owner:
-        _check_owner(stated, owner)
+    _check_owner(stated, owner)
     return policy
 
 
-def read_interface(path: Path, owner: Owner) -> Interface:
+def read_interface(path: Path, owner: Owner | None = None) -> Interface:
     """Read the inputs and outputs of a policy, without reading the policy.
 
     Args:
         path: The file.
-        owner: The agent and the seed that it must be of.
+        owner: The agent and the seed that it must be of; None if any will do.
 
     Raises:
         InputError: The file is missing, not a policy file, or that of another agent or seed.
@@ -127,8 +126,8 @@ def _owner(entries: Entries) -> Owner | None:
     return str(stated["agent"]), int(stated["seed"])
 
 
-def _check_owner(stated: Owner | None, owner: Owner) -> None:
-    if stated != owner:
+def _check_owner(stated: Owner | None, owner: Owner | None) -> None:
+    if owner and stated != owner:
         given = f"that of agent {stated[0]}, seed {stated[1]}" if stated else "one of no agent"
         raise InputError(
             f"policy file: given {given}, allowed: that of agent {owner[0]}, seed {owner[1]}; "

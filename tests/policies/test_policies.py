@@ -96,7 +96,7 @@ def test_networks_act_as_in_stable_baselines3(network: Any) -> None:
 @pytest.mark.filterwarnings("ignore:.n_steps=")  # it matters for training only
 def test_stable_baselines3_loads_the_same_file(network: Any) -> None:
     algorithm, model, content, _ = network
-    loaded = SB3[algorithm][0].load(io.BytesIO(content), device="cpu")
+    loaded = SB3[algorithm][0].load(io.BytesIO(policy_file.owned(content, ("a", 1))), device="cpu")
     np.testing.assert_array_equal(sb3_torques(algorithm, loaded), sb3_torques(algorithm, model))
 
 
@@ -439,3 +439,26 @@ def test_pickled_code_is_not_run(tmp_path: Path) -> None:
 def test_a_missing_file_names_what_writes_it(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"policy.zip: No such file .*; `dvc repro` trains it"):
         policy_file.load(tmp_path / "policy.zip")
+
+
+def test_a_published_policy_says_whose_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "policy.zip"
+    path.write_bytes(policy_file.owned(LINEAR, ("sac", 20)))
+    assert policy_file.load(path, ("sac", 20)).to_bytes() == LINEAR
+    assert policy_file.load(path).to_bytes() == LINEAR
+    assert policy_file.read_interface(path, ("sac", 20)).num_motors == 8
+    for owner in (("sac", 21), ("dqn", 20)):
+        told = (
+            f"{path}: policy file: given that of agent sac, seed 20, allowed: that of agent "
+            f"{owner[0]}, seed {owner[1]}; run `dvc repro --force train@{owner[0]}`"
+        )
+        for read in (policy_file.load, policy_file.read_interface):
+            with pytest.raises(InputError) as caught:
+                read(path, owner)
+            assert str(caught.value) == told
+    path.write_bytes(LINEAR)
+    with pytest.raises(InputError, match="given one of no agent, allowed: that of agent sac"):
+        policy_file.load(path, ("sac", 20))
+    path.write_bytes(pack({**Archive(LINEAR), "owner.json": b"[1]"}))
+    with pytest.raises(InputError, match="given what is not a policy"):
+        policy_file.load(path)

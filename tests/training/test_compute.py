@@ -22,8 +22,6 @@ from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.training import cluster, compute
 from jumping_ant.training.workers import Work
 
-RAY_ON_LOOPBACK = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
-
 
 def count(key: str, length: int, stop: threading.Event) -> Iterator[str]:
     for number in range(length):
@@ -75,7 +73,6 @@ def started_ray(folder: str, port: int) -> Iterator[subprocess.Popen[bytes]]:
     ]
     process = subprocess.Popen(
         command,
-        env=os.environ | RAY_ON_LOOPBACK,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
@@ -113,8 +110,6 @@ def no_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def on_cluster(monkeypatch: pytest.MonkeyPatch, ray_address: str) -> str:
     monkeypatch.setenv("RAY_ADDRESS", ray_address)
-    for name, value in RAY_ON_LOOPBACK.items():
-        monkeypatch.setenv(name, value)
     return ray_address
 
 
@@ -347,8 +342,6 @@ def test_a_cluster_that_is_lost_is_told(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, server: str
 ) -> None:
     """Ray itself waits for a raylet for ever, and ends its driver without the other server."""
-    for name, value in RAY_ON_LOOPBACK.items():
-        monkeypatch.setenv(name, value)
     monkeypatch.setattr(cluster, "SECONDS_LOST", 1.0)
     port = free_port()
     monkeypatch.setenv("RAY_ADDRESS", f"127.0.0.1:{port}")
