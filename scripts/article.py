@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from jumping_ant.agents import catalogue
-from jumping_ant.base import command_line, machine
+from jumping_ant.base import command_line, machine, output
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
 from jumping_ant.experiment import params_file, presets
@@ -33,6 +33,7 @@ RESULTS = PROJECT_ROOT / "results"
 
 def main() -> None:
     """Parse the command line, run and measure."""
+    output.tolerate_failures()
     parser = command_line.parser(__doc__)
     parser.add_argument("--measure", action="store_true", help="only measure what is trained")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the trained agents are")

@@ -25,7 +25,7 @@ import torch
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Finished
 from jumping_ant.agents.job import Job, trainer_of
-from jumping_ant.base import command_line
+from jumping_ant.base import command_line, output
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
@@ -118,6 +118,7 @@ SPACES: dict[str, Space] = {
 
 def main() -> None:
     """Parse the command line, and search."""
+    output.tolerate_failures()
     parser = command_line.parser(__doc__)
     parser.add_argument("agents", nargs="*", metavar="AGENT", help=", ".join(SPACES))
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)

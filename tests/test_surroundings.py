@@ -1,0 +1,82 @@
+"""Stages in surroundings that are not as usual: another locale, no docstrings, limits."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from jumping_ant.base.files import PROJECT_ROOT
+from scripts.checkout import copy_project
+
+PLAIN = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("surroundings") / "project"
+    copy_project(folder)
+    return folder
+
+
+def python(project: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=project,
+        env=os.environ | variables,
+        encoding="utf-8",
+        capture_output=True,
+    )
+
+
+@pytest.mark.parametrize("stage", ["digest", "build"])
+def test_text_is_utf_8_whatever_the_locale(project: Path, stage: str) -> None:
+    outputs = []
+    for variables in ({}, PLAIN):
+        done = python(project, "-m", f"stages.{stage}", **variables)
+        assert done.returncode == 0, done.stderr
+        names = ["digests", "trainers"] if stage == "digest" else ["assets"]
+        outputs.append(
+            {
+                path: path.read_bytes()
+                for name in names
+                for path in (project / name).rglob("*")
+                if path.is_file()
+            }
+        )
+    assert outputs[0] == outputs[1] != {}
+
+
+EVERY_STAGE = """
+import importlib, pathlib, sys
+for path in sorted(pathlib.Path("stages").glob("[a-z]*.py")):
+    sys.argv = [path.stem, "--help"]
+    try:
+        importlib.import_module(f"stages.{path.stem}").main()
+    except SystemExit as end:
+        assert not end.code
+        print(path.stem, "helped")
+"""
+
+
+def test_stages_do_without_docstrings(project: Path) -> None:
+    done = python(project, "-OO", "-c", EVERY_STAGE)
+    helped = [line.split()[0] for line in done.stdout.splitlines() if line.endswith(" helped")]
+    scripts = sorted(path.stem for path in (project / "stages").glob("[a-z]*.py"))
+    assert helped == scripts and len(scripts) > 10, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (OSError(27, "File too large"), "[Errno 27] File too large"),
+        (MemoryError(), "out of memory"),
+        (RuntimeError("can't start new thread"), "can't start new thread"),
+    ],
+)
+def test_a_limit_of_the_system_ends_a_stage_in_a_line(error: Exception, line: str) -> None:
+    code = f"from stages import run\ndef main(): raise {error!r}\nrun(main)"
+    done = python(PROJECT_ROOT, "-c", code)
+    assert done.returncode == 1
+    assert done.stderr == f"error: {line}; nothing already computed is lost\n"
