@@ -66,8 +66,8 @@ def track(
     counts = ", ".join(f"{count} {verb}" for verb, count in sorted(done.items()))
     say(f"MLflow at {store.name}: {counts or 'nothing to show'}")
     if pages_at:
-        base = store.name if store.is_server else pages_at
-        say(f"Look at {base.rstrip('/')}/{pages.address(store.experiment_id)}")
+        base = f"{store.name.rstrip('/')}/" if store.is_server else pages_at
+        say(f"Look at {base}{pages.address(store.experiment_id)}")
 
 
 class _Mirror:

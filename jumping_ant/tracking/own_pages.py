@@ -1,79 +1,126 @@
 """MLflow's server, for the user who starts it: other users of the machine are refused.
 
 MLflow asks nobody who they are. Whoever may send it requests can upload files, and make them a
-champion that the user then loads. `mlflow server --app-name jumping-ant` serves the `app` here.
+champion that the user then loads. Here a request must come from a process of the user and bring
+the server's token, each of which would be enough by itself.
 """
 
+import hmac
 import os
 import socket
-import sys
+import warnings
 from collections.abc import Awaitable, Callable, MutableMapping
 from pathlib import Path
 from typing import Any
 
-from mlflow.server.fastapi_app import app as mlflow_app
+import uvicorn
+from starlette.requests import HTTPConnection
+from starlette.responses import HTMLResponse, PlainTextResponse
+from starlette.websockets import WebSocketClose
+
+from jumping_ant.base import peers
+from jumping_ant.base.paths import home
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Message, Receive, Send], Awaitable[None]]
-Address = tuple[str, int]
 
-CONNECTIONS = Path("/proc/net/tcp")
-ESTABLISHED = "01"
-ROOT = 0
+UNKNOWN = "Open the address that `make ui` printed, or set MLFLOW_TRACKING_TOKEN to its token."
+POLICY_VIOLATION = 1008  # a reason for closing a WebSocket
+# Takes the token out of the address bar. A redirection would not do: a browser that follows a link
+# from elsewhere keeps a strict cookie back until a page from here asks.
+ENTRANCE = '<script>location.replace("/" + location.hash)</script>'
 
 
 class OwnUserOnly:
-    """An ASGI application that answers only requests of this process's user and of root.
+    """An ASGI application that answers only its user, told by the kernel and by a token.
 
-    On systems without `/proc/net/tcp` it cannot tell users apart, and answers all.
+    The token arrives in the address of the page, which leaves it in a cookie, or as clients of
+    MLflow send `MLFLOW_TRACKING_TOKEN`. All ports of a machine share their cookies: this one's name
+    has the port, and no page of another port may have the browser use it.
+
+    Args:
+        application: What answers this user.
+        token: The token, of letters and digits.
+        port: The port that the server listens on.
     """
 
-    def __init__(self, application: Application) -> None:
-        self._application = application
+    def __init__(self, application: Application, token: str, port: int) -> None:
+        self._application, self._token = application, token
+        self._cookie = f"jumping-ant-{port}"
 
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
         """Answer a request."""
-        if scope["type"] == "lifespan" or _is_allowed(scope):
-            await self._application(scope, receive, send)
-        elif scope["type"] == "http":
-            text = [(b"content-type", b"text/plain")]
-            await send({"type": "http.response.start", "status": 403, "headers": text})
-            await send({"type": "http.response.body", "body": b"This server is another user's.\n"})
-        else:
-            await send({"type": "websocket.close", "code": 1008})
+        answer = self._application
+        if scope["type"] != "lifespan":
+            request = HTTPConnection(scope)
+            refusal = self._refusal(request)
+            if refusal and scope["type"] == "http":
+                answer = PlainTextResponse(f"{refusal}\n", 403)
+            elif refusal:
+                answer = WebSocketClose(POLICY_VIOLATION)
+            elif self._is_entrance(request):
+                answer = self._entrance()
+        await answer(scope, receive, send)
+
+    def _refusal(self, request: HTTPConnection) -> str | None:
+        client, server = request.scope["client"], request.scope["server"]
+        if client is None or not peers.is_own(tuple(client), tuple(server)):
+            return "This server is another user's."
+        if _is_of_another_page(request):
+            return "This server answers only its own pages."
+        if not (self._is_entrance(request) or self._is_known(request)):
+            return UNKNOWN
+        return None
+
+    def _is_entrance(self, request: HTTPConnection) -> bool:
+        """Tell whether it is a visit to the address that `make ui` printed."""
+        return request.scope["path"] == "/" and self._is_token(request.query_params.get("token"))
+
+    def _is_known(self, request: HTTPConnection) -> bool:
+        kind, _, token = request.headers.get("authorization", "").partition(" ")
+        is_sent = kind.lower() == "bearer" and self._is_token(token)
+        return is_sent or self._is_token(request.cookies.get(self._cookie))
+
+    def _is_token(self, given: str | None) -> bool:
+        return hmac.compare_digest((given or "").encode(), self._token.encode())
+
+    def _entrance(self) -> HTMLResponse:
+        headers = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
+        page = HTMLResponse(ENTRANCE, headers=headers)
+        page.set_cookie(self._cookie, self._token, httponly=True, samesite="strict")
+        return page
 
 
-def _is_allowed(scope: Message) -> bool:
-    if not CONNECTIONS.exists():
+def _is_of_another_page(request: HTTPConnection) -> bool:
+    """Tell whether a page from elsewhere, perhaps of another port, has the browser ask."""
+    headers = request.headers
+    origin, host = headers.get("origin"), headers.get("host", "")
+    if origin is not None and origin.partition("://")[2] != host:
         return True
-    user = user_of(tuple(scope["client"]), tuple(scope["server"]))
-    return user in (os.getuid(), ROOT)
+    is_link = headers.get("sec-fetch-mode") == "navigate"
+    return headers.get("sec-fetch-site") in ("cross-site", "same-site") and not is_link
 
 
-def user_of(client: Address, server: Address) -> int | None:
-    """Return the id of the user at the other end of a connection within this machine.
+def serve(listener: socket.socket, uri: str, root: Path, token: str) -> None:
+    """Serve MLflow, without its proxy for artifacts, until Ctrl-C.
 
     Args:
-        client: IPv4 address and port of the other end.
-        server: Those of this end.
-
-    Returns:
-        None if the connection is closed or comes from another machine.
+        listener: Where to accept connections.
+        uri: The database.
+        root: The project folder.
+        token: What requests must bring (see `OwnUserOnly`).
     """
-    ends = [_entry(client), _entry(server)]
-    for line in CONNECTIONS.read_text(encoding="utf-8").splitlines()[1:]:
-        fields = line.split()
-        if fields[1:3] == ends and fields[3] == ESTABLISHED:  # others have lost their owner
-            return int(fields[7])
-    return None
-
-
-def _entry(address: Address) -> str:
-    """Return an address as the kernel prints it."""
-    host = int.from_bytes(socket.inet_aton(address[0]), sys.byteorder)
-    return f"{host:08X}:{address[1]:04X}"
-
-
-app = OwnUserOnly(mlflow_app)
+    os.environ |= {
+        "_MLFLOW_SERVER_FILE_STORE": uri,
+        "_MLFLOW_SERVER_ARTIFACT_ROOT": (home(root) / "mlartifacts").as_uri(),
+        "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
+    }
+    with warnings.catch_warnings(action="ignore"):  # about packages that MLflow uses
+        from mlflow.server.fastapi_app import app  # reads the variables
+    guarded = OwnUserOnly(app, token, listener.getsockname()[1])
+    # Proxies may say whom they ask for, and so could anyone here: headers would replace the address
+    # that the user is found by.
+    config = uvicorn.Config(guarded, proxy_headers=False, workers=1, log_level="warning")
+    uvicorn.Server(config).run([listener])

@@ -6,51 +6,62 @@ If `MLFLOW_TRACKING_URI` names a server, that one has the pages, and only the up
 """
 
 import argparse
-import os
-import sys
+import secrets
+import socket
+from contextlib import suppress
 from pathlib import Path
 
-from jumping_ant.base.errors import reported
+from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.base.paths import home
 from jumping_ant.tracking import connection
 from jumping_ant.tracking.mirror import track
+from jumping_ant.tracking.own_pages import serve
 
 HOST = "127.0.0.1"
+TOKEN_BYTES = 16
 
 
 def main() -> None:
-    """Parse the command line, update, and become the server."""
+    """Parse the command line, update, and serve until Ctrl-C."""
     parser = argparse.ArgumentParser(prog="python -m jumping_ant.tracking.ui", description=__doc__)
     parser.add_argument("--port", type=int, default=5000)
     port = parser.parse_args().port
-    with reported():
-        track(pages_at=f"http://{HOST}:{port}")
-        uri = connection.tracking_uri()
-        if not connection.is_server(uri):
-            print("as soon as MLflow's server is up; Ctrl-C ends it", flush=True)
-            serve(uri, PROJECT_ROOT, port)
+    with reported(), suppress(KeyboardInterrupt):
+        run(PROJECT_ROOT, port)
 
 
-def serve(uri: str, root: Path, port: int) -> None:
-    """Replace this process by MLflow's server, without its proxy for artifacts.
-
-    The server refuses other users (see `jumping_ant.tracking.own_pages`).
+def run(root: Path, port: int) -> None:
+    """Bring MLflow up to date with a project, print where to look, and serve until Ctrl-C.
 
     Args:
-        uri: The database. It may hold a password, so it is no argument, which others could read.
         root: The project folder.
-        port: Port to listen on.
+        port: Port to listen on; 0 is any free one.
+
+    Raises:
+        InputError: A file is damaged, MLflow cannot be reached, or the port cannot be had.
     """
-    variables = {"MLFLOW_BACKEND_STORE_URI": uri, "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
-    os.environ.update(variables)
-    command = [
-        *(sys.executable, "-m", "mlflow", "server"),
-        *("--host", HOST, "--port", str(port), "--workers", "1"),
-        *("--app-name", "jumping-ant", "--no-serve-artifacts"),
-        *("--default-artifact-root", (home(root) / "mlartifacts").as_uri()),
-    ]
-    os.execv(command[0], command)
+    uri = connection.tracking_uri(root)
+    if connection.is_server(uri):
+        track(root, pages_at=uri)
+        return
+    token = secrets.token_hex(TOKEN_BYTES)
+    with _listen(port) as listener:  # before the address is printed: nobody else may answer there
+        place = f"{HOST}:{listener.getsockname()[1]}"
+        track(root, pages_at=f"http://{place}/?token={token}")
+        print("Ctrl-C ends the server", flush=True)
+        serve(listener, uri, root, token)
+
+
+def _listen(port: int) -> socket.socket:
+    """Return a socket that accepts connections from this machine."""
+    try:
+        return socket.create_server((HOST, port))
+    except (OSError, OverflowError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a port"
+        raise InputError(
+            f"--port: given {port} ({reason}), allowed: a free port up to 65535; "
+            "`make ui PORT=8080` takes another"
+        ) from error
 
 
 if __name__ == "__main__":

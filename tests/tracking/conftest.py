@@ -1,12 +1,11 @@
 """Projects to track, bare, trained and tracked."""
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import mlflow
 import pytest
-from tracked_project import make_bare, make_whole, query, tracked, unset_variables
+from tracked_project import copy_tracked, make_bare, make_whole, tracked, unset_variables
 
 
 @pytest.fixture(scope="session")
@@ -58,13 +57,5 @@ def project(folder: Path, tracked_template: Path) -> Path:
     MLflow remembers where the artifacts of a run are: a test that damages them needs runs of its
     own, and tracks `untracked_project`.
     """
-    root = folder / "a project"
-    shutil.copytree(tracked_template, root)
-    for table, column in (
-        ("experiments", "artifact_location"),
-        ("runs", "artifact_uri"),
-        ("logged_models", "artifact_location"),
-    ):
-        sql = f"UPDATE {table} SET {column} = replace({column}, ?, ?)"
-        query(root, sql, tracked_template.as_uri(), root.as_uri())
-    return root
+    copy_tracked(tracked_template, folder / "a project")
+    return folder / "a project"

@@ -104,6 +104,18 @@ def make_whole(root: Path) -> None:
     compare(root)
 
 
+def copy_tracked(template: Path, root: Path) -> None:
+    """Copy a project, and have its database say where the copy's artifacts are."""
+    shutil.copytree(template, root)
+    for table, column in (
+        ("experiments", "artifact_location"),
+        ("runs", "artifact_uri"),
+        ("logged_models", "artifact_location"),
+    ):
+        sql = f"UPDATE {table} SET {column} = replace({column}, ?, ?)"
+        query(root, sql, template.as_uri(), root.as_uri())
+
+
 def unset_variables(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("TRACKING_URI", "HTTP_REQUEST_MAX_RETRIES", "HTTP_REQUEST_TIMEOUT"):
         monkeypatch.setenv(f"MLFLOW_{name}", "")  # so that it is restored even if it is set later
