@@ -34,7 +34,7 @@ def user_of(client: Address, server: Address) -> int | None:
         server: Those of this end.
 
     Returns:
-        None if the connection is closed or comes from another machine.
+        None if the connection is closed, even by half, or comes from another machine.
     """
     for table, prefix in ((CONNECTIONS, b""), (CONNECTIONS_OVER_IPV6, MAPPED)):
         ends = [_entry(prefix, client), _entry(prefix, server)]

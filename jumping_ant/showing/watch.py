@@ -125,11 +125,12 @@ def _in_browser(
     xml: str, settings: Params, policy: Policy, name: str, num_episodes: int | None
 ) -> None:
     env = RobotEnv(xml, settings.env)
-    with server.serve(name) as (stream, address):
+    with server.serve(name) as (stream, feed, address):
         print(f"{name}: open {address} (Ctrl-C ends it)", flush=True)
         recording = LiveRecording(stream, env.model, settings.env.frame_skip)
         for step in play(env, policy, settings.evaluate.seed, num_episodes):
-            recording.show(step)
+            recording.show(step)  # the first time with all that stays: shapes, styles, layout
+            feed.publish()
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 Usage: python -m jumping_ant.tracking.ui [--port PORT]
 
-If `MLFLOW_TRACKING_URI` names a server, that one has the pages, and only the update is made.
+The address that it prints has a token, new at each start. Clients of MLflow send it if
+`MLFLOW_TRACKING_TOKEN` is set to it. If `MLFLOW_TRACKING_URI` names a server, that one has the
+pages, and only the update is made.
 """
 
 import argparse

@@ -1,147 +1,83 @@
-"""A Rerun viewer for browsers on this machine only.
+"""A Rerun viewer for the browser of the user who starts it: other users are refused.
 
-Rerun's Python functions would listen on every network, so its command serves, bound to the loopback
-address. Its page would send telemetry and fetch fonts from elsewhere, so a proxy serves it with a
-content security policy that lets browsers reach only the two servers here.
+Rerun's own server takes data from, and gives it to, whoever can connect. Here the browser loads a
+growing recording over HTTP instead, from the server that has the viewer's page. That would send
+telemetry and fetch fonts from elsewhere, so a content security policy lets it reach only this one.
 """
 
+import hmac
 import http.server
-import os
-import shutil
-import signal
-import socket
-import subprocess
+import secrets
 import sys
 import threading
-import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from http import HTTPStatus
-from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 import rerun as rr
 
-from jumping_ant.base.errors import WorkerError
+from jumping_ant.base import peers
+from jumping_ant.showing.recording import viewer
+from jumping_ant.showing.recording.feed import Feed
 from jumping_ant.showing.recording.file import APPLICATION_ID
 
 HOST = "127.0.0.1"
-START_SECONDS = 30.0  # limit for the start of the server
+RECORDING = "live.rrd"
+POLICY = "default-src 'self' blob: data: 'unsafe-inline' 'unsafe-eval'"
 MOST_CONNECTIONS = 64  # at a time
 SECONDS_FOR_REQUEST = 30
-MEMORY = "512MiB"  # of history that the server keeps for browsers that connect late
+TOKEN_BYTES = 16
 
 
 @contextmanager
-def serve(name: str) -> Iterator[tuple[rr.RecordingStream, str]]:
+def serve(name: str) -> Iterator[tuple[rr.RecordingStream, Feed, str]]:
     """Serve a recording while the context is open.
 
     Args:
         name: Its name in the viewer.
 
     Yields:
-        The recording to log to, and the address to open.
+        The recording to log to, the feed that publishes it, and the address to open.
 
     Raises:
-        WorkerError: The server does not start.
+        WorkerError: The viewer does not start.
     """
-    data_port, viewer_port = _free_ports(2)
-    data = f"{HOST}:{data_port}/proxy"
-    with (
-        _rerun(data_port, viewer_port),
-        _guarded(viewer_port, data_port) as address,
-        rr.RecordingStream(APPLICATION_ID) as stream,
-    ):
-        stream.connect_grpc(f"rerun+http://{data}")
+    files = viewer.read_files()
+    with rr.RecordingStream(APPLICATION_ID) as stream:
+        feed = Feed(stream)
         stream.send_recording_name(name)
         stream.set_log_time_enabled(False)
-        url = quote(f"rerun+http://{data}", safe="")
-        try:
-            yield stream, f"{address}/?url={url}&hide_welcome_screen&theme=dark"
-        finally:
-            stream.disconnect()  # before the server ends, or it would complain
-
-
-@contextmanager
-def _rerun(data_port: int, viewer_port: int) -> Iterator[None]:
-    """Run Rerun's server, which forwards logged data to browsers and serves the viewer."""
-    command = [
-        str(Path(sys.executable).with_name("rerun")),
-        "--serve-web",
-        *("--bind", HOST, "--port", str(data_port), "--web-viewer-port", str(viewer_port)),
-        *("--server-memory-limit", MEMORY),
-    ]
-    process = subprocess.Popen(
-        command,
-        env=os.environ | {"CI": "1"},  # disables Rerun's telemetry
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,  # Ctrl-C reaches only this process, which stops the server
-    )
-    try:
-        _await_ports(process, data_port, viewer_port)
-        yield
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGTERM)  # the command starts the server as its child
-        process.wait()
-
-
-@contextmanager
-def _guarded(viewer_port: int, data_port: int) -> Iterator[str]:
-    """Serve the viewer's page with the policy; yields the page's address."""
-    places = f"'self' blob: data: http://{HOST}:{data_port}"
-    policy = f"default-src {places} 'unsafe-inline' 'unsafe-eval'"
-    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # local, so no proxy
-
-    class Handler(http.server.BaseHTTPRequestHandler):
-        timeout = SECONDS_FOR_REQUEST
-
-        def do_GET(self) -> None:  # noqa: N802  (the base class's name)
-            if not self.path.startswith("/"):  # could name another host
-                self.send_error(HTTPStatus.BAD_REQUEST)
-                return
-            # A page elsewhere could give its own name this machine's address.
-            if self.headers["Host"] not in names:
-                self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
-                return
+        with _Server(files, feed) as server:
+            threading.Thread(target=server.serve_forever, daemon=True).start()
             try:
-                answer = opener.open(f"http://{HOST}:{viewer_port}{self.path}")
-            except urllib.error.HTTPError as error:
-                self.send_error(error.code)
-                return
-            except urllib.error.URLError:
-                self.send_error(HTTPStatus.BAD_GATEWAY)
-                return
-            with answer, suppress(ConnectionError):  # the browser has disconnected
-                self.send_response(200)
-                self.send_header("Content-Type", answer.headers["Content-Type"])
-                self.send_header("Content-Security-Policy", policy)
-                self.end_headers()
-                shutil.copyfileobj(answer, self.wfile)
-
-        def log_message(self, format: str, *args: object) -> None:
-            """Log nothing."""
-
-    with _Server((HOST, 0), Handler) as server:
-        names = {f"{name}:{server.server_port}" for name in (HOST, "localhost")}
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        try:
-            yield f"http://{HOST}:{server.server_port}"
-        finally:
-            server.shutdown()
+                yield stream, feed, server.address
+            finally:
+                feed.end()
+                server.shutdown()
 
 
 class _Server(http.server.ThreadingHTTPServer):
-    """A server of a thread for each connection, up to a number of connections."""
+    """A server of the viewer and a recording, with a thread for each of a number of connections."""
 
-    def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
+    request_queue_size = MOST_CONNECTIONS
+
+    def __init__(self, files: dict[str, bytes], feed: Feed) -> None:
+        super().__init__((HOST, 0), _Handler)
+        self.files, self.feed, self.token = files, feed, secrets.token_hex(TOKEN_BYTES)
+        self.names = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
         self._free = threading.BoundedSemaphore(MOST_CONNECTIONS)
+
+    @property
+    def address(self) -> str:
+        """The address of the viewer, which shows the recording."""
+        root = f"http://{HOST}:{self.server_port}/{self.token}/"
+        return f"{root}?url={quote(root + RECORDING, safe='')}&hide_welcome_screen&theme=dark"
+
+    def verify_request(self, request: Any, client_address: Any) -> bool:
+        """Hang up on other users of the machine, before they take a place."""
+        return peers.is_own(client_address, (HOST, self.server_port))
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve a connection in a thread of its own, or close it if there are too many."""
@@ -157,27 +93,41 @@ class _Server(http.server.ThreadingHTTPServer):
         finally:
             self._free.release()
 
-
-def _await_ports(process: subprocess.Popen[bytes], *ports: int) -> None:
-    deadline = time.monotonic() + START_SECONDS
-    for port in ports:
-        while not _listens(port):
-            if process.poll() is not None or time.monotonic() > deadline:
-                raise WorkerError("the Rerun server does not start; `rerun --serve-web` says why")
-            time.sleep(0.05)
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Report an error, unless the browser has disconnected or fallen silent."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
 
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex((HOST, port)) == 0
+class _Handler(http.server.BaseHTTPRequestHandler):
+    server: _Server
+    timeout = SECONDS_FOR_REQUEST
 
+    def do_GET(self) -> None:  # noqa: N802  (the base class's name)
+        path = self.path.partition("?")[0]
+        token, slash, name = path.removeprefix("/").partition("/")
+        # A page elsewhere could give its own name this machine's address.
+        if self.headers["Host"] not in self.server.names:
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+        elif not hmac.compare_digest(token.encode(), self.server.token.encode()):
+            self.send_error(HTTPStatus.FORBIDDEN, explain="Open the address that was printed.")
+        elif name == RECORDING:
+            self._send("application/octet-stream", self.server.feed.follow())
+        elif slash and name in self.server.files:
+            self._send(viewer.CONTENT_TYPES[name], [self.server.files[name]])
+        else:
+            self.send_error(HTTPStatus.NOT_FOUND)
 
-def _free_ports(count: int) -> list[int]:
-    sockets = [socket.socket() for _ in range(count)]
-    try:
-        for one in sockets:
-            one.bind((HOST, 0))
-        return [one.getsockname()[1] for one in sockets]
-    finally:
-        for one in sockets:
-            one.close()
+    def _send(self, content_type: str, parts: Iterable[bytes]) -> None:
+        """Send content up to the end of the connection."""
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", content_type)
+        self.send_header("Content-Security-Policy", POLICY)
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+        for part in parts:
+            self.wfile.write(part)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Log nothing."""
