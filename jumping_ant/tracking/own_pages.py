@@ -16,7 +16,6 @@ from typing import Any
 import uvicorn
 from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse
-from starlette.websockets import WebSocketClose
 
 from jumping_ant.base import peers
 from jumping_ant.base.paths import home
@@ -27,7 +26,6 @@ Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Message, Receive, Send], Awaitable[None]]
 
 UNKNOWN = "Open the address that `make ui` printed, or set MLFLOW_TRACKING_TOKEN to its token."
-POLICY_VIOLATION = 1008  # a reason for closing a WebSocket
 # Takes the token out of the address bar. A redirection would not do: a browser that follows a link
 # from elsewhere keeps a strict cookie back until a page from here asks.
 ENTRANCE = '<script>location.replace("/" + location.hash)</script>'
@@ -56,10 +54,8 @@ class OwnUserOnly:
         if scope["type"] != "lifespan":
             request = HTTPConnection(scope)
             refusal = self._refusal(request)
-            if refusal and scope["type"] == "http":
+            if refusal:
                 answer = PlainTextResponse(f"{refusal}\n", 403)
-            elif refusal:
-                answer = WebSocketClose(POLICY_VIOLATION)
             elif self._is_entrance(request):
                 answer = self._entrance()
         await answer(scope, receive, send)
@@ -122,5 +118,5 @@ def serve(listener: socket.socket, uri: str, root: Path, token: str) -> None:
     guarded = OwnUserOnly(app, token, listener.getsockname()[1])
     # Proxies may say whom they ask for, and so could anyone here: headers would replace the address
     # that the user is found by.
-    config = uvicorn.Config(guarded, proxy_headers=False, workers=1, log_level="warning")
+    config = uvicorn.Config(guarded, proxy_headers=False, ws="none", workers=1, log_level="warning")
     uvicorn.Server(config).run([listener])

@@ -191,10 +191,11 @@ def test_pages_of_other_ports_are_not_answered(served: Served) -> None:
     assert status(served.address, {**served.bearer, "Host": "evil.example"}) == 403
 
 
-def test_no_websocket_opens_without_the_token(served: Served) -> None:
+def test_no_websocket_opens(served: Served) -> None:
     upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
     upgrade["Sec-WebSocket-Key"] = "dGhlIHNhbXBsZSBub25jZQ=="
     assert status(served.address, upgrade) == 403
+    assert status(served.address, upgrade | served.cookie) == 200, "a page, as without the upgrade"
 
 
 def test_nothing_can_be_uploaded(served: Served, own_project: Path) -> None:
@@ -238,9 +239,10 @@ def test_a_port_that_cannot_be_had_ends_in_one_line(project: Path) -> None:
 
 def test_the_printed_address_shows_the_table_of_runs(served: Served, open_page: OpenPage) -> None:
     visit = open_page(served.printed)
+    visit.page.wait_for_url(lambda address: served.token not in address)
     shown = "document.body.innerText.includes('sac-seed-0')"
     visit.wait_for(shown)
-    assert served.token not in visit.page.url and "#/experiments/1/runs" in visit.page.url
+    assert "#/experiments/1/runs" in visit.page.url
     assert visit.page.evaluate("document.cookie") == "", "out of reach of what pages run"
     visit.page.reload()
     visit.wait_for(shown)
