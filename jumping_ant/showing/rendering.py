@@ -115,15 +115,11 @@ def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
     Raises:
         InputError: The XML is not MJCF, or not a robot on a floor.
     """
-    mjcf.check(xml)
-    try:
-        spec = mujoco.MjSpec.from_string(xml)
-    except ValueError as error:
-        raise InputError(f"robot XML: not valid MJCF: {' '.join(str(error).split())}") from error
+    spec = mjcf.parse(xml)
     planes = [geom for geom in spec.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
     if not planes:
         raise InputError("robot XML: given no floor, allowed: a plane in the world")
-    torso = Anatomy.of(spec.compile()).torso
+    torso = Anatomy.of(mjcf.compiled(spec)).torso
     _paint(spec, planes[0])
     _light(spec, next(body for body in spec.bodies if body.id == torso))
     spec.stat.extent = 4.0  # [m] unit of the distances below; by default MuJoCo's estimate

@@ -9,6 +9,7 @@ edit is one small step on a `mujoco.MjSpec`; `edits` sets any other attribute in
 import fnmatch
 import hashlib
 import importlib.metadata
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -69,7 +70,7 @@ def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
     if params.damping is not None:
         _set_damping(spec, params.damping)
     _set_friction(spec, (params.friction, params.torsional_friction, params.rolling_friction))
-    _compile(spec, "these edits")
+    mjcf.compiled(spec, "robot: these edits do not compile")
     return _edit(spec.to_xml(), params.edits)
 
 
@@ -80,7 +81,7 @@ def unedited(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
         InputError: There is no such source.
     """
     spec = _read(params.source, root)
-    spec.compile()
+    mjcf.compiled(spec, f"robot.source: {params.source}")
     return spec.to_xml()
 
 
@@ -96,7 +97,7 @@ def read(root: Path, kind: Literal["edited", "unedited"] = "edited") -> str:
     """
     path = Paths(root).assets / FILES[kind]
     try:
-        return path.read_text(encoding="utf-8")
+        return mjcf.content(path).decode()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; `dvc repro build` writes it") from error
     except ValueError as error:
@@ -117,13 +118,11 @@ def load(xml: str) -> mujoco.MjModel:
         InputError: The text is not MJCF that compiles, names files, or asks for sizes that no robot
             needs.
     """
-    mjcf.check(xml)
-    try:
-        model = mujoco.MjModel.from_xml_string(xml)
-    except ValueError as error:
-        raise InputError(f"robot XML: not valid MJCF: {' '.join(str(error).split())}") from error
+    model = mjcf.compiled(mjcf.parse(xml))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    with mjcf.answered("robot XML: cannot be simulated"):
+        mujoco.mj_step(model, mujoco.MjData(model))
     return model
 
 
@@ -146,33 +145,24 @@ def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[
     return {
         "source": {"file": file, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()},
         "versions": {name: importlib.metadata.version(name) for name in ("gymnasium", "mujoco")},
-        "before": _physique(path.read_text(encoding="utf-8")),
-        "after": _physique(xml),
+        "before": _physique(_read(params.source, root)),
+        "after": _physique(mjcf.parse(xml)),
     }
 
 
 def _read(source: str, root: Path) -> mujoco.MjSpec:
     """Read a source; actuators without a name are named after what they drive."""
     path = source_path(source, root)
-    if source not in GYMNASIUM_ROBOTS:
-        mjcf.check_file(path, root / "robots")
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        # Keep values in the text as in the source, not compiled and rounded to six digits.
-        spec.compiler.savecompiled = spec.compiler.savecanonical = False
+    if source in GYMNASIUM_ROBOTS:
+        spec = mjcf.parse(path.read_text(encoding="utf-8"), f"robot.source: {source}")
+    else:
+        spec = mjcf.read(path, root / "robots")
+    # Keep values in the text as in the source, not compiled and rounded to six digits.
+    spec.compiler.savecompiled = spec.compiler.savecanonical = False
+    with mjcf.answered(f"robot.source: {source}"):  # two may drive one joint
         for actuator in spec.actuators:
             actuator.name = actuator.name or actuator.target
-        return spec
-    except ValueError as error:
-        raise InputError(f"robot.source: {path}: {' '.join(str(error).split())}") from error
-
-
-def _compile(spec: mujoco.MjSpec, what: str) -> None:
-    try:
-        spec.compile()
-    except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"robot: {what} do not compile: {reason}") from error
+    return spec
 
 
 def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str:
@@ -192,14 +182,14 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
             if not matching:
                 allowed = ", ".join(filter(None, names)) or "*, because none has a name"
                 raise InputError(f"{key}: matches no name; allowed: {allowed}")
+            with mjcf.answered(key):  # Python writes no integer of more than 4300 digits
+                texts = {name: _text(value) for name, value in attributes.items()}
             for each, name in zip(found, names, strict=True):
                 if name in matching:
-                    each.attrib |= {key: _text(value) for key, value in attributes.items()}
-            try:  # one at a time, so that the message can name the edit
-                mujoco.MjSpec.from_string(ET.tostring(tree, encoding="unicode")).compile()
-            except ValueError as error:
-                reason = " ".join(str(error).split())
-                raise InputError(f"{key}: does not compile: {reason}") from error
+                    each.attrib |= texts
+            # One at a time, so that the message can name the edit.
+            spec = mjcf.parse(ET.tostring(tree, encoding="unicode"), key)
+            mjcf.compiled(spec, f"{key}: does not compile")
     return ET.tostring(tree, encoding="unicode") + "\n"
 
 
@@ -212,15 +202,20 @@ def _text(value: Any) -> str:
     return str(value)
 
 
-def _physique(xml: str) -> dict[str, Any]:
-    spec = mujoco.MjSpec.from_string(xml)
-    model = spec.compile()
+def _physique(spec: mujoco.MjSpec) -> dict[str, Any]:
+    model = mjcf.compiled(spec)
     mass = float(model.body_subtreemass[0])
     weight = mass * float(abs(model.opt.gravity[2]))
     torques = {
         actuator.target: float(actuator.gear[0]) * _control_limit(actuator)
         for actuator in spec.actuators
     }
+    torque = sum(torques.values())
+    if not (0 < weight < math.inf and math.isfinite(torque)):
+        raise InputError(
+            f"robot: given a weight of {weight:g} N and peak torques of {torque:g} N m in all, "
+            "allowed: finite numbers, and a weight above 0"
+        )
     return {
         "mass": mass,
         "body_mass": {
@@ -229,7 +224,7 @@ def _physique(xml: str) -> dict[str, Any]:
             if body.id > 0
         },
         "peak_torque": torques,
-        "peak_torque_over_weight": sum(torques.values()) / weight,
+        "peak_torque_over_weight": torque / weight,
     }
 
 

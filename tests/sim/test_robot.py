@@ -359,15 +359,54 @@ def test_edits_set_attributes_by_element_and_name() -> None:
         ),
         (
             {"joint": {"hip*": {"colour": "red"}}},
-            r"robot.edits.joint.hip\*: does not compile: .*unrecognized attribute: 'colour'",
+            r"robot.edits.joint.hip\*: not valid MJCF: .*unrecognized attribute: 'colour'",
         ),
-        ({"geom": {"floor": {"size": "big"}}}, r"robot.edits.geom.floor: does not compile: "),
+        ({"geom": {"floor": {"size": "big"}}}, r"robot.edits.geom.floor: not valid MJCF: "),
+        ({"geom": {"*": {"density": -1}}}, r"robot.edits.geom.\*: does not compile: "),
     ],
 )
 def test_edits_that_meet_nothing_are_refused(edits: Any, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
         edited(edits=edits)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("edits", "said"),
+    [
+        (
+            {"texture": {"*": {"fileright": "/tmp/pipe.png"}}},
+            "given <texture fileright='/tmp/pipe.png'>",
+        ),
+        ({"texture": {"*": {"width": 10**9}}}, "allowed: whole numbers up to 8,192"),
+        ({"option": {"*": {"iterations": 10**9}}}, "allowed: whole numbers up to 200"),
+        ({"option": {"*": {"iterations": 16**9999}}}, "Exceeds the limit"),
+        (
+            {"geom": {"*": {'a=""/><include file="/etc/passwd"/><geom b': 1}}},
+            "an include of '/etc/",
+        ),
+        ({"geom": {"*": {"name": "a\nb"}}}, r"name='a\\nb'>, allowed: text of one line"),
+        ({"geom": {"*": {"name": "\0"}}}, "not valid MJCF: not well-formed"),
+        ({"geom": {"*": {"name": "\ud800"}}}, "not valid MJCF: 'utf-8' codec can't"),
+    ],
+)
+def test_edits_pass_the_same_check_as_files(edits: Any, said: str) -> None:
+    with pytest.raises(InputError, match=rf"^robot.edits.\w+.\*: .*{said}") as caught:
+        edited(edits=edits)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"option": {"*": {"gravity": "0 0 0"}}}, "given a weight of 0 N"),
+        ({"motor": {"hip_1": {"gear": "inf"}}}, "given a weight of .* N and peak torques of inf N"),
+    ],
+)
+def test_robots_without_a_finite_weight_and_torque_are_refused(changes: Any, said: str) -> None:
+    params = UNEDITED.model_copy(update={"edits": changes})
+    with pytest.raises(InputError, match=f"^robot: {said}"):
+        robot.summarize(params, robot.build(params))
 
 
 def test_knobs_that_a_robot_has_not_are_refused() -> None:
@@ -388,3 +427,33 @@ def test_a_source_is_a_file_of_the_project(tmp_path: Path) -> None:
     assert robot.load(robot.build(own, tmp_path)).nu == 3
     summary = robot.summarize(own, robot.build(own, tmp_path), tmp_path)
     assert summary["source"]["file"] == "robots/mine.xml"
+
+
+def test_a_source_may_include_others_in_all_that_is_built_from_it(tmp_path: Path) -> None:
+    """Also in the summary, which once read the source as text, without its folder."""
+    text = robot.source_path("hopper").read_text(encoding="utf-8")
+    motors = text[text.index("<actuator>") : text.index("</mujoco>")]
+    write_text(tmp_path / "robots" / "motors.xml", f"<mujocoinclude>{motors}</mujocoinclude>")
+    include = '<include file="motors.xml"/>'
+    write_text(tmp_path / "robots" / "mine.xml", text.replace(motors, include))
+    write_text(tmp_path / "robots" / "whole.xml", text)
+    made = []
+    for name in ("mine", "whole"):
+        own = AS_IT_COMES.model_copy(update={"source": f"robots/{name}.xml"})
+        xml = robot.build(own, tmp_path)
+        summary = robot.summarize(own, xml, tmp_path)
+        texts = [
+            text.replace(f"jumping_{name}", "") for text in (xml, robot.unedited(own, tmp_path))
+        ]
+        made.append([*texts, summary["before"], summary["after"]])
+    assert made[0] == made[1]
+
+
+def test_motors_of_one_joint_need_names(tmp_path: Path) -> None:
+    motors = '<actuator><motor joint="a"/><motor joint="a"/></actuator>'
+    body = '<body><joint name="a"/><geom size="1"/></body>'
+    xml = f"<mujoco><worldbody>{body}</worldbody>{motors}</mujoco>"
+    write_text(tmp_path / "robots" / "mine.xml", xml)
+    own = AS_IT_COMES.model_copy(update={"source": "robots/mine.xml"})
+    with pytest.raises(InputError, match=r"^robot.source: robots/mine.xml: .* repeated name 'a'"):
+        robot.build(own, tmp_path)
