@@ -84,6 +84,8 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
     one = params.model_copy(update={"agents": {EVALUATED: params.agent(EVALUATED)}})
     seed = params.seeds[0]
     yield paths.params, partial(params_file.load, paths.params)
+    own = root / "robots" / "tripod.xml"
+    yield own, partial(_build, root, params, f"robots/{own.name}")
     yield paths.assets / robot.FILES["edited"], partial(_simulate, root, params)
     for agent in AGENTS:
         policy = paths.agent(agent).seed(seed).policy
@@ -159,6 +161,13 @@ def _limited() -> Iterator[None]:
     finally:
         signal.alarm(0)
         resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def _build(root: Path, params: Params, source: str) -> None:
+    """Build a robot of the project, as it comes."""
+    unset = {name: None for name, value in params.robot if isinstance(value, float)}
+    changes = {"source": source, "joint_gear": {}, "edits": {}}
+    robot.load(robot.build(params.robot.model_copy(update=unset | changes), root))
 
 
 def _simulate(root: Path, params: Params) -> None:
