@@ -10,6 +10,7 @@ import fnmatch
 import hashlib
 import importlib.metadata
 import math
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -36,7 +37,7 @@ def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
     """
     folder = GYMNASIUM_ASSETS if source in GYMNASIUM_ROBOTS else root
     path = folder / (f"{source}.xml" if source in GYMNASIUM_ROBOTS else source)
-    if not path.is_file():
+    if not os.path.isfile(path):  # also false for a name that is too long
         found = sorted(str(file.relative_to(root)) for file in (root / "robots").glob("*.xml"))
         raise InputError(
             f"robot.source: given {source!r}, which is not a file, allowed: "

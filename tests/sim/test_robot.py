@@ -418,6 +418,9 @@ def test_a_source_is_a_file_of_the_project(tmp_path: Path) -> None:
     own = AS_IT_COMES.model_copy(update={"source": "robots/mine.xml"})
     with pytest.raises(InputError, match=r"given 'robots/mine.xml', which is not a file, allowed"):
         robot.build(own, tmp_path)
+    long = AS_IT_COMES.model_copy(update={"source": f"robots/{'a' * 300}.xml"})
+    with pytest.raises(InputError, match=r"given 'robots/a+.xml', which is not a file, allowed"):
+        robot.build(long, tmp_path)
     write_text(tmp_path / "robots" / "mine.xml", "<mujoco>")
     with pytest.raises(InputError, match=r"robot.source: mine.xml: not valid MJCF: no element"):
         robot.build(own, tmp_path)
