@@ -87,7 +87,7 @@ def load_policy(root: Path, agent: str, seed: int) -> Policy:
     if seed not in trained:
         allowed = ", ".join(map(str, trained)) or f"none yet; `dvc repro train@{agent}` trains them"
         raise InputError(f"seed of {agent}: given {seed}, allowed: {allowed}")
-    return policy_file.load(paths.seed(seed).policy)
+    return policy_file.load(paths.seed(seed).policy, (agent, seed))
 
 
 def has_screen() -> bool:

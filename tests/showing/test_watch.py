@@ -29,6 +29,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
+from jumping_ant.policies import policy_file
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.showing import watch
 from jumping_ant.showing.playing import play
@@ -54,7 +55,8 @@ def project(tmp_path: Path, robot_xml: str) -> Path:
     for seed in (0, 5):
         folder = tmp_path / "models" / "random" / f"seed-{seed}"
         folder.mkdir(parents=True)
-        (folder / "policy.zip").write_bytes(UniformPolicy(seed, ActionSet(), 8).to_bytes())
+        policy = UniformPolicy(seed, ActionSet(), 8).to_bytes()
+        (folder / "policy.zip").write_bytes(policy_file.owned(policy, ("random", seed)))
     write_text(Paths(tmp_path).agent("random").seed_means, "seed,return\n0,10.0\n5,20.5\n")
     return tmp_path
 
