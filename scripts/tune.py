@@ -28,7 +28,7 @@ from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import command_line, output
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import presets
-from jumping_ant.experiment.models import Params
+from jumping_ant.experiment.models import TUNING_EPISODES, Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
 from jumping_ant.training import demonstrating
@@ -38,7 +38,7 @@ COLUMNS = ("agent", "trial", "seed", "share", "return", "seconds", "settings")
 TRIALS = 6
 SHARE = 0.4  # of the budget, in the first round
 SEEDS = (100, 101)  # of the two rounds
-EPISODES = [7_000_000 + i for i in range(12)]
+EPISODES = TUNING_EPISODES[:12]  # of validation; demonstrations take the next ones
 BUDGETS = ("total_steps", "generations")
 
 

@@ -1,5 +1,7 @@
 """The whole of `params.yaml`: an experiment."""
 
+from collections import Counter
+from itertools import combinations
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Field, field_validator, model_validator
@@ -22,7 +24,15 @@ from jumping_ant.params.blocks import (
 )
 
 RESERVED_NAMES = {"lineup"}  # names of files in media/
-AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")]
+# File systems allow 255 characters, of which DVC and MLflow need some.
+AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60)]
+
+# Seeds of start states that no block names. Those of training, and of the article's own tests, are
+# derived (see `base.seeding`): numbers of 128 bits, which are none of these.
+TUNING_EPISODES = range(7_000_000, 8_000_000)  # on which scripts/tune.py chooses settings
+SELECTION_EPISODES = 4  # first ones of validation: PGPE's best sample is chosen on them
+EPISODES_AT_ONCE = 16  # demonstrations are played in batches of so many
+
 if TYPE_CHECKING:
     AnyAgent = AgentBlock
     Demonstrated = str
@@ -37,7 +47,9 @@ else:  # any agent of the catalogue, and any trainer that needs demonstrations
 class Params(Block):
     """The whole of `params.yaml`."""
 
-    seeds: Annotated[list[Seed], Field(min_length=1, json_schema_extra={"uniqueItems": True})]
+    seeds: Annotated[
+        list[Seed], Field(min_length=1, max_length=1000, json_schema_extra={"uniqueItems": True})
+    ]
     """Training seeds: one run for each agent and seed. A seed is the unit of every statistic."""
     robot: RobotParams
     """The robot and its edits."""
@@ -71,9 +83,9 @@ class Params(Block):
 
     @model_validator(mode="after")
     def _seeds_differ(self) -> "Params":
-        twice = sorted({seed for seed in self.seeds if self.seeds.count(seed) > 1})
-        if twice:
-            raise ValueError(f"seeds holds {twice[0]} more than once; allowed: each seed once")
+        seed, count = Counter(self.seeds).most_common(1)[0]
+        if count > 1:
+            raise ValueError(f"seeds holds {seed} more than once; allowed: each seed once")
         return self
 
     @model_validator(mode="after")
@@ -93,21 +105,38 @@ class Params(Block):
                     f"demonstrations.{trainer}.agent: given {demonstrations.agent!r}, allowed: "
                     f"learners that choose torques ({', '.join(able) or 'there is none'})"
                 )
-            own = range(demonstrations.seed, demonstrations.seed + demonstrations.steps)
-            for key, first, count in (
-                ("evaluate.seed", self.evaluate.seed, self.evaluate.episodes),
-                (
-                    "training.evaluation_seed",
-                    self.training.evaluation_seed,
-                    self.training.evaluation_episodes,
-                ),
-            ):
-                if first < own.stop and own.start < first + count:
-                    raise ValueError(
-                        f"demonstrations.{trainer}.seed: given {own.start}, allowed: seeds whose "
-                        f"next {len(own)} are not those from {key}, {first}, on"
-                    )
         return self
+
+    @model_validator(mode="after")
+    def _episodes_differ(self) -> "Params":
+        for (key, seeds), (later_key, later_seeds) in combinations(self._episodes().items(), 2):
+            if seeds.start < later_seeds.stop and later_seeds.start < seeds.stop:
+                raise ValueError(
+                    f"{later_key}: given {later_seeds.start}, whose episodes have the seeds "
+                    f"{_shown(later_seeds)}, allowed: none of {_shown(seeds)}, those of {key}"
+                )
+        return self
+
+    def _episodes(self) -> dict[str, range]:
+        """Return all seeds of episodes that are plain numbers, by the key that says the first.
+
+        Held-out episodes must be new to a policy: to its training, to the choice among its
+        snapshots, and to the choice of its settings.
+        """
+        training, evaluate = self.training, self.evaluate
+        return {
+            "scripts/tune.py": TUNING_EPISODES,
+            "training.evaluation_seed": _count_up(
+                training.evaluation_seed, max(training.evaluation_episodes, SELECTION_EPISODES)
+            ),
+            "evaluate.seed": _count_up(evaluate.seed, evaluate.episodes),
+            **{  # an episode lasts for at least one step
+                f"demonstrations.{trainer}.seed": _count_up(
+                    block.seed, -(-block.steps // EPISODES_AT_ONCE) * EPISODES_AT_ONCE
+                )
+                for trainer, block in self.demonstrations.items()
+            },
+        }
 
     @model_validator(mode="after")
     def _imitators_fit_their_demonstrations(self) -> "Params":
@@ -149,6 +178,14 @@ class Params(Block):
         if name not in self.agents:
             raise InputError(f"agent: given {name!r}, allowed: {', '.join(self.agents)}")
         return self.agents[name]
+
+
+def _count_up(first: int, count: int) -> range:
+    return range(first, first + count)
+
+
+def _shown(seeds: range) -> str:
+    return f"{seeds.start} to {seeds.stop - 1}"
 
 
 def _can_demonstrate(agent: AgentBlock) -> bool:

@@ -27,6 +27,7 @@ DEFAULTS = CODE_ROOT / "params.yaml"
 if not DEFAULTS.is_file():
     DEFAULTS = CODE_ROOT / "jumping_ant" / "defaults" / "params.yaml"
 
+MOST_CHARACTERS = 200_000  # of a params file, read in seconds; the default has some 12,000
 MOST_VALUES = 100_000  # of a params file; the default has some 300
 
 # What is allowed, for errors where pydantic's own message addresses programmers.
@@ -37,7 +38,9 @@ ALLOWED = {
     "model_attributes_type": "a block of keys",
     "model_type": "a block of keys",
     "string_pattern_mismatch": "lower-case letters, digits, _ and -, the first a letter or digit",
+    "string_too_long": "at most {max_length} characters",
     "string_type": "a name",
+    "too_long": "at most {max_length}",
     "too_short": "at least one",
 }
 
@@ -50,19 +53,45 @@ def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
     Raises:
         InputError: The file is missing, is not YAML, or does not fit the models; a line per error.
     """
-    try:  # the parser in C, where it is installed, crashes where this one raises RecursionError
-        content: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+    return check(read(path), path.name)
+
+
+def read(path: Path) -> Any:
+    """Read a params file without checking what it holds.
+
+    Raises:
+        InputError: The file is missing, too large, or not YAML.
+    """
+    try:
+        with path.open(encoding="utf-8") as file:
+            text = file.read(MOST_CHARACTERS + 1)
+        if len(text) > MOST_CHARACTERS:
+            raise InputError(f"{path.name}: given more, allowed: {MOST_CHARACTERS:,} characters")
+        content = parse(text)
         num_values = _num_values(content, {})
     except OSError as error:
         raise InputError(f"{path.name}: {error.strerror}: {path}") from error
-    except (YAMLError, ValueError, RecursionError) as error:  # the last two: odd scalars, depth
+    except (YAMLError, UnicodeError, RecursionError) as error:  # the last for depth
         raise InputError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
     if num_values > MOST_VALUES:
         raise InputError(
             f"{path.name}: given {num_values:.3g} values, allowed: {MOST_VALUES:,}; each alias of "
             "an anchor counts as all that the anchor holds"
         )
-    return check(content, path.name)
+    return content
+
+
+def parse(text: str) -> Any:
+    """Return what YAML text holds.
+
+    Raises:
+        YAMLError: It is not YAML.
+        RecursionError: It is nested too deeply; the parser in C would crash.
+    """
+    try:
+        return YAML(typ="safe", pure=True).load(text)
+    except ValueError as error:  # an odd scalar, such as the 45th day of a month
+        raise YAMLError(str(error)) from error
 
 
 def _num_values(content: Any, known: dict[int, int]) -> int:
@@ -118,7 +147,7 @@ def _explain(error: ErrorDetails) -> tuple[str, str]:
         names_its_key = not parts and re.match(r"[\w.-]+: given ", message)
         return message if names_its_key else f"{key}: {message}", ""
     plain = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-    allowed = ALLOWED.get(error["type"], plain)
+    allowed = ALLOWED.get(error["type"], "{plain}").format(plain=plain, **error.get("ctx", {}))
     if type(None) in get_args(kind):
         allowed += " or null"
     return f"{key}: given {_show(error['input'])}, allowed: ", allowed

@@ -10,7 +10,7 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
@@ -29,20 +29,19 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
         InputError: There is no such preset, it overrides a missing key, or the result does not
             fit the models.
     """
-    yaml = YAML(typ="safe")
-    content = yaml.load((root / "params.yaml").read_text(encoding="utf-8"))
+    content = params_file.read(root / "params.yaml")
     for key, value in overrides(name, root).items():
         *parents, last = key.lstrip("+~").split(".")
         try:
             block = reduce(lambda outer, part: outer[part], parents, content)
             if not key.startswith("+"):
                 del block[last]  # a key to override or remove must exist
+            if not key.startswith("~"):
+                block[last] = value
         except (KeyError, TypeError) as error:
             raise InputError(
                 f"presets/{name}: given {key}, allowed: the keys of params.yaml"
             ) from error
-        if not key.startswith("~"):
-            block[last] = value
     return params_file.check(content, f"presets/{name}")
 
 
@@ -54,16 +53,20 @@ def overrides(name: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
         root: The project's folder.
 
     Raises:
-        InputError: There is no such preset.
+        InputError: There is no such preset, or it does not hold overrides.
     """
     path = root / "presets" / name
     try:
         words = shlex.split(path.read_text(encoding="utf-8"))
+        pairs = [word.partition("=") for word in words if word != "-S"]
+        return {key: params_file.parse(_spaced(value)) for key, _, value in pairs}
     except OSError as error:
         names = sorted(preset.name for preset in path.parent.iterdir())
         raise InputError(f"preset: given {name!r}, allowed: {', '.join(names)}") from error
-    pairs = [word.partition("=") for word in words if word != "-S"]
-    return {key: YAML(typ="safe").load(_spaced(value)) for key, _, value in pairs}
+    except (YAMLError, ValueError, RecursionError) as error:  # the second: quotes, encoding
+        raise InputError(
+            f"presets/{name}: not overrides: {' '.join(str(error).split())}"
+        ) from error
 
 
 def _spaced(value: str) -> str:

@@ -1,7 +1,11 @@
 """`params.yaml`: what is wrong is refused in one line a fault, all at once, whatever it is."""
 
 import copy
+import functools
+import operator
 import re
+import shutil
+import time
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +17,8 @@ from ruamel.yaml import YAML
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import models, params_file, presets
+from jumping_ant.judging import variants
+from jumping_ant.training import demonstrating
 
 CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
 RANDOM = CONTENT["agents"]["random"]
@@ -234,13 +240,6 @@ DEMONSTRATIONS = presets.load("families").model_dump()["demonstrations"]["imitat
         ),
         ({}, {"agent": "bc"}, "given 'bc', allowed: learners that choose torques (sac, pgpe)"),
         ({}, {"agent": "nobody"}, "given 'nobody', allowed: learners that choose torques"),
-        (
-            {},
-            {"seed": 3_990_000},
-            "demonstrations.imitation.seed: given 3990000, allowed: seeds whose next 12000 are not "
-            "those from evaluate.seed, 4000000, on",
-        ),
-        ({}, {"seed": 2_000_019}, "not those from training.evaluation_seed, 2000000, on"),
     ],
 )
 def test_imitators_fit_what_they_imitate(
@@ -259,6 +258,89 @@ def test_demonstrations_are_for_trainers_that_need_them() -> None:
     )
     beyond = DEMONSTRATIONS | {"seed": 4_000_016}
     params_file.check(changed("demonstrations", {"imitation": beyond}))
+
+
+HELD_OUT, VALIDATION = "evaluate.seed", "training.evaluation_seed"
+IMITATION = "demonstrations.imitation.seed"
+
+
+@pytest.mark.parametrize(
+    ("key", "seed", "own", "other", "other_key"),
+    [
+        (HELD_OUT, 2_000_000, "2000000 to 2000015", "2000000 to 2000019", VALIDATION),
+        (HELD_OUT, 2_000_019, "2000019 to 2000034", "2000000 to 2000019", VALIDATION),
+        (HELD_OUT, 1_999_985, "1999985 to 2000000", "2000000 to 2000019", VALIDATION),
+        (HELD_OUT, 7_999_999, "7999999 to 8000014", "7000000 to 7999999", "scripts/tune.py"),
+        (VALIDATION, 6_999_990, "6999990 to 7000009", "7000000 to 7999999", "scripts/tune.py"),
+        (IMITATION, 3_990_000, "3990000 to 4001999", "4000000 to 4000015", HELD_OUT),
+        (IMITATION, 2_000_019, "2000019 to 2012018", "2000000 to 2000019", VALIDATION),
+        (IMITATION, 6_999_999, "6999999 to 7011998", "7000000 to 7999999", "scripts/tune.py"),
+    ],
+)
+def test_no_episode_serves_two_purposes(
+    key: str, seed: int, own: str, other: str, other_key: str
+) -> None:
+    content = changed("demonstrations", {"imitation": dict(DEMONSTRATIONS)})
+    *blocks, last = key.split(".")
+    functools.reduce(operator.getitem, blocks, content)[last] = seed
+    assert refusal(content) == (
+        f"params.yaml: {key}: given {seed}, whose episodes have the seeds {own}, allowed: none of "
+        f"{other}, those of {other_key}"
+    )
+
+
+@pytest.mark.parametrize(("key", "seed"), [(HELD_OUT, 2_000_020), (HELD_OUT, 1_999_984)])
+def test_episodes_may_lie_side_by_side(key: str, seed: int) -> None:
+    assert params_file.check(changed(key, seed)).evaluate.seed == seed
+
+
+def test_episodes_played_beyond_the_settings_count() -> None:
+    """PGPE's best sample is chosen on four, however few validate; demonstrations are in batches."""
+    content = changed("training.evaluation_episodes", 1)
+    content["evaluate"]["seed"] = 2_000_003
+    assert "none of 2000000 to 2000003, those of training" in refusal(content)
+    one = DEMONSTRATIONS | {"steps": 1, "seed": 3_999_985}
+    assert "have the seeds 3999985 to 4000000" in refusal(
+        changed("demonstrations", {"imitation": one})
+    )
+    assert models.SELECTION_EPISODES == variants.SELECTION_EPISODES
+    assert models.EPISODES_AT_ONCE == demonstrating.EPISODES_AT_ONCE
+
+
+def test_too_many_seeds_are_refused_at_once(tmp_path: Path) -> None:
+    started = time.perf_counter()
+    line = refusal(changed("seeds", list(range(10**6))))
+    assert line.startswith("params.yaml: seeds: given [0, 1, 2, 3")
+    assert line.endswith("allowed: at most 1000")
+    path = tmp_path / "params.yaml"
+    path.write_text(f"seeds: {list(range(10**6))}\n", encoding="utf-8")
+    with pytest.raises(InputError, match="params.yaml: given more, allowed: 200,000 characters"):
+        params_file.load(path)
+    assert time.perf_counter() - started < 10  # it took a minute
+
+
+def test_long_names_are_refused_before_the_file_system_does() -> None:
+    assert params_file.check(changed(f"agents.{'a' * 60}", RANDOM))
+    line = refusal(changed(f"agents.{'a' * 61}", RANDOM))
+    assert line.endswith("..., allowed: at most 60 characters")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("-S 'seeds=[1]", "not overrides: No closing quotation"),
+        ("-S seeds=[1", "not overrides: while parsing a flow sequence"),
+        ("-S +seeds.x=1", "given +seeds.x, allowed: the keys of params.yaml"),
+        ("--single-item -S seeds=[1]", "given --single-item, allowed: the keys of params.yaml"),
+        ("-S +agents.x;id={a:1}", "agents.x;id.algorithm: missing"),
+    ],
+)
+def test_presets_are_nothing_but_overrides(tmp_path: Path, text: str, said: str) -> None:
+    shutil.copy(PROJECT_ROOT / "params.yaml", tmp_path)
+    (tmp_path / "presets").mkdir()
+    (tmp_path / "presets" / "mine").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(f"presets/mine: {said}")):
+        presets.load("mine", tmp_path)
 
 
 @pytest.mark.parametrize("name", sorted(models.RESERVED_NAMES))
