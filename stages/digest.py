@@ -3,7 +3,7 @@
 Usage: python -m stages.digest
 Reads: jumping_ant/, stages/, requirements.lock.
 Writes: digests/STAGE.json, for training trainers/TRAINER/code.json: the SHA-256 of every file that
-    the stage imports, directly or not, of what lies beside it, and of the locked versions. A
+    the stage imports, directly or not, of the pages beside them, and of the locked versions. A
     trainer that needs demonstrations gets its file from `demonstrate`, which finds it as
     digests/train-TRAINER.json.
 """
@@ -21,7 +21,7 @@ from . import run
 TRAIN = "train-"
 # Modules that a stage does not import: MLflow's models hold this one.
 MORE = {"track": "jumping_ant/tracking/serving.py"}
-OTHER_SUFFIXES = (".py", ".typed", ".tmp")
+PAGES = (".css", ".html", ".js")  # what code reads beside it; an editor's leftovers are none
 
 
 def code() -> dict[str, set[Path]]:
@@ -37,9 +37,9 @@ def code() -> dict[str, set[Path]]:
 
 
 def _beside(files: set[Path]) -> set[Path]:
-    """Return what is no code, such as a page's template, in the folders of the given files."""
+    """Return the pages, which code reads, in the folders of the given files."""
     listed = {path for folder in {file.parent for file in files} for path in folder.iterdir()}
-    return {path for path in listed if path.is_file() and path.suffix not in OTHER_SUFFIXES}
+    return {path for path in listed if path.suffix in PAGES and not path.name.startswith(".")}
 
 
 def _place(name: str) -> Path:

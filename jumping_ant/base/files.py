@@ -146,11 +146,18 @@ def digest(path: Path) -> str:
 
 
 def folder_digest(folder: Path) -> str:
-    """Return the SHA-256 of a folder's files, names and contents, without Python's caches."""
+    """Return the SHA-256 of a folder's files, names and contents.
+
+    Python's caches do not count, nor does what is hidden, such as `.DS_Store`.
+    """
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    own = [name for name in names if "__pycache__" not in name.parts]
+    own = [name for name in names if not any(map(_is_no_content, name.parts))]
     listed = {str(name): digest(folder / name) for name in own}
     return hashlib.sha256(json.dumps(listed).encode()).hexdigest()
+
+
+def _is_no_content(name: str) -> bool:
+    return name == "__pycache__" or name.startswith(".")
 
 
 def read_bytes(path: Path, stage: str) -> bytes:

@@ -15,7 +15,7 @@ def direct(path: Path, root: Path = CODE_ROOT) -> frozenset[Path]:
         path: A Python file.
         root: The folder that contains the project's packages.
     """
-    found = set()
+    found: set[Path] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -25,12 +25,21 @@ def direct(path: Path, root: Path = CODE_ROOT) -> frozenset[Path]:
             names = [f"{module}.{alias.name}" for alias in node.names] + [module]
         else:
             continue
-        for name in names:
-            parts = name.split(".")
-            for length in range(1, len(parts) + 1):  # importing it runs its parent packages too
-                place = root.joinpath(*parts[:length])
-                found |= {place.with_suffix(".py"), place / "__init__.py"}
-    return frozenset(file for file in found if file.is_file() and file.stat().st_size > 0)
+        found |= {file for name in names for file in files_of(name, root)}
+    return frozenset(found)
+
+
+def files_of(module: str, root: Path = CODE_ROOT) -> set[Path]:
+    """Return the project's files that importing a module runs, except empty ones.
+
+    Args:
+        module: Its name with dots; its parent packages are run before it.
+        root: The folder that contains the project's packages.
+    """
+    parts = module.split(".")
+    places = [root.joinpath(*parts[: length + 1]) for length in range(len(parts))]
+    files = {file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")}
+    return {file for file in files if file.is_file() and file.stat().st_size > 0}
 
 
 def closure(*paths: Path, root: Path = CODE_ROOT) -> set[Path]:

@@ -240,3 +240,14 @@ def test_digest_is_that_of_the_content(tmp_path: Path) -> None:
 
 def test_the_project_root_holds_the_parameters() -> None:
     assert (files.PROJECT_ROOT / "params.yaml").is_file()
+
+
+def test_what_is_hidden_is_not_a_folders_content(tmp_path: Path) -> None:
+    (tmp_path / "code").mkdir()
+    (tmp_path / "code" / "model.py").write_text("a = 1\n", encoding="utf-8")
+    before = files.folder_digest(tmp_path)
+    for name in (".DS_Store", "code/.model.py.swp"):
+        (tmp_path / name).write_bytes(b"\0")
+    assert files.folder_digest(tmp_path) == before
+    (tmp_path / "code" / "model.py").write_text("a = 2\n", encoding="utf-8")
+    assert files.folder_digest(tmp_path) != before
