@@ -40,7 +40,7 @@ from jumping_ant.base.files import write_bytes
 KINDS = ("fail", "kill")
 DVC_STAGE = "build"
 TARGETS = (
-    *("digest", "build", "train", "demonstrate", "evaluate", "record", "scaling"),
+    *("digest", "check", "build", "train", "demonstrate", "evaluate", "record", "scaling"),
     *("lineup", "compare", "report", "track"),
     "dvc",  # while it runs that stage
 )

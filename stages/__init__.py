@@ -53,7 +53,7 @@ def parse(docstring: str | None) -> Params:
 
 
 def parse_agent(docstring: str | None) -> tuple[str, Params]:
-    """Return the agent that the command line names, and all parameters.
+    """Return the agent that the stage is for, and all parameters.
 
     Args:
         docstring: What the stage does, for `--help`.
@@ -61,12 +61,28 @@ def parse_agent(docstring: str | None) -> tuple[str, Params]:
     Raises:
         InputError: There is no such agent, or `params.yaml` has a mistake.
     """
-    parser = command_line.parser(docstring)
-    parser.add_argument("agent")
-    agent = parser.parse_args().agent
-    settings = params_file.load()
+    agent, settings = parse_key(docstring, "agent")
     settings.agent(agent)
     return agent, settings
+
+
+def parse_key(docstring: str | None, kind: str) -> tuple[str, Params]:
+    """Return what the stage is for, and all parameters.
+
+    A command line may name it. DVC names it in the environment instead, as in `train@sac`: a name
+    in a command of `dvc.yaml` would go through a shell, before anything has checked it.
+
+    Args:
+        docstring: What the stage does, for `--help`.
+        kind: What the name names: an agent or a trainer.
+
+    Raises:
+        InputError: `params.yaml` has a mistake.
+    """
+    _, at, told = os.environ.get("DVC_STAGE", "").rpartition("@")
+    parser = command_line.parser(docstring)
+    parser.add_argument(kind, nargs="?" if at else None, default=told)
+    return getattr(parser.parse_args(), kind), params_file.load()
 
 
 def run(main: Callable[[], None]) -> None:

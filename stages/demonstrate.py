@@ -1,27 +1,24 @@
 """Record a trained agent's episodes for a trainer whose agents learn from them.
 
-Usage: python -m stages.demonstrate TRAINER
+Usage: python -m stages.demonstrate TRAINER (DVC names it in the environment)
 Reads: params `seeds`, `env`, `training.publish`, `demonstrations.TRAINER`; the robot in assets/;
     the demonstrating agent's models/AGENT/seed-N/ (policy.zip, curve.csv);
     digests/train-TRAINER.json.
 Writes: trainers/TRAINER/ (demonstrations.zip, code.json).
 """
 
-from jumping_ant.base import command_line, machine
+from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, read_bytes, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file
 from jumping_ant.training import demonstrating
 
-from . import run
+from . import parse_key, run
 
 
 def main() -> None:
     """Run the stage."""
-    parser = command_line.parser(__doc__)
-    parser.add_argument("trainer")
-    trainer, settings = parser.parse_args().trainer, params_file.load()
+    trainer, settings = parse_key(__doc__, "trainer")
     if trainer not in settings.demonstrations:
         known = ", ".join(settings.demonstrations) or "there is none"
         raise InputError(f"trainer: given {trainer!r}, allowed: those of demonstrations ({known})")

@@ -1,6 +1,6 @@
 """Run an agent's policies on the held-out episodes.
 
-Usage: python -m stages.evaluate AGENT
+Usage: python -m stages.evaluate AGENT (DVC names it in the environment)
 Reads: params `seeds`, `env`, `evaluate`, `training.evaluation_seed`, the agent's `robot` and
     `algorithm`; the robot in assets/, models/AGENT/seed-N/policy.zip and final.zip.
 Writes: results/agents/AGENT/ (episodes.csv, metrics.json, trajectory.npz, seeds.csv, variants.csv).

@@ -1,6 +1,6 @@
 """Measure how an agent's training speeds up with threads.
 
-Usage: python -m stages.scaling AGENT
+Usage: python -m stages.scaling AGENT (DVC names it in the environment)
 Reads: params `seeds`, `env`, `agents.AGENT`; the robot in assets/.
 Writes: results/agents/AGENT/scaling.csv, without rows for an agent whose algorithm's
     speed-up no claim compares.

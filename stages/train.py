@@ -1,6 +1,6 @@
 """Train every seed of an agent.
 
-Usage: python -m stages.train AGENT
+Usage: python -m stages.train AGENT (DVC names it in the environment)
 Reads: params `seeds`, `env`, `training`, `agents.AGENT`; the robot in assets/; for imitation
     trainers/imitation/demonstrations.zip.
 Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv, machine.json),

@@ -2,6 +2,8 @@
 
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import networkx
@@ -10,6 +12,7 @@ from dvc.repo import Repo
 from dvc.utils.hydra import apply_overrides
 from ruamel.yaml import YAML
 
+import stages
 from jumping_ant.agents import code
 from jumping_ant.agents.catalogue import demonstrated
 from jumping_ant.base.files import PROJECT_ROOT as ROOT
@@ -36,21 +39,64 @@ def test_every_stage_depends_on_its_own_code(name: str) -> None:
             assert {f"stages/{name}.py", "stages/__init__.py"} <= names(stage)
 
 
+@pytest.mark.parametrize("name", sorted(set(STAGES) - {"digest", "check"}))
+def test_every_other_stage_waits_for_the_check(name: str) -> None:
+    assert STAGES["check"]["outs"] == ["checked"]
+    assert "checked" in STAGES[name].get("do", STAGES[name])["deps"]
+
+
+@pytest.mark.parametrize(
+    ("told", "words", "agent"),
+    [
+        ("train@sac", [], "sac"),
+        ("../dvc.yaml:train@sac", [], "sac"),  # DVC runs in a folder of the project
+        ("train@sac", ["dqn"], "dqn"),
+        ("", ["dqn"], "dqn"),
+        ("build", ["dqn"], "dqn"),
+    ],
+)
+def test_a_stage_is_for_the_agent_that_it_is_told(
+    told: str, words: list[str], agent: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DVC_STAGE", told)
+    monkeypatch.setattr(sys, "argv", ["train", *words])
+    assert stages.parse_agent("Train.")[0] == agent
+
+
+@pytest.mark.parametrize("told", ["", "build"])
+def test_a_stage_that_is_told_no_agent_says_so(
+    told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DVC_STAGE", told)
+    monkeypatch.setattr(sys, "argv", ["train"])
+    with pytest.raises(SystemExit, match="2"):
+        stages.parse_agent("Train.")
+    assert "the following arguments are required: agent" in capsys.readouterr().err
+
+
 def test_every_trainer_gets_the_digests_of_its_code() -> None:
     made = {out for out in STAGES["digest"]["outs"] if out.startswith("trainers/")}
     own = {f"trainers/{name}" for name in set(code.trainers()) - demonstrated()}
     assert made == own
-    assert STAGES["demonstrate"]["do"]["outs"] == ["trainers/${key}"]
+    assert "trainers/${key}/code.json" in STAGES["demonstrate"]["do"]["outs"]
     assert "digests/train-${key}.json" in STAGES["demonstrate"]["do"]["deps"]
 
 
 def test_digests_are_of_what_imports_lead_to() -> None:
+    assert "jumping_ant/agents/off_policy/lean/adam.py" in names("train-off_policy")
     assert "jumping_ant/sim/vector.py" in names("evaluate")
     assert "jumping_ant/showing/report/template.html" in names("report")
     assert "jumping_ant/tracking/serving.py" in names("track")
     others = {"build": "judging", "evaluate": "showing", "train-random": "tracking"}
     for stage, other in others.items():
         assert not any(name.startswith(f"jumping_ant/{other}/") for name in names(stage))
+
+
+def test_every_file_that_the_package_ships_is_code_or_a_page() -> None:
+    listing = ["git", "ls-files", "jumping_ant", "stages"]
+    listed = subprocess.run(listing, cwd=ROOT, encoding="utf-8", capture_output=True, check=True)
+    suffixes = {Path(name).suffix for name in listed.stdout.splitlines()}
+    assert suffixes == {".py", ".typed", *digest.PAGES}
 
 
 def test_training_depends_on_its_own_trainer_alone() -> None:
@@ -74,9 +120,9 @@ def test_imitators_are_trained_after_whom_they_imitate(tmp_path: Path) -> None:
     def needed(name: str) -> set[str]:
         return {stage.name for stage in networkx.descendants(graph, stages[name])}
 
-    assert needed("train@sac") == {"digest", "build"}
+    assert needed("train@sac") == {"digest", "check", "build"}
     for agent in ("bc", "dagger"):
-        others = {"digest", "build", "train@sac", "demonstrate@imitation"}
+        others = {"digest", "check", "build", "train@sac", "demonstrate@imitation"}
         assert needed(f"train@{agent}") == others
 
 

@@ -130,6 +130,29 @@ def test_a_forced_rerun_on_one_worker_changes_no_byte(project: Project, tmp_path
         project.run("rerun", "rrd", "compare", str(tmp_path / name), str(new))
 
 
+LITTER = [".page.html.swp", "page.html~", "#page.html#", "4913", ".DS_Store", "._trainer.py"]
+FOLDERS = [
+    *("jumping_ant/agents/evolution", "jumping_ant/showing/report", "stages", "robots", "assets"),
+    *("models/sac", "models/sac/seed-0", "media", "results/agents/sac", "results/figures"),
+    *("digests", "trainers/evolution"),
+]
+
+
+def test_what_editors_and_systems_leave_reruns_nothing(project: Project) -> None:
+    stale = project.stale()  # the forced rerun measured new times
+    left = [project.folder / folder / name for folder in FOLDERS for name in LITTER]
+    locks = [project.folder / folder / ".#trainer.py" for folder in FOLDERS]
+    for path in left:
+        path.write_bytes(b"\0not Python")
+    for path in locks:
+        path.symlink_to("somebody@nowhere")  # Emacs's lock leads to no file
+    assert project.stale() == stale
+    project.run(sys.executable, "-m", "stages.digest")
+    assert project.stale() == stale
+    for path in left + locks:
+        path.unlink()
+
+
 def test_git_knows_only_small_things(project: Project) -> None:
     changed = project.run("git", "status", "--porcelain", "--untracked-files=all").stdout
     for line in changed.splitlines():
@@ -195,7 +218,7 @@ def test_a_changed_number_reruns_what_it_touches(project: Project) -> None:
     change = ("-S", "agents.sac.learning_rate=0.002", "-S", "compute.workers=1")
     done = project.run("dvc", "exp", "run", *change, "evaluate@sac")
     ran = {line.split("'")[1] for line in done.stdout.splitlines() if "Running stage" in line}
-    assert ran == {"train@sac", "evaluate@sac"}
+    assert ran == {"check", "train@sac", "evaluate@sac"}
     assert project.stale() == {"record@sac", "scaling@sac", "lineup", "compare", "report", "track"}
 
 

@@ -152,6 +152,11 @@ class Paths:
         return self.root / "params.yaml"
 
     @property
+    def checked(self) -> Path:
+        """What `check` writes, on which all stages depend that read parameters."""
+        return self.root / "checked"
+
+    @property
     def lock(self) -> Path:
         """DVC's record of what the stages read and wrote."""
         return self.root / "dvc.lock"
