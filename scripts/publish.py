@@ -1,6 +1,6 @@
 """Write the results of the working tree into the documents.
 
-Usage: python scripts/publish.py PRESET
+Usage: python -m scripts.publish PRESET
 
 Writes the section of that preset in docs/results.md. With the preset `default` it writes the
 pictures of the README as well: docs/images/, and README.md's table of claims. With `article` it
