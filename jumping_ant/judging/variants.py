@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.seeding import derive
+from jumping_ant.experiment.models import SELECTION_EPISODES
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
@@ -30,7 +31,6 @@ Array = NDArray[np.float64]
 ROUNDED = ("sac", "pgpe")
 SAMPLED = ("pgpe",)
 NUM_SAMPLES = 20  # policies of a generation in the article
-SELECTION_EPISODES = 4  # that the best sample is chosen on
 AMPLITUDE = 0.5  # of the article's commands
 
 

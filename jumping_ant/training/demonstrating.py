@@ -17,12 +17,11 @@ from jumping_ant.agents.imitation.demonstrations import (
 from jumping_ant.base import tables
 from jumping_ant.base.files import read_bytes
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment.models import Params
+from jumping_ant.experiment.models import EPISODES_AT_ONCE, Params
 from jumping_ant.params.blocks import DemonstrationParams, EnvParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
 
-EPISODES_AT_ONCE = 16
 VALIDATION = "evaluation_return_mean"
 
 

@@ -7,7 +7,7 @@ import pytest
 from commands import COMMAND_SIGNS
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.experiment.models import Params
+from jumping_ant.experiment.models import SELECTION_EPISODES, Params
 from jumping_ant.judging import evaluation, variants
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.blind import UniformPolicy
@@ -81,7 +81,7 @@ def test_the_best_sample_is_the_best_in_validation(robot_xml: str, short: EnvPar
     policy = linear(0.5)
 
     def score(sample: LinearPolicy) -> float:
-        seeds = [VALIDATION_SEED + i for i in range(variants.SELECTION_EPISODES)]
+        seeds = [VALIDATION_SEED + i for i in range(SELECTION_EPISODES)]
         return sum(e.rewards.sum() for e in rollout.run(robot_xml, short, sample, seeds))
 
     best = variants.make(robot_xml, short, "pgpe", policy, policy, 7, VALIDATION_SEED)[

@@ -17,8 +17,6 @@ from ruamel.yaml import YAML
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import models, params_file, presets
-from jumping_ant.judging import variants
-from jumping_ant.training import demonstrating
 
 CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
 RANDOM = CONTENT["agents"]["random"]
@@ -303,8 +301,6 @@ def test_episodes_played_beyond_the_settings_count() -> None:
     assert "have the seeds 3999985 to 4000000" in refusal(
         changed("demonstrations", {"imitation": one})
     )
-    assert models.SELECTION_EPISODES == variants.SELECTION_EPISODES
-    assert models.EPISODES_AT_ONCE == demonstrating.EPISODES_AT_ONCE
 
 
 def test_too_many_seeds_are_refused_at_once(tmp_path: Path) -> None:
