@@ -64,7 +64,7 @@ QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/policies tests
 
 # Parts that run in parallel, as they often wait for processes. The first takes the longest, one
 # process after another, so the others give way to it.
-SMOKE_TESTS = tests/test_smoke.py tests/tracking
+SMOKE_TESTS = tests/test_smoke.py tests/test_documented_commands.py tests/tracking
 SOAK_TESTS = tests/test_soak.py tests/training/test_compute.py
 TRAINING_TESTS = tests/training tests/agents
 GIVE_WAY = CI=1 nice -n 15

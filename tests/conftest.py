@@ -8,7 +8,9 @@ import os
 from collections.abc import Iterator
 
 import browser
+import finished_project
 import pytest
+from finished_project import Project
 from playwright.sync_api import Browser
 
 from jumping_ant.experiment import params_file
@@ -90,3 +92,17 @@ def open_page(chromium: Browser) -> Iterator[browser.OpenPage]:
     yield open_page
     for visit in visits:
         visit.page.context.close()
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    """A clone in which everything was run and committed; `project` is what tests take."""
+    return finished_project.finish(tmp_path_factory.mktemp("clone") / "project")
+
+
+@pytest.fixture
+def project(finished: Project) -> Iterator[Project]:
+    """The same for a test, which leaves its parameters and outputs as they are."""
+    before = finished.state()
+    yield finished
+    assert finished.state().keeps(before)

@@ -1,8 +1,12 @@
 """Results in the documents."""
 
+import io
 from pathlib import Path
 
+import imageio.v3 as iio
+import numpy as np
 import pytest
+from PIL import Image
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
@@ -102,3 +106,24 @@ def test_a_budget_without_these_steps_is_refused(validated: Path) -> None:
     curve.write_text("env_steps,evaluation_return_mean\n100000,1\n200000,\n", encoding="utf-8")
     with pytest.raises(InputError, match="given no validation at 200,000 control steps"):
         publish.published_table(validated)
+
+
+def test_the_learners_films_play_side_by_side(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Films as grey as their second, each agent's a little lighter than the one before."""
+    agents = params_file.load().agents
+    learners = [name for name, agent in agents.items() if not agent.is_baseline]
+    (tmp_path / "media").mkdir()
+    for number, name in enumerate(learners):
+        seconds = np.arange(10, dtype=np.uint8)[:, None, None, None]
+        film = np.broadcast_to(20 * seconds + 10 * number, (10, 64, 64, 3))
+        iio.imwrite(tmp_path / "media" / f"{name}.mp4", film, fps=1)
+    monkeypatch.setattr(publish, "PROJECT_ROOT", tmp_path)
+    monkeypatch.setattr(publish, "SECONDS", 2.0)
+    picture = Image.open(io.BytesIO(publish.animation()))
+    assert picture.size == (300 * len(learners), 300)
+    for frame, second in enumerate((7, 8, 9)):  # equal pictures in a row are one
+        picture.seek(frame)
+        greys = np.asarray(picture.convert("L"))[200, 150::300]
+        assert np.abs(greys - (20.0 * second + 10 * np.arange(len(learners)))).max() < 4

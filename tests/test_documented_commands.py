@@ -1,0 +1,248 @@
+"""Every command in the documents is run where everything was run before, and nothing gets lost."""
+
+import json
+import os
+import re
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from finished_project import BACK, COMMIT, RUN, Project
+
+from jumping_ant.experiment import params_file, presets
+from soak.project import start
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCUMENTS = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "benchmarks/README.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+]
+TOOLS = ("make", "dvc", "git", "python", "mlflow", "rerun", "pytest", "ruff", "mypy", "source")
+NAMES = {"dvc", "mlflow", "rerun", "source"}  # alone they name a tool, or a setting
+
+EXPERIMENT = "dvc exp run --name faster -S agents.sac.learning_rate=0.001"
+AGAIN = "dvc exp apply faster"
+TARGETS = ("evaluate@sac", "evaluate@still", "record@still")
+AFTER_ALL = ("lineup", "compare", "report", "track")
+FORTH = "git stash pop && dvc checkout"
+ON_BRANCH = "git switch main"
+CHANGES = {"dvc params diff", "dvc metrics diff", "dvc exp show --only-changed", "dvc plots diff"}
+PUBLISH = "python -m scripts.publish "
+KEEP = 'git commit docs -m "Publish the results"'
+KEEP_FAMILIES = 'git commit docs results/families.json -m "Publish the results"'
+TABLES = {  # the document that has the table, and the command that keeps it
+    f"{PUBLISH}ablations": ("results.md", KEEP),
+    f"{PUBLISH}hopper": ("results.md", KEEP),
+    f"{PUBLISH}families": ("families.md", KEEP_FAMILIES),
+}
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SNIPPETS = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+HERE = {"seed-20": "seed-0", 'render_mode="human"': "render_mode=None"}  # for the small project
+VIEWS = {"make view AGENT=sac": "sac", "make view AGENT=lineup": "lineup"}
+
+# Commands that the tests named here run, and those that take hours or change the machine.
+CHECKS = "a part of `make test`, as this test is"
+HOURS = "hours of training; tests/test_pipeline.py makes the parameters, presets/smoke runs"
+ARTICLE = "hours of training; tests/test_article_run.py runs it with less"
+MEASURES = "minutes that need the machine for themselves; tests/test_benchmarks.py tests its parts"
+SOAK = "half an hour; tests/test_soak.py runs a little of each part"
+ELSEWHERE = {
+    RUN: "tests/finished_project.py",
+    COMMIT: "tests/finished_project.py",
+    "dvc repro --force": "tests/test_smoke.py, for all stages without measured times",
+    "rerun rrd compare": "tests/test_smoke.py, with two files",
+    "python -m stages.track": "tests/test_smoke.py",
+    "make ui": "serves until it is stopped; tests/tracking/test_ui.py",
+    "make view": "opens all recordings; the two below open one",
+    "make watch": "serves until it is stopped; tests/showing/test_watch.py",
+    "make watch AGENT=sac": "serves until it is stopped; tests/showing/test_watch.py",
+    "make test": "runs this test",
+    "make test PYTHON=python3.12": "runs this test",
+    "make install TORCH_INDEX=": "downloads gigabytes",
+    "make lock": "asks package indexes for the newest versions",
+    "make check": CHECKS,
+    "mypy": CHECKS,
+    "pytest -q": CHECKS,
+    "pytest tests/agents tests/training": CHECKS,
+    "make soak": SOAK,
+    "make soak MINUTES=30": SOAK,
+    "make article": ARTICLE,
+    "python -m scripts.article --measure": ARTICLE,
+    f"{PUBLISH}article": "tests/test_article_run.py writes this table",
+    f"{PUBLISH}run": "needs its budget; tests/test_publish.py writes this table",
+    f"{PUBLISH}default": "needs films of 13 s; tests/test_publish.py makes its table and pictures",
+    "dvc exp run $(cat presets/ablations)": HOURS,
+    "dvc exp run $(cat presets/families)": HOURS,
+    "dvc exp run $(cat presets/hopper)": HOURS,
+    "dvc exp run $(cat presets/hopper) -S seeds=[0,1]": HOURS,
+    "dvc exp run $(cat presets/run) -S seeds=[0,1]": HOURS,
+    "dvc exp run $(cat presets/NAME)": "stands for the presets",
+    "python -m scripts.tune": "hours of training",
+    "make bench": MEASURES,
+    "python -m benchmarks profiles scale": MEASURES,
+    "python -m benchmarks sac_vs_sb3": MEASURES,
+    "python -m benchmarks vector_env_vs_envpool": MEASURES,
+    "python -m benchmarks.full_run": MEASURES,
+}
+TOGETHER = CHANGES | TABLES.keys() | VIEWS.keys()  # in tests of their own, with these
+TOGETHER |= {EXPERIMENT, BACK, AGAIN, FORTH, ON_BRANCH, KEEP, KEEP_FAMILIES}
+
+
+def documented() -> set[str]:
+    """Return the commands of all documents: lines of console blocks, indented lines, `code`."""
+    return {
+        command
+        for document in DOCUMENTS
+        for command in commands(document.read_text(encoding="utf-8"))
+    }
+
+
+def commands(text: str) -> Iterator[str]:
+    """Yield the commands of a document, without the comments after them."""
+    block = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+    blocks = [lines for kind, lines in block.findall(text) if kind in ("console", "sh", "bash")]
+    prose = block.sub("", text)
+    lines = re.findall(r"^ {4}(\S.*)$", prose, re.MULTILINE)
+    code = [" ".join(words.split()) for words in re.findall(r"`([^`]+)`", prose)]
+    typed = [line.split(" #")[0].strip() for lines in blocks for line in lines.splitlines()]
+    yield from filter(None, typed)
+    for command in [*lines, *code]:
+        if command.split()[0] in TOOLS and command not in NAMES:
+            yield command
+
+
+@pytest.fixture
+def installed(project: Project) -> Project:
+    """The project as `make install` leaves it, but with the tools of this environment."""
+    tools = Path(sys.executable).parent
+    bin_folder = project.folder / ".venv" / "bin"
+    bin_folder.mkdir(parents=True, exist_ok=True)
+    for name in (".packages", ".rendering", "bin/ffmpeg"):
+        (bin_folder.parent / name).touch()
+    if not (bin_folder / "activate").exists():
+        (bin_folder / "activate").symlink_to(tools / "activate")
+    return project
+
+
+def test_commands_are_found_in_blocks_indented_lines_and_code() -> None:
+    text = "Run `dvc repro\nbuild` or `make`, not `dvc`:\n\n    make test\n    more text\n"
+    text += "- as\n  ```console\n  git gc && ls   # why\n  ```\n```yaml\nmake: 1\n```\n"
+    assert list(commands(text)) == ["git gc && ls", "make test", "dvc repro build", "make"]
+
+
+def test_the_tables_name_what_is_documented() -> None:
+    assert documented() >= ELSEWHERE.keys() | TOGETHER
+    assert not ELSEWHERE.keys() & TOGETHER
+    for reason in ELSEWHERE.values():
+        assert all((ROOT / name).is_file() for name in re.findall(r"[\w/]+\.py", reason)), reason
+
+
+@pytest.mark.parametrize("command", sorted(documented() - ELSEWHERE.keys() - TOGETHER))
+def test_a_command_changes_no_result(installed: Project, command: str) -> None:
+    """`project`, which `installed` takes, looks whether anything has changed."""
+    here = command.replace("URL", "../remote")
+    installed.run("timeout", "120", "bash", "-c", here)  # or the tables lack one that takes long
+
+
+@pytest.mark.parametrize("command", VIEWS)
+def test_the_viewer_opens(installed: Project, command: str) -> None:
+    done = installed.type(command, check=False)
+    assert (installed.folder / "media" / f"{VIEWS[command]}.rrd").is_file()
+    assert "neither WAYLAND_DISPLAY nor WAYLAND_SOCKET nor DISPLAY is set" in done.stderr
+
+
+def test_an_experiment_comes_and_goes(project: Project) -> None:
+    """With an agent more, so that it leaves files where there were none."""
+    mine = project.state()
+    agents = params_file.load(project.folder / "params.yaml").model_dump()["agents"]
+    project.change_params(agents=agents | {"still": agents["random"]})
+    # Stages of every kind of output; the others would take longer and show the same.
+    done = project.type(f"{EXPERIMENT} {' '.join(TARGETS)}")
+    ran = {line.split("'")[1] for line in done.stdout.splitlines() if "Running stage" in line}
+    assert ran == {"check", "train@sac", "train@still", *TARGETS}
+    assert project.stale() == {"record@sac", "scaling@sac", "scaling@still", *AFTER_ALL}
+    experiment = project.state()
+    new = experiment.files.keys() - mine.files.keys()
+    assert {name.split("/")[0] for name in new} == {"models", "media", "results"}
+    for forth in (FORTH, AGAIN):
+        project.go_back()
+        assert project.state().keeps(mine)
+        assert project.stale() == set()
+        project.type(forth)
+        assert project.state().keeps(experiment)
+    check_what_changes_show(project)
+    project.go_back()
+
+
+def check_what_changes_show(project: Project) -> None:
+    """Compare an experiment with what is committed, as the documents say."""
+    told = project.type("dvc params diff --md").stdout
+    before = presets.load("smoke").agent("sac").model_dump()["learning_rate"]
+    row = f"| params.yaml | agents.sac.learning_rate | {before} | 0.001 |"
+    assert row in " ".join(told.split())
+    metrics = json.loads(project.type("dvc metrics diff --json").stdout)
+    assert set(metrics) == {f"results/agents/{agent}/metrics.json" for agent in ("sac", "still")}
+    shown = project.type("dvc exp show --only-changed --csv").stdout
+    columns = shown.splitlines()[0].split(",")
+    assert {"agents.sac.learning_rate", "results/agents/sac/metrics.json:return"} <= set(columns)
+    assert not any(column.startswith(("agents.dqn", "results/agents/dqn")) for column in columns)
+    assert "faster" in shown
+    project.type("dvc plots diff")
+    page = (project.folder / "dvc_plots" / "index.html").read_text(encoding="utf-8")
+    assert "workspace" in page and "HEAD" in page
+
+
+def test_a_run_that_is_not_committed_is_not_lost(project: Project) -> None:
+    """The commit before it has outputs that are in nobody's cache."""
+    mine = project.state()
+    project.run("git", "reset", "--quiet", ":/^Start")
+    assert project.type(BACK, check=False).returncode
+    assert not project.state().keeps(mine)
+    project.type(FORTH)
+    assert project.state().keeps(mine)
+    project.type(COMMIT)
+
+
+def test_a_killed_experiment_is_left(project: Project, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    command = ("dvc", "exp", "run", "-S", "agents.sac.total_steps=100000")
+    process = start(project, *command, log=log)
+    while "'train@sac'" not in log.read_text(encoding="utf-8"):
+        assert process.poll() is None, log.read_text(encoding="utf-8")
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    branch = ("git", "branch", "--show-current")
+    assert project.run(*branch).stdout == ""
+    project.type(ON_BRANCH)
+    project.go_back()
+    assert project.run(*branch).stdout == "main\n"
+    assert project.stale() == set()
+
+
+@pytest.mark.parametrize("command", TABLES)
+def test_a_table_is_kept(project: Project, command: str) -> None:
+    """When its results are left for those that are committed."""
+    name, keep = TABLES[command]
+    document = project.folder / "docs" / name
+    before = document.read_text(encoding="utf-8")
+    project.change_params(seeds=[0])  # in place of the preset's parameters and results
+    project.type(command)
+    published = document.read_text(encoding="utf-8")
+    assert published != before
+    project.type(keep)
+    project.go_back()
+    assert document.read_text(encoding="utf-8") == published
+    project.run("git", "reset", "--quiet", "--hard", "HEAD~1")
+
+
+def test_the_snippets_run(project: Project) -> None:
+    """One after the other, as they share what takes long: the imports."""
+    program = "\n".join(SNIPPETS)
+    for text, own in HERE.items():
+        assert program.count(text) == 1
+        program = program.replace(text, own)
+    project.run("python", "-c", program)
