@@ -34,7 +34,8 @@ def film() -> Callable[[], float]:
     """Set up the project's film, that of the `record` stage."""
     record = params_file.load().record.model_copy(update={"width": SIZE, "height": SIZE})
     model = robot.load(robot_xml())
-    trajectory = evaluation.replay(model, task().frame_skip, random_episode(FILM_STEPS), SEED, 0)
+    episode = random_episode(FILM_STEPS)
+    trajectory = evaluation.replay(model, task().frame_skip, episode, "random", SEED, 0)
     stride = frame_stride(trajectory.timestep, record.fps)
     num_frames = len(trajectory.rows(stride, record.seconds))
     return lambda: rate(partial(rendering.film, robot_xml(), trajectory, record), num_frames)

@@ -27,6 +27,7 @@ from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import descriptions
+from jumping_ant.training import curves
 from jumping_ant.words import looks, wording
 from jumping_ant.words.wording import p_value
 
@@ -43,6 +44,7 @@ FOLDERS = {
 DOCUMENTS = {"families": DOCS / "families.md"}  # others: docs/results.md
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
 PUBLISHED = DOCS / "published" / "ant_sac.csv"
+PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": tables.Column()}
 PUBLISHED_STEPS = (100_000, 200_000)
 FIGURES = ("learning_curves", "final_return")
 TUNING = RESULTS / "tuning.csv"
@@ -172,26 +174,19 @@ def published_table(root: Path) -> str:
     Raises:
         InputError: SAC was not validated at these numbers of control steps.
     """
-    stage = "train@sac"
-    project = Paths(root)
-    paths = project.agent("sac")
-    curves = [
-        tables.read(paths.seed(seed).curve, ("env_steps", "evaluation_return_mean"), stage)
-        for seed in params_file.load(project.params).seeds
-    ]
-    published = tables.read(PUBLISHED, ("env_steps", "return"), stage)
+    params = params_file.load(Paths(root).params)
+    ours = [curves.evaluations(curves.read(root, params, "sac", seed)) for seed in params.seeds]
+    published = tables.read(PUBLISHED, "train@sac", {}, PUBLISHED_COLUMNS)
     lines = ["| control steps | SAC here | published |", "|---|---|---|"]
     for steps in PUBLISHED_STEPS:
-        # A row of training may have the same number of steps; it has no validation.
-        ours = [c["evaluation_return_mean"][c["env_steps"] == steps] for c in curves]
-        ours = [returns[np.isfinite(returns)] for returns in ours]
-        if not all(map(len, ours)):
+        here = [returns[places == steps] for places, returns in ours]
+        if not all(map(len, here)):
             raise InputError(
-                f"{paths.models}: given no validation at {steps:,} control steps; "
-                "run `dvc exp run $(cat presets/run)` first"
+                f"{Paths(root).agent('sac').models}: given no validation at {steps:,} control "
+                "steps; run `dvc exp run $(cat presets/run)` first"
             )
         theirs = published["return"][published["env_steps"] == steps]
-        cells = [_median_of(np.concatenate(ours)), _median_of(theirs)]
+        cells = [_median_of(np.concatenate(here)), _median_of(theirs)]
         lines.append(f"| {steps:,} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

@@ -1,32 +1,35 @@
-"""Flipped bytes in every kind of file that the project reads.
+"""Flipped bytes in every kind of file that the project reads, and faults of its tables.
 
 Usage: python -m soak.mutations FOLDER [--seed SEED] [--each COUNT]
 
-The folder is a project in which `AGENTS` are trained and one of them is evaluated. A changed file
-may still be read, or is refused as bad input; nothing else may happen. Each reading has limits of
-time and memory. The counts are printed as JSON.
+The folder is the project that this process runs from, in which `AGENTS` are trained. A changed file
+may still be read, or is refused as bad input; nothing else may happen. The stage `compare` runs
+with each changed table: after a fault of the table's structure it must refuse it, or write the same
+comparison as before. Each reading has limits of time and memory. The counts are printed as JSON.
 """
 
 import argparse
+import importlib
+import itertools
 import json
 import random
 import resource
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
+from unittest.mock import patch
 
 from jumping_ant.agents.imitation.demonstrations import Demonstrations
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import results
 from jumping_ant.policies import policy_file
-from jumping_ant.showing import rendering
+from jumping_ant.showing import figures, rendering
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.task import Task
 from jumping_ant.tracking import records
@@ -34,14 +37,18 @@ from jumping_ant.training import driver
 from jumping_ant.training.checkpoints import Saved
 from scripts.checkout import Checkout
 from soak.project import owner_of
+from soak.table_faults import NUMBERS, STRUCTURE, faults
 
 AGENTS = ("dqn", "sac", "pgpe")
 EVALUATED = "pgpe"
 MOST_FLIPS = 8  # in one file
+FEWER = 15  # times as few of those with which `compare` may draw its pictures, which takes seconds
 SECONDS = 20
 BYTES = 2 * 2**30
 
 Read = Callable[[], object]
+Change = tuple[str, bytes]
+"""What is changed in a file, and its content."""
 
 
 @dataclass
@@ -61,20 +68,64 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=500, help="changed versions of each file")
     arguments = parser.parse_args()
     generator = random.Random(arguments.seed)
-    counts = {}
+    for stage, agent in itertools.product(("evaluate", "scaling"), AGENTS):
+        run_stage(stage, agent)
+    counts: dict[str, Count] = {}
     for path, read in readers(arguments.folder):
-        name = str(path.relative_to(arguments.folder))
-        counts[name] = asdict(mutate(path, read, generator, arguments.each))
-        print(f"{name}: {counts[name]['clear']} of {counts[name]['tried']}", file=sys.stderr)
-    print(json.dumps(counts))
+        changes = flips(path.read_bytes(), generator, arguments.each)
+        mutate(path, read, changes, _count(counts, arguments.folder, path))
+    expected = compare(arguments.folder)
+    for path in compared(arguments.folder):
+        few, of_structure = _table_changes(path.read_bytes(), generator, arguments.each)
+        count = _count(counts, arguments.folder, path)
+        mutate(path, partial(compare, arguments.folder), few, count)
+        numbers = partial(compare, arguments.folder, is_drawn=False)
+        mutate(path, numbers, of_structure, count, expected)
+    print(json.dumps({name: asdict(count) for name, count in counts.items()}))
+
+
+def _count(counts: dict[str, Count], folder: Path, path: Path) -> Count:
+    """Return the count of a file, and tell which one it is."""
+    name = str(path.relative_to(folder))
+    print(name, file=sys.stderr)
+    return counts.setdefault(name, Count())
+
+
+def _table_changes(
+    content: bytes, generator: random.Random, each: int
+) -> tuple[list[Change], list[Change]]:
+    """Return a few changes of a table that may change numbers, and all those of its structure."""
+    found: dict[str, list[Change]] = {STRUCTURE: [], NUMBERS: []}
+    for kind, name, changed in faults(content, generator):
+        found[kind].append((name, changed))
+    few = -(-each // FEWER)
+    numbers = generator.sample(found[NUMBERS], min(few, len(found[NUMBERS])))
+    return [*flips(content, generator, few), *numbers], found[STRUCTURE]
+
+
+def run_stage(stage: str, *arguments: str) -> None:
+    """Run a stage in this process."""
+    module = importlib.import_module(f"stages.{stage}")
+    before = sys.argv
+    sys.argv = [stage, *arguments]
+    try:
+        module.main()
+    finally:
+        sys.argv = before
+
+
+def compare(root: Path, is_drawn: bool = True) -> bytes:
+    """Return the comparison that the stage writes, with its pictures or without them."""
+    with nullcontext() if is_drawn else patch.object(figures, "files", return_value={}):
+        run_stage("compare")
+    return Paths(root).comparison.read_bytes()
 
 
 def prepare(project: Checkout) -> None:
     """Train, in this process, and make of it what the readers need."""
     for agent in AGENTS:
         driver.train(project.folder, params_file.load(Paths(project.folder).params), agent)
-    stages = (f"evaluate@{EVALUATED}", f"scaling@{EVALUATED}", "demonstrate@imitation")
-    project.seconds("dvc", "repro", "--single-item", *stages)
+    project.seconds("dvc", "repro", "--single-item", "demonstrate@imitation")
 
 
 def readers(root: Path) -> Iterator[tuple[Path, Read]]:
@@ -95,38 +146,62 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
     finished = next((root / ".checkpoints" / EVALUATED).rglob("*.finished"))
     yield finished, partial(_resume, finished)
     yield evaluated.trajectory, partial(_show, evaluated.trajectory)
-    for table in (evaluated.seed(seed).curve, evaluated.timing, evaluated.scaling):
-        yield table, partial(results.load, root, one)
-    for table in (evaluated.episodes, evaluated.variants):
-        yield table, partial(results.load, root, one)
     tracked = (evaluated.seed(seed).curve, evaluated.timing, evaluated.seed_means)
-    for table in (*tracked, evaluated.variants, evaluated.metrics, paths.physique):
+    for table in (*tracked, evaluated.variants, paths.physique):
         yield table, partial(_track, root, one)
 
 
-def mutate(path: Path, read: Read, generator: random.Random, count: int) -> Count:
-    """Read changed versions of a file, and put it back."""
-    done = Count()
+def compared(root: Path) -> Iterator[Path]:
+    """Yield every kind of table that `compare` reads."""
+    evaluated = Paths(root).agent(EVALUATED)
+    yield evaluated.seed(params_file.load(Paths(root).params).seeds[0]).curve
+    yield from (evaluated.timing, evaluated.scaling, evaluated.episodes, evaluated.variants)
+
+
+def mutate(
+    path: Path, read: Read, changes: Iterable[Change], count: Count, expected: object = None
+) -> None:
+    """Read changed versions of a file, and put it back.
+
+    Args:
+        path: The file.
+        read: What reads it.
+        changes: The versions.
+        count: Counts them.
+        expected: What reading a version may return, besides refusing it; None for anything.
+    """
     content = path.read_bytes()
     try:
-        for _ in range(count):
+        for name, changed in changes:
             path.unlink()  # DVC may have linked it
-            path.write_bytes(_changed(content, generator))
-            done.tried += 1
-            try:
-                with _limited():
-                    read()
-                done.clear += 1
-            except InputError as error:
-                is_long = len(str(error)) > 2000
-                done.clear += not is_long
-                if is_long:
-                    done.troubles.append(f"{len(str(error))} characters: {str(error)[:200]}")
-            except BaseException as error:  # whatever it is, it is no clear line
-                done.troubles.append(f"{type(error).__name__}: {str(error)[:200]}")
+            path.write_bytes(changed)
+            trouble = _trouble(read, expected)
+            count.tried += 1
+            count.clear += not trouble
+            count.troubles += [f"{name}: {trouble}"] if trouble else []
     finally:
         path.write_bytes(content)
-    return done
+
+
+def _trouble(read: Read, expected: object) -> str:
+    """Return what is wrong with how a changed file is read, nothing if it is as it should be."""
+    try:
+        with _limited():
+            found = read()
+    except InputError as error:
+        # Of params.yaml, there is a line for each fault.
+        lines = {line.partition(":")[0] for line in str(error).splitlines()}
+        is_clear = len(str(error)) < 2000 and len(lines) == 1
+        return "" if is_clear else f"{len(str(error))} characters: {str(error)[:200]!r}"
+    except BaseException as error:  # whatever it is, it is no clear line
+        return f"{type(error).__name__}: {str(error)[:200]}"
+    return "" if expected in (None, found) else "other results, in silence"
+
+
+def flips(content: bytes, generator: random.Random, count: int) -> Iterator[Change]:
+    """Yield versions of a file with some bytes changed."""
+    for _ in range(count):
+        yield "bytes", _changed(content, generator)
 
 
 def _changed(content: bytes, generator: random.Random) -> bytes:

@@ -35,7 +35,7 @@ def main() -> None:
         seed: policy_file.load(paths.seed(seed).policy, (agent, seed)) for seed in settings.seeds
     }
     num_threads = machine.num_cores()
-    episodes, median = evaluation.evaluate(xml, settings, trained, num_threads)
+    episodes, median = evaluation.evaluate(xml, settings, agent, trained, num_threads)
     others = {
         seed: variants.make(
             xml,
@@ -53,9 +53,9 @@ def main() -> None:
     means = evaluation.seed_means(episodes)
     write_all(
         {
-            paths.episodes: episodes.to_csv(index=False, lineterminator="\n"),
-            paths.seed_means: means.to_csv(index=False, lineterminator="\n"),
-            paths.variants: table.to_csv(index=False, lineterminator="\n"),
+            paths.episodes: evaluation.to_csv(agent, episodes),
+            paths.seed_means: evaluation.to_csv(agent, means),
+            paths.variants: evaluation.to_csv(agent, table),
             paths.metrics: to_json(evaluation.summarize(episodes)),
             paths.trajectory: median.to_bytes(),
         }

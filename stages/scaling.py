@@ -19,9 +19,7 @@ def main() -> None:
     agent, settings = parse_agent(__doc__)
     xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
     rows = scaling.measure(xml, settings.env, settings.agent(agent), settings.seeds)
-    lines = [",".join(scaling.COLUMNS)]
-    lines += [",".join(str(row[column]) for column in scaling.COLUMNS) for row in rows]
-    write_text(Paths().agent(agent).scaling, "\n".join(lines) + "\n")
+    write_text(Paths().agent(agent).scaling, scaling.to_csv(agent, rows))
 
 
 if __name__ == "__main__":

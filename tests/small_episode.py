@@ -37,6 +37,7 @@ def simulate(
         torques=ctrl,
         rewards=rewards,
         terms={"torso_height": rewards},
+        agent="sac",
         seed=4,
         episode=11,
         episode_return=1.0,

@@ -2,36 +2,53 @@
 
 import csv
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from jumping_ant.agents.catalogue import ALGORITHMS
+import small_agents
+
+from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
-from jumping_ant.params.blocks import CompareParams, TrainingParams
+from jumping_ant.judging import variants
+from jumping_ant.params import article
+from jumping_ant.params.blocks import CompareParams, EvaluateParams
+from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.training import scaling
 
 COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=0)
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
-VARIANTS = {"sac": ["final", "rounded"], "pgpe": ["final", "rounded", "best_sample"]}
 BUDGETS = {"random": 0, "open_loop": 400, "dqn": 1000, "sac": 200, "pgpe": 8000}
+EPISODES = 3
 
 
 def make_params(agents: Mapping[str, str], seeds: Sequence[int]) -> Params:
-    """Return params with what `compare` reads of them: agents (name to algorithm) and seeds."""
-    blocks = {
-        name: ALGORITHMS[algorithm].settings.model_construct(algorithm=algorithm, robot="edited")
-        for name, algorithm in agents.items()
-    }
-    training = TrainingParams.model_construct(evaluation_episodes=2)
-    return Params.model_construct(
-        seeds=list(seeds), agents=blocks, compare=COMPARE, training=training
+    """Return params of agents (name to algorithm) and seeds, the rest as in `write_project`."""
+    known = params_file.load()
+    return known.model_copy(
+        update={
+            "seeds": list(seeds),
+            "env": article.ENV,
+            "agents": {name: block(algorithm) for name, algorithm in agents.items()},
+            "compare": COMPARE,
+            "evaluate": EvaluateParams(episodes=EPISODES, seed=1000000, min_airborne_seconds=0.1),
+            "training": known.training.model_copy(update={"evaluation_episodes": 2}),
+        }
     )
 
 
-def write_project(
-    root: Path, agents: Mapping[str, str], seeds: Sequence[int], num_episodes: int = 3
-) -> None:
+def block(algorithm: str) -> AgentBlock:
+    """Return the block of an agent with the budget of `BUDGETS`."""
+    agent = small_agents.agents()[algorithm]
+    has_steps = hasattr(agent, "total_steps") and algorithm in BUDGETS
+    own = {"total_steps": BUDGETS[algorithm]} if has_steps else {}
+    return type(agent).model_validate(agent.model_dump() | own)
+
+
+def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
     """Write the episodes, curves and timing of every agent.
 
     Seed number i returns its algorithm's level plus 10 * i, in each episode up to a spread of
@@ -42,58 +59,81 @@ def write_project(
         for i, seed in enumerate(seeds):
             level = LEVELS[algorithm] + 10 * i
             episodes += [
-                episode_row(seed, episode, level + 5 * (episode - (num_episodes - 1) / 2))
-                for episode in range(num_episodes)
+                episode_row(name, seed, episode, level + 5 * (episode - (EPISODES - 1) / 2))
+                for episode in range(EPISODES)
             ]
-            curve = curve_rows(BUDGETS[algorithm], level)
-            write_csv(Paths(root).agent(name).seed(seed).curve, curve)
-            timing += [
-                {"seed": seed, "env_steps": row["env_steps"], "seconds": row["env_steps"] * 0.5}
-                for row in curve
-            ]
+            write_curve(root, name, seed, curve_rows(BUDGETS[algorithm], level))
+            timing += timing_rows(name, seed, curve_rows(BUDGETS[algorithm], level))
         write_csv(Paths(root).agent(name).episodes, episodes)
         write_csv(Paths(root).agent(name).timing, timing)
-        write_variants(root, name, VARIANTS.get(algorithm, []), episodes)
+    write_variants(root, agents, seeds)
     write_scaling(root, agents, seeds)
 
 
-def write_variants(
-    root: Path, name: str, variants: Sequence[str], episodes: Sequence[Mapping[str, Any]]
-) -> None:
-    """Write variants of an agent: like its episodes, with 7 less of return."""
-    rows = [
-        {"seed": row["seed"], "variant": variant, **row, "return": row["return"] - 7}
-        for variant in variants
-        for row in episodes
-    ]
-    header = ["seed", "variant", *(name for name in episodes[0] if name != "seed")]
-    path = Paths(root).agent(name).variants
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, header)
-        writer.writeheader()
-        writer.writerows(rows)
+def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
+    """Write variants of every agent: like its policies, with 7 less of return."""
+    for name, algorithm in agents.items():
+        rows = [
+            {"agent": name, "seed": seed, "variant": variant}
+            | measures(LEVELS[algorithm] + 10 * i)
+            | {"return": LEVELS[algorithm] + 10 * i - 7}
+            for i, seed in enumerate(seeds)
+            for variant in variants.names_of(block(algorithm))
+        ]
+        write_csv(Paths(root).agent(name).variants, rows)
 
 
 def write_scaling(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
-    """Write what a unit of training took each seed of the agents that learn."""
+    """Write what a unit of training took each seed of the agents that are timed."""
     for name, algorithm in agents.items():
-        lines = [
-            f"{seed},{threads},{2.0 / threads + 0.01 * i}"
+        rows = [
+            {"seed": seed, "threads": threads, "seconds": 2.0 / threads + 0.01 * i}
             for i, seed in enumerate(seeds)
             for threads in (1, 2)
-            if algorithm != "random"
+            if algorithm in scaling.ALGORITHMS
         ]
-        text = "\n".join(["seed,threads,seconds", *lines]) + "\n"
-        write_text(Paths(root).agent(name).scaling, text)
+        write_text(Paths(root).agent(name).scaling, scaling.to_csv(name, rows))
 
 
-def episode_row(seed: int, episode: int, value: float) -> dict[str, Any]:
+def write_curve(root: Path, agent: str, seed: int, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write a seed's learning curve."""
+    named = [{"agent": agent, "seed": seed, **row} for row in rows]
+    write_csv(Paths(root).agent(agent).seed(seed).curve, named)
+
+
+def timing_rows(
+    agent: str, seed: int, curve: Sequence[Mapping[str, Any]], pace: float = 0.5
+) -> list[dict[str, Any]]:
+    """Return a seed's rows of `timing.csv`: so many seconds for each control step."""
+    return [
+        {"agent": agent, "seed": seed, "env_steps": steps, "seconds": steps * pace}
+        for steps in (row["env_steps"] for row in curve)
+    ]
+
+
+def shown(root: Path, agent: str, trajectory: Trajectory) -> Trajectory:
+    """Return a trajectory as an agent's first episode, whose row gets its length."""
+    path = Paths(root).agent(agent).episodes
+    first, *others = read_csv(path)
+    write_csv(path, [first | {"length": len(trajectory.torques)}, *others])
+    return replace(
+        trajectory,
+        agent=agent,
+        seed=int(first["seed"]),
+        episode=int(first["episode"]),
+        episode_return=float(first["return"]),
+    )
+
+
+def episode_row(agent: str, seed: int, episode: int, value: float) -> dict[str, Any]:
     """Return a row of `episodes.csv`."""
+    ids = {"agent": agent, "seed": seed, "episode": episode, "episode_seed": 1000000 + episode}
+    return ids | measures(value)
+
+
+def measures(value: float) -> dict[str, Any]:
+    """Return what is measured of an episode with such a return."""
     return {
-        "seed": seed,
-        "episode": episode,
-        "episode_seed": 1000000 + episode,
         "length": 1000,
         "return": value,
         "peak_height": value / 1000,

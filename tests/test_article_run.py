@@ -192,12 +192,21 @@ def test_another_algorithm_under_an_articles_name_is_refused(tiny: tuple[Path, P
 
 
 def test_a_shorter_evolution_is_refused(tiny: tuple[Path, Params], tmp_path: Path) -> None:
-    content = (tiny[0] / "models" / "pgpe" / "seed-3" / "curve.csv").read_text(encoding="utf-8")
+    root, params = tiny
+    *rows, last = (
+        (root / "models" / "pgpe" / "seed-3" / "curve.csv")
+        .read_text(encoding="utf-8")
+        .splitlines(keepends=True)[:52]
+    )
+    evaluated = last.split(",")[:3] + ["", "", "", "", "1.0", "0.0"]
+    cells = evaluated + [""] * (last.count(",") + 1 - len(evaluated))
     short = tmp_path / "models" / "pgpe" / "seed-3" / "curve.csv"
     short.parent.mkdir(parents=True)
-    short.write_text("".join(content.splitlines(keepends=True)[:51]), encoding="utf-8")
+    short.write_text("".join([*rows, ",".join(cells) + "\n"]), encoding="utf-8")
+    half = params.agent("pgpe").model_copy(update={"generations": 50})
+    fewer = params.model_copy(update={"seeds": [3], "agents": {"pgpe": half}})
     with pytest.raises(InputError, match="given 50 generations, allowed: 100 or more"):
-        reproduction._fitness(tmp_path, [3])
+        reproduction._fitness(tmp_path, fewer)
 
 
 def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: Path) -> None:

@@ -9,8 +9,10 @@ import pytest
 from PIL import Image
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
+from jumping_ant.training import curves
 from scripts import publish
 
 CLAIM = {"text": "A leads", "verdict": "refuted", "p_holm": 0.01234, "evidence": "Much (8 seeds)."}
@@ -79,18 +81,20 @@ def test_effort_is_that_of_all_trainings() -> None:
 @pytest.fixture
 def validated(tmp_path: Path) -> Path:
     """A project in which SAC was validated at 100,000 and 200,000 control steps."""
+    text = (publish.PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8")
     (tmp_path / "params.yaml").write_text(
-        (publish.PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"), encoding="utf-8"
+        text.replace("total_steps: 54000 ", "total_steps: 200000 "), encoding="utf-8"
     )
-    paths = Paths(tmp_path).agent("sac")
     for number, seed in enumerate(params_file.load().seeds):
-        curve = paths.seed(seed).curve
-        curve.parent.mkdir(parents=True)
-        rows = ["50000,", f"100000,{number}", "150000,", f"200000,{100 * number}"]
-        curve.write_text(
-            "\n".join(["env_steps,evaluation_return_mean", *rows]) + "\n", encoding="utf-8"
-        )
+        write_curve(tmp_path, seed, ("50000", ""), ("100000", number), ("200000", 100 * number))
     return tmp_path
+
+
+def write_curve(root: Path, seed: int, *rows: tuple[str, object]) -> None:
+    """Write control steps and returns in validation, where there are any."""
+    lines = [",".join(["agent", "seed", *curves.COLUMNS])]
+    lines += [f"sac,{seed},{steps},,,,,{value}," for steps, value in rows]
+    write_text(Paths(root).agent("sac").seed(seed).curve, "\n".join([*lines, ""]))
 
 
 def test_returns_stand_beside_published_ones(validated: Path) -> None:
@@ -102,8 +106,7 @@ def test_returns_stand_beside_published_ones(validated: Path) -> None:
 
 def test_a_budget_without_these_steps_is_refused(validated: Path) -> None:
     seed = params_file.load().seeds[0]
-    curve = Paths(validated).agent("sac").seed(seed).curve
-    curve.write_text("env_steps,evaluation_return_mean\n100000,1\n200000,\n", encoding="utf-8")
+    write_curve(validated, seed, ("100000", 1), ("200010", 2))
     with pytest.raises(InputError, match="given no validation at 200,000 control steps"):
         publish.published_table(validated)
 

@@ -71,9 +71,9 @@ def test_bad_input_is_answered_clearly(project: Checkout, faults: Faults) -> Non
 
 def test_changed_bytes_are_read_or_refused(project: Checkout, faults: Faults) -> None:
     troubles: list[str] = []
-    counts = mutate(project, 1, troubles, each=30)["mutations"]
+    counts = mutate(project, 1, troubles, each=15)["mutations"]
     assert troubles == []
-    assert len(counts) > 10 and all(own == {"tried": 30, "clear": 30} for own in counts.values())
+    assert len(counts) > 10 and all(own["tried"] == own["clear"] >= 15 for own in counts.values())
 
 
 def test_interrupted_operations_are_survived(project: Checkout, faults: Faults) -> None:

@@ -1,8 +1,18 @@
-"""Read CSV files that stages have written."""
+"""Read CSV files that stages have written: whole, of whom they should be, and within their ranges.
+
+The modules that know a table (`jumping_ant.training.curves`, `jumping_ant.training.scaling`,
+`jumping_ant.judging.episodes`) describe its columns, and say which rows it has.
+"""
 
 import csv
-from collections.abc import Container, Iterable
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,40 +20,120 @@ from numpy.typing import NDArray
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import read_bytes
 
+LARGEST = 1e30  # of what is compared: statistics of such numbers are finite
+DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?(e[+-][0-9]{2,3})?")  # as Python writes floats
+LONGEST = 40  # characters of a cell that a message quotes
+
+Table = dict[str, NDArray[Any]]
+"""A table by column, each of shape (num_rows,): numbers, NaN for empty cells, or words."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a cell may hold: a number in a range, or one of some words.
+
+    Attributes:
+        low: The smallest number.
+        high: The largest number.
+        is_whole: Whether numbers are whole.
+        can_be_empty: Whether a cell may be empty instead.
+        words: The words, for a column without numbers.
+    """
+
+    low: float = -LARGEST
+    high: float = LARGEST
+    is_whole: bool = False
+    can_be_empty: bool = False
+    words: tuple[str, ...] = ()
+
+    def parse(self, cell: str) -> float | str:
+        """Return a cell's number, NaN if it is empty, or its word.
+
+        Raises:
+            ValueError: The cell holds something else; the message says what, and what is allowed.
+        """
+        if cell in self.words:
+            return cell
+        if not cell and self.can_be_empty:
+            return math.nan
+        if not self.words and DECIMAL.fullmatch(cell):
+            number = float(cell)
+            is_in_range = math.isfinite(number) and self.low <= number <= self.high
+            if is_in_range and (number.is_integer() or not self.is_whole):
+                return number
+        raise ValueError(f"given {cell[:LONGEST]!r}, allowed: {self._allowed}")
+
+    @property
+    def _allowed(self) -> str:
+        if self.words:
+            return ", ".join(self.words)
+        kind = "whole number" if self.is_whole else "finite decimal number"
+        ends = [f"from {self.low:g}" * (self.low > -math.inf)]
+        ends += [f"to {self.high:g}" * (self.high < math.inf)]
+        return " ".join([f"a {kind}", *filter(None, ends)]) + ", or none" * self.can_be_empty
+
+
+ANY = Column(low=-math.inf, high=math.inf, can_be_empty=True)  # what no statistic is made of
+SEED = Column(low=0, high=2**31 - 1, is_whole=True)
+SECONDS = Column(low=0, high=1e9)
+
 
 def read(
-    path: Path, columns: Iterable[str], stage: str, text: Container[str] = ()
-) -> dict[str, NDArray[np.float64]]:
-    """Read a CSV file of numbers by column; an empty cell is NaN.
+    path: Path,
+    stage: str,
+    owner: Mapping[str, str | int],
+    columns: Mapping[str, Column],
+    others: Column | None = None,
+    has_rows: bool = True,
+) -> Table:
+    """Read a CSV file, and check all that can be said of each row by itself.
 
     Args:
         path: The file.
-        columns: Columns that the file must have; others are read too.
         stage: The stage that writes it, for the messages.
-        text: Columns of text, which are left out.
+        owner: Whose table it is: its first columns, with the text that every row has in them.
+        columns: The columns that follow, in order.
+        others: What further columns hold; by default there are none.
+        has_rows: Whether it has any rows.
 
     Returns:
-        The columns of numbers, each of shape (num_rows,).
+        The columns, without those of the owner.
 
     Raises:
-        InputError: The file is missing, empty or malformed; the message says what to run.
+        InputError: The file is missing or is not such a table; the message says what was given,
+            what is allowed and what to run.
     """
-    rows = read_rows(path, stage)
-    found = list(rows[0]) if rows else []
-    missing = [column for column in columns if column not in found]
-    if missing:
-        raise InputError(
-            f"{path}: {'no column ' + ', '.join(missing) if rows else 'no rows in it'}; "
-            f"run `dvc repro --force {stage}`"
-        )
-    try:
-        return {
-            name: np.array([float(row[name] or "nan") for row in rows])
-            for name in found
-            if name not in text
-        }
-    except ValueError as error:
-        raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
+    content = read_bytes(path, stage)
+    with blamed(path, stage):
+        if content and not content.endswith(b"\n"):
+            raise ValueError("its last line is cut off")
+        table = parse(content.decode(), owner, columns, others)
+        num_rows = len(next(iter(table.values())))
+        if has_rows != (num_rows > 0):
+            allowed = "1 or more" if has_rows else "none"
+            raise ValueError(f"given {num_rows or 'no'} rows in it, allowed: {allowed}")
+    return table
+
+
+def parse(
+    text: str,
+    owner: Mapping[str, str | int],
+    columns: Mapping[str, Column],
+    others: Column | None = None,
+) -> Table:
+    """Return the table that a CSV file's text holds; arguments and result as above.
+
+    Raises:
+        ValueError: It is not such a table.
+    """
+    header, rows = _split(text)
+    _check_header(header, [*owner, *columns], others is not None)
+    _check_owner(rows, owner)
+    return {
+        name: np.array(_parsed(name, columns.get(name, others or ANY), rows, place))
+        for place, name in enumerate(header)
+        if name not in owner
+    }
 
 
 def read_rows(path: Path, stage: str) -> list[dict[str, str]]:
@@ -56,25 +146,97 @@ def read_rows(path: Path, stage: str) -> list[dict[str, str]]:
     Raises:
         InputError: The file is missing or is not a table; the message says what to run.
     """
+    content = read_bytes(path, stage)
+    with blamed(path, stage):
+        header, rows = _split(content.decode())
+        return [dict(zip(header, row, strict=True)) for row in rows]
+
+
+def exactly(table: Table, asked: Sequence[Sequence[float | str]], *keys: str) -> Table:
+    """Return the rows of a table that are asked for, in the order in which they are.
+
+    Args:
+        table: The table.
+        asked: What each row has in the key columns.
+        keys: Names of the key columns.
+
+    Raises:
+        ValueError: It lacks one of the rows, or has one twice, or one that is not asked for.
+    """
+    given = list(zip(*(table[key].tolist() for key in keys), strict=True))
+    wanted, counts = dict.fromkeys(map(tuple, asked)), Counter(given)
+    for row in (*wanted, *given):
+        if counts[row] != (row in wanted):
+            named = ", ".join(
+                f"{key} {cell if isinstance(cell, str) else f'{cell:.0f}'}"
+                for key, cell in zip(keys, row, strict=True)
+            )
+            raise ValueError(f"given {counts[row]} rows of {named}, allowed: {int(row in wanted)}")
+    places = {row: place for place, row in enumerate(given)}
+    order = [places[row] for row in wanted]
+    return {name: column[order] for name, column in table.items()}
+
+
+@contextmanager
+def blamed(path: Path, stage: str) -> Iterator[None]:
+    """Turn a ValueError about a file into an InputError that names it and the stage to run."""
     try:
-        text = read_bytes(path, stage).decode()
-        return parse_rows(text)
-    except InputError:
-        raise
+        yield
     except ValueError as error:
         raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
 
 
-def parse_rows(text: str) -> list[dict[str, str]]:
-    """Read the rows of a CSV file's text.
-
-    Raises:
-        ValueError: A row has more or fewer cells than the header, or the text is not CSV.
-    """
+def _split(text: str) -> tuple[list[str], list[list[str]]]:
+    """Return the header of a CSV file's text, and its rows."""
     try:
         header, *rows = [row for row in csv.reader(text.splitlines()) if row] or [[]]
     except csv.Error as error:
         raise ValueError(str(error)) from error
-    if any(len(row) != len(header) for row in rows):
-        raise ValueError(f"a row has more or fewer cells than the header's {len(header)}")
-    return [dict(zip(header, row, strict=True)) for row in rows]
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(header):
+            raise ValueError(f"row {number}: given {len(row)} cells, allowed: {len(header)}")
+    return header, rows
+
+
+def _check_header(header: Sequence[str], columns: Sequence[str], has_others: bool) -> None:
+    """Raise a ValueError unless the columns come first, in order, each name once."""
+    twice = [name for name, count in Counter(header).items() if count > 1]
+    lacking = [name for name in columns if name not in header]
+    more = [name for name in header if name not in columns]
+    fault = (
+        f"column {twice[0]!r} twice" if twice else
+        f"no column {lacking[0]!r}" if lacking else
+        f"a column {more[0]!r}" if more and not has_others else
+        "another order" if list(header[: len(columns)]) != list(columns) else
+        ""
+    )  # fmt: skip
+    if fault:
+        raise ValueError(f"given {fault[:LONGEST]}, allowed: the columns {', '.join(columns)}")
+
+
+def _check_owner(rows: Sequence[Sequence[str]], owner: Mapping[str, str | int]) -> None:
+    """Raise a ValueError unless all rows begin with the owner's text."""
+    allowed = [str(value) for value in owner.values()]
+    for number, row in enumerate(rows, start=1):
+        if row[: len(owner)] != allowed:
+            given = _named(dict(zip(owner, row, strict=False)))
+            raise ValueError(
+                f"row {number}: given one of {given}, allowed: rows of {_named(owner)}"
+            )
+
+
+def _named(owner: Mapping[str, str | int]) -> str:
+    return ", ".join(f"{key} {str(value)[:LONGEST]}" for key, value in owner.items())
+
+
+def _parsed(
+    name: str, kind: Column, rows: Sequence[Sequence[str]], place: int
+) -> list[float | str]:
+    """Return the values of one column."""
+    values = []
+    for number, row in enumerate(rows, start=1):
+        try:
+            values.append(kind.parse(row[place]))
+        except ValueError as error:
+            raise ValueError(f"row {number}, column {name}: {error}") from error
+    return values

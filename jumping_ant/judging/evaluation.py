@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import motion
+from jumping_ant.judging.episodes import EPISODE_KEYS
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.anatomy import Anatomy
@@ -41,31 +42,16 @@ from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.words.measures import TERM
 
-QUANTITIES = (
-    "length",
-    "return",
-    "peak_height",
-    "apex",
-    "mean_height",
-    "jumps",
-    "airborne_seconds",
-    "flight",
-    "torque_change",
-    "fluidity",
-    "work",
-    "drift",
-    "survived",
-)
-
 
 def evaluate(
-    xml: str, params: Params, policies: dict[int, Policy], num_threads: int = 1
+    xml: str, params: Params, agent: str, policies: dict[int, Policy], num_threads: int = 1
 ) -> tuple[pd.DataFrame, Trajectory]:
     """Run the held-out episodes of an agent's policies.
 
     Args:
         xml: The robot as MJCF text.
         params: All parameters.
+        agent: The agent's name, stored in the trajectory.
         policies: The policy of each seed.
         num_threads: Threads that step the simulations; results do not depend on it.
 
@@ -78,7 +64,12 @@ def evaluate(
     median = int(table["return"].argsort(kind="stable").iloc[(len(table) - 1) // 2])
     row = table.iloc[median]
     trajectory = replay(
-        model, params.env.frame_skip, episodes[median], int(row["seed"]), int(row["episode"])
+        model,
+        params.env.frame_skip,
+        episodes[median],
+        agent,
+        int(row["seed"]),
+        int(row["episode"]),
     )
     return table, trajectory
 
@@ -149,6 +140,12 @@ def seed_means(table: pd.DataFrame) -> pd.DataFrame:
     return table.groupby("seed", as_index=False)[_quantities(table)].mean()
 
 
+def to_csv(agent: str, table: pd.DataFrame) -> str:
+    """Return an agent's table as the content of a CSV file, in which each row names the agent."""
+    named = table.assign(agent=agent)[["agent", *table]]
+    return str(named.to_csv(index=False, lineterminator="\n"))
+
+
 def summarize(table: pd.DataFrame) -> dict[str, float]:
     """Return the mean over seeds of every quantity that is defined in at least one episode.
 
@@ -197,7 +194,7 @@ def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str
 
 def _quantities(table: pd.DataFrame) -> list[str]:
     """Return the columns of a table of episodes that measure something."""
-    return [str(name) for name in table if name not in ("seed", "episode", "episode_seed")]
+    return [str(name) for name in table if name not in EPISODE_KEYS]
 
 
 def _returns_of_terms(episode: Episode) -> dict[str, float]:
@@ -236,7 +233,7 @@ def motor_power(model: mujoco.MjModel, episode: Episode) -> NDArray[np.float64]:
 
 
 def replay(
-    model: mujoco.MjModel, frame_skip: int, episode: Episode, seed: int, number: int
+    model: mujoco.MjModel, frame_skip: int, episode: Episode, agent: str, seed: int, number: int
 ) -> Trajectory:
     """Simulate an episode again and keep every substep.
 
@@ -244,6 +241,7 @@ def replay(
         model: The robot.
         frame_skip: Substeps of a control step.
         episode: The episode, of T control steps.
+        agent: The agent's name, stored in the trajectory.
         seed: The agent's seed, stored in the trajectory.
         number: The episode's number, stored in the trajectory.
 
@@ -263,6 +261,7 @@ def replay(
         torques=episode.torques,
         rewards=episode.rewards,
         terms=episode.terms,
+        agent=agent,
         seed=seed,
         episode=number,
         episode_return=float(episode.rewards.sum()),

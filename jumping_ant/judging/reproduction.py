@@ -24,7 +24,6 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
@@ -36,6 +35,7 @@ from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
+from jumping_ant.training import curves
 
 AGENTS = ("dqn", "sac", "pgpe")
 CENTRAL = 95.0  # [%] of our values, within which a printed one is reproduced
@@ -136,10 +136,10 @@ def reproduce(root: Path, params: Params) -> Reproduction:
             "dqn": Trace(article.DQN_TOTALS, dqn_totals),
             "sac": Trace(article.SAC_TOTALS, sac_totals),
         },
-        fitness=_fitness(root, params.seeds),
+        fitness=_fitness(root, params),
         film=returns([without_normalizer(center) for center in centers]),
         trained=returns(centers),
-        seconds={agent: _training_seconds(root, agent, params.seeds) for agent in AGENTS},
+        seconds={agent: _training_seconds(root, params, agent) for agent in AGENTS},
     )
 
 
@@ -255,23 +255,25 @@ def _final_policy(root: Path, agent: str, seed: int) -> Any:
     return policy_file.load(paths.final_policy, paths.owner)
 
 
-def _fitness(root: Path, seeds: Sequence[int]) -> dict[str, Trace]:
+def _fitness(root: Path, params: Params) -> dict[str, Trace]:
     """Return PGPE's fitness, with the same number of generations for every seed."""
     names = list(article.PGPE_TRACES)
     needed = max(max(printed) for printed in article.PGPE_TRACES.values())
     rows: dict[str, list[Array]] = {name: [] for name in names}
-    for seed in seeds:
-        path = Paths(root).agent("pgpe").seed(seed).curve
-        curve = tables.read(path, ["updates", *names], "train@pgpe")
+    for seed in params.seeds:
+        curve = curves.read(root, params, "pgpe", seed)
         is_generation = ~np.isnan(curve["updates"])  # the other rows are from validation
+        path = Paths(root).agent("pgpe").seed(seed).curve
         if (count := int(is_generation.sum())) < needed:
             raise InputError(f"{path}: given {count} generations, allowed: {needed} or more")
         for name in names:
-            rows[name].append(curve[name][is_generation][:needed])
+            own = curve.get(name, np.full(len(is_generation), np.nan))[is_generation][:needed]
+            if np.isnan(own).any():
+                raise InputError(f"{path}: given generations without {name}, allowed: all with it")
+            rows[name].append(own)
     return {name: Trace(article.PGPE_TRACES[name], np.array(rows[name])) for name in names}
 
 
-def _training_seconds(root: Path, agent: str, seeds: Sequence[int]) -> list[float]:
-    path = Paths(root).agent(agent).timing
-    timing = tables.read(path, ["seed", "seconds"], f"train@{agent}")
-    return [float(timing["seconds"][timing["seed"] == seed].max()) for seed in seeds]
+def _training_seconds(root: Path, params: Params, agent: str) -> list[float]:
+    timed = curves.read_timed(root, params, agent)
+    return [float(curve["seconds"][-1]) for curve in timed.values()]

@@ -4,7 +4,7 @@ The sample of every statistic is one number per seed; `jumping_ant.judging.compa
 `jumping_ant.judging.claims` compute the statistics.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,22 +13,17 @@ from numpy.typing import NDArray
 
 from jumping_ant.agents import catalogue
 from jumping_ant.agents.algorithm import AgentBlock
-from jumping_ant.base import tables
-from jumping_ant.base.errors import InputError
-from jumping_ant.base.paths import Paths
+from jumping_ant.base.tables import Table
 from jumping_ant.experiment.models import Params
+from jumping_ant.judging import episodes
+from jumping_ant.training import curves, scaling
 from jumping_ant.words import looks
 from jumping_ant.words.looks import Family
-from jumping_ant.words.measures import MEASURES
 
 Array = NDArray[np.float64]
 
-KEYS = ("seed", "episode", "episode_seed")  # columns of episodes.csv that are not measurements
+KEYS = (*episodes.EPISODE_KEYS, "variant")  # columns that are not measurements
 QUANTITIES = ("return", "peak_height", "torque_change")  # first in a summary
-REQUIRED = ("seed", *QUANTITIES, "flight", "apex", "fluidity")
-CURVE_COLUMNS = ("env_steps", "evaluation_return_mean")
-TIMING_COLUMNS = ("seed", "env_steps", "seconds")
-SCALING_COLUMNS = ("seed", "threads", "seconds")
 
 
 @dataclass(frozen=True)
@@ -121,56 +116,34 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
 
     Args:
         root: The project folder.
-        params: Its parameters: `agents` and `seeds` determine which results must exist.
+        params: Its parameters, which determine the results that must exist.
 
     Raises:
-        InputError: A file is missing, malformed, or has other seeds; the message says what to run.
+        InputError: A file is missing, malformed, or has other rows; the message says what to run.
     """
     results = {}
     for name, block in params.agents.items():
-        episodes = read_episodes(root, name, params.seeds)
+        played = episodes.read(root, params, name)
+        variants = episodes.read_variants(root, params, name)
         results[name] = AgentResults(
             name=name,
             block=block,
-            quantities=_seed_means(episodes, params.seeds),
-            curves=_read_curves(root, name, params.seeds),
-            episode_returns=episodes["return"],
-            variants=_read_variants(root, name, params.seeds),
+            quantities=_seed_means(played, params.seeds),
+            curves={
+                seed: SeedCurve(row["env_steps"], row["seconds"], row["evaluation_return_mean"])
+                for seed, row in curves.read_timed(root, params, name).items()
+            },
+            episode_returns=played["return"],
+            variants={
+                variant: _seed_means(means, params.seeds) for variant, means in variants.items()
+            },
             demonstrator=params.demonstrator(block),
-            step_seconds=_read_scaling(root, name, params.seeds),
+            step_seconds=scaling.read(root, params, name),
         )
     return results
 
 
-def read_episodes(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, Array]:
-    """Read an agent's held-out episodes.
-
-    Args:
-        root: The project folder.
-        agent: The agent's name.
-        seeds: Seeds that the file must have.
-
-    Returns:
-        The columns of its `episodes.csv`, (num_episodes,) each. NaN stands for the empty cells that
-        `Measure.can_be_empty` allows.
-
-    Raises:
-        InputError: The file is missing, malformed, or has other seeds.
-    """
-    path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
-    table = tables.read(path, REQUIRED, stage)
-    _check_seeds(path, table["seed"], seeds, stage)
-    for name, column in table.items():
-        allowed = np.isnan(column) if _can_be_empty(name) else False
-        if not (np.isfinite(column) | allowed).all():
-            raise InputError(
-                f"{path}: column {name} holds a cell that is empty or not finite; "
-                f"run `dvc repro --force {stage}`"
-            )
-    return table
-
-
-def _seed_means(table: Mapping[str, Array], seeds: Sequence[int]) -> dict[str, Array]:
+def _seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
     """Return each quantity's mean over the episodes of each seed, ignoring empty cells."""
     others = (name for name in table if name not in KEYS + QUANTITIES)
     return {
@@ -179,75 +152,7 @@ def _seed_means(table: Mapping[str, Array], seeds: Sequence[int]) -> dict[str, A
     }
 
 
-def _read_variants(root: Path, agent: str, seeds: Sequence[int]) -> dict[str, dict[str, Array]]:
-    """Return the quantities of each variant of the policies, in the format of the policies'."""
-    path, stage = Paths(root).agent(agent).variants, f"evaluate@{agent}"
-    rows = tables.read_rows(path, stage)
-    if not rows:
-        return {}
-    table = tables.read(path, REQUIRED, stage, text=("variant",))
-    names = np.array([row["variant"] for row in rows])
-    variants = {}
-    for variant in dict.fromkeys(names.tolist()):
-        own = {name: column[names == variant] for name, column in table.items()}
-        _check_seeds(path, own["seed"], seeds, stage)
-        variants[variant] = _seed_means(own, seeds)
-    return variants
-
-
-def _can_be_empty(column: str) -> bool:
-    return column in MEASURES and MEASURES[column].can_be_empty
-
-
 def _mean(values: Array) -> float:
     """Return the mean of the values that are not NaN, or NaN if all are."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else float("nan")
-
-
-def _read_curves(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, SeedCurve]:
-    """Return each seed's curve, with the seconds of its rows."""
-    stage = f"train@{agent}"
-    paths = Paths(root).agent(agent)
-    timing_path = paths.timing
-    timing = tables.read(timing_path, TIMING_COLUMNS, stage)
-    _check_seeds(timing_path, timing["seed"], seeds, stage)
-    curves = {}
-    for seed in seeds:
-        path = paths.seed(seed).curve
-        curve = tables.read(path, CURVE_COLUMNS, stage)
-        own = timing["seed"] == seed
-        if not np.array_equal(timing["env_steps"][own], curve["env_steps"]):
-            raise InputError(
-                f"{timing_path}: the env_steps of seed {seed} are not those of {path}; "
-                f"run `dvc repro --force {stage}`"
-            )
-        if np.isnan(curve["evaluation_return_mean"]).all():
-            raise InputError(f"{path}: no evaluation in it; run `dvc repro --force {stage}`")
-        curves[seed] = SeedCurve(
-            curve["env_steps"], timing["seconds"][own], curve["evaluation_return_mean"]
-        )
-    return curves
-
-
-def _read_scaling(root: Path, agent: str, seeds: Sequence[int]) -> dict[int, Array]:
-    """Return the seconds of each seed's unit of training by number of threads."""
-    path, stage = Paths(root).agent(agent).scaling, f"scaling@{agent}"
-    if not tables.read_rows(path, stage):
-        return {}
-    table = tables.read(path, SCALING_COLUMNS, stage)
-    _check_seeds(path, table["seed"], seeds, stage)
-    return {
-        int(threads): table["seconds"][table["threads"] == threads]
-        for threads in np.unique(table["threads"])
-    }
-
-
-def _check_seeds(path: Path, found: Array, seeds: Sequence[int], stage: str) -> None:
-    """Raise an error if the seeds are not those of `params.yaml`."""
-    held = sorted(set(found.tolist()))
-    if held != sorted(seeds):
-        raise InputError(
-            f"{path}: holds the seeds {', '.join(f'{seed:g}' for seed in held)}, but params.yaml "
-            f"names {', '.join(map(str, sorted(seeds)))}; run `dvc repro {stage}`"
-        )

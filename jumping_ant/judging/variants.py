@@ -18,15 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment.models import SELECTION_EPISODES
-from jumping_ant.params.blocks import EnvParams
+from jumping_ant.params.blocks import ActionParams, EnvParams
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 
 Array = NDArray[np.float64]
 
+NAMES = ("final", "rounded", "best_sample")
 # Algorithms of the claims that compare a policy with such variants (docs/claims.md).
 ROUNDED = ("sac", "pgpe")
 SAMPLED = ("pgpe",)
@@ -111,6 +113,13 @@ class SideBySide:
         return np.split(rows, len(self.policies))
 
 
+def names_of(agent: AgentBlock) -> tuple[str, ...]:
+    """Return the names of the variants that each seed of an agent has."""
+    actions = getattr(agent, "actions", None)  # rhythms have none
+    chooses_torques = isinstance(actions, ActionParams) and actions.kind == "torques"
+    return _names(agent.algorithm, chooses_torques)
+
+
 def make(
     xml: str,
     env: EnvParams,
@@ -133,11 +142,12 @@ def make(
         validation_seed: Seed of the first validation episode.
         num_threads: Threads that step the simulations; results do not depend on it.
     """
+    names = _names(algorithm, chooses_torques=published.actions.table is None)
     variants: dict[str, Policy] = {"final": final}
-    if algorithm in ROUNDED and published.actions.table is None:
+    if "rounded" in names:
         commands = AMPLITUDE * np.array(env.commands, dtype=np.float64)
         variants["rounded"] = RoundedPolicy(published, commands)
-    if algorithm in SAMPLED and isinstance(final, LinearPolicy):
+    if "best_sample" in names and isinstance(final, LinearPolicy):
         generator = np.random.default_rng(derive(seed, "samples"))
         samples = [final.sample(generator) for _ in range(NUM_SAMPLES)]
         episode_seeds = [validation_seed + i for i in range(SELECTION_EPISODES)]
@@ -148,3 +158,8 @@ def make(
         totals = returns.reshape(NUM_SAMPLES, SELECTION_EPISODES).sum(axis=1)
         variants["best_sample"] = samples[int(np.argmax(totals))]
     return variants
+
+
+def _names(algorithm: str, chooses_torques: bool) -> tuple[str, ...]:
+    rounded = ("rounded",) if algorithm in ROUNDED and chooses_torques else ()
+    return ("final", *rounded, *(("best_sample",) if algorithm in SAMPLED else ()))

@@ -18,12 +18,12 @@ import glfw
 import mujoco
 import numpy as np
 
-from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
+from jumping_ant.judging import episodes
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Policy
 from jumping_ant.showing.playing import play
@@ -44,7 +44,9 @@ def main() -> None:
     settings.agent(options.agent)
     if options.episodes is not None and options.episodes < 1:
         raise InputError(f"--episodes: given {options.episodes}, allowed: 1 or more")
-    seed = best_seed(PROJECT_ROOT, options.agent) if options.seed is None else options.seed
+    seed = options.seed
+    if seed is None:
+        seed = best_seed(PROJECT_ROOT, settings, options.agent)
     policy = load_policy(PROJECT_ROOT, options.agent, seed)
     name = f"{options.agent}, seed {seed}"
     show = _in_window if has_screen() else _in_browser
@@ -62,14 +64,13 @@ def run() -> None:
         print("\nended", file=sys.stderr)  # on a line of its own, after the terminal's ^C
 
 
-def best_seed(root: Path, agent: str) -> int:
+def best_seed(root: Path, params: Params, agent: str) -> int:
     """Return the seed whose policy has the highest return in the held-out episodes.
 
     Raises:
         InputError: The agent has not been evaluated.
     """
-    path = Paths(root).agent(agent).seed_means
-    table = tables.read(path, ("seed", "return"), f"evaluate@{agent}")
+    table = episodes.read_means(root, params, agent)
     return int(table["seed"][np.argmax(table["return"])])
 
 

@@ -23,6 +23,7 @@ class Trajectory:
         torques: Torques over peak torques held in each control step, in [-1, 1], (T, num_motors).
         rewards: Reward of each control step, (T,).
         terms: Contribution of each term to the reward, (T,) each.
+        agent: The agent's name.
         seed: The agent's seed.
         episode: Number of the episode among those of the seed.
         episode_return: Sum of the episode's rewards.
@@ -38,6 +39,7 @@ class Trajectory:
     torques: NDArray[np.float64]
     rewards: NDArray[np.float64]
     terms: dict[str, NDArray[np.float64]]
+    agent: str
     seed: int
     episode: int
     episode_return: float
@@ -149,6 +151,7 @@ def load(path: Path) -> Trajectory:
             terms={
                 name.removeprefix(PREFIX): read(name) for name in names if name.startswith(PREFIX)
             },
+            agent=str(to_array(archive["agent.npy"])),
             seed=int(read("seed")),
             episode=int(read("episode")),
             episode_return=float(read("episode_return")),

@@ -128,7 +128,7 @@ class _Follower:
 
     def _follow(self, store: Store, seed: int) -> None:
         paths = Paths(self._root).agent(self._agent).seed(seed)
-        curve = reading.read_curve(paths.curve)
+        curve = reading.read_curve(self._root, self._agent, seed)
         if not curve:
             return
         followed = self._followed.get(seed)

@@ -12,13 +12,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jumping_ant.agents import catalogue
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
+from jumping_ant.base.tables import SEED, Column
 from jumping_ant.experiment.models import Params
+from jumping_ant.judging import variants
 from jumping_ant.policies import policy_file
 from jumping_ant.tracking import descriptions
-from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_rows
+from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_table
+from jumping_ant.training import curves
 from jumping_ant.words.looks import looks, remark
 
 TRAIN_SECONDS = "train_seconds"
@@ -90,13 +95,13 @@ class SeedRecord:
     @cached_property
     def curve(self) -> dict[Point, float]:
         """The learning curve."""
-        return read_curve(self.paths.seed(self.seed).curve)
+        return read_curve(self.root, self.agent, self.seed)
 
     @cached_property
     def seconds(self) -> dict[int, float]:
         """Seconds of training by control steps trained, where measured."""
-        rows = read_rows(self.paths.timing, "seed", "env_steps", "seconds")
-        return {int(row["env_steps"]): row["seconds"] for row in rows if row["seed"] == self.seed}
+        own = self._rows(self.paths.timing, self.stage, curves.TIMING_COLUMNS)
+        return {int(row["env_steps"]): row["seconds"] for row in own}
 
     @cached_property
     def summary(self) -> dict[Point, float]:
@@ -105,17 +110,24 @@ class SeedRecord:
         Missing and non-finite values are left out.
         """
         means: dict[Point, float] = {}
-        for row in read_rows(self.paths.seed_means, "seed"):
-            if row.pop("seed") == self.seed:
-                means |= {(EVALUATION + name, 0): mean for name, mean in row.items()}
+        evaluation = f"evaluate@{self.agent}"
+        for row in self._rows(self.paths.seed_means, evaluation, {"seed": SEED}):
+            means |= {(EVALUATION + name, 0): mean for name, mean in row.items() if name != "seed"}
         if self.validation_return is not None:
             means[VALIDATION_RETURN, 0] = self.validation_return
-        for row in read_rows(self.paths.variants, "seed", "return", variant="final"):
-            if row["seed"] == self.seed:
+        columns = {"seed": SEED, "variant": Column(words=variants.NAMES)}
+        for row in self._rows(self.paths.variants, evaluation, columns):
+            if row["variant"] == "final" and "return" in row:
                 means[FINAL_RETURN, 0] = row["return"]
         if self.seconds:
             means[TRAIN_SECONDS, 0] = max(self.seconds.values())
         return {point: mean for point, mean in means.items() if math.isfinite(mean)}
+
+    def _rows(self, path: Path, stage: str, columns: Mapping[str, Column]) -> list[dict[str, Any]]:
+        """Return the seed's rows of a table of its agent."""
+        table = read_table(path, stage, {"agent": self.agent}, columns)
+        own = np.flatnonzero(table.get("seed", np.empty(0)) == self.seed)
+        return [{name: column[row].item() for name, column in table.items()} for row in own]
 
     @property
     def validation_return(self) -> float | None:

@@ -6,23 +6,19 @@ validation nor the held-out ones (`Params` sees to that).
 
 from pathlib import Path
 
-import numpy as np
-
 from jumping_ant.agents.imitation.demonstrations import (
     Demonstrations,
     Labelled,
     concatenated,
     play,
 )
-from jumping_ant.base import tables
 from jumping_ant.base.files import read_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import EPISODES_AT_ONCE, Params
 from jumping_ant.params.blocks import DemonstrationParams, EnvParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
-
-VALIDATION = "evaluation_return_mean"
+from jumping_ant.training import curves
 
 
 def demonstrate(root: Path, params: Params, trainer: str, num_threads: int = 1) -> Demonstrations:
@@ -80,7 +76,5 @@ def record(
 
 def _validated(root: Path, params: Params, agent: str, seed: int) -> float:
     """Return the return in validation of a seed's published policy."""
-    path = Paths(root).agent(agent).seed(seed).curve
-    returns = tables.read(path, (VALIDATION,), f"train@{agent}")[VALIDATION]
-    evaluated = returns[~np.isnan(returns)]
-    return float(evaluated.max() if params.training.publish == "best" else evaluated[-1])
+    _, returns = curves.evaluations(curves.read(root, params, agent, seed))
+    return float(returns.max() if params.training.publish == "best" else returns[-1])

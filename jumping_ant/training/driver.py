@@ -41,22 +41,12 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import EnvParams, TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
-from jumping_ant.training import cluster, compute, memory
+from jumping_ant.training import cluster, compute, curves, memory
 from jumping_ant.training.checkpoints import Checkpoints, Saved
+from jumping_ant.training.curves import COLUMNS
 from jumping_ant.training.forced import is_forced
 from jumping_ant.training.progress import TrainingProgress
 from jumping_ant.training.workers import Work
-
-COLUMNS = (
-    "env_steps",
-    "updates",
-    "episodes",
-    "return_mean",
-    "return_std",
-    "evaluation_return_mean",
-    "evaluation_return_std",
-)
-
 
 # What reading a checkpoint of wrong content raises; not the memory or a file that is lacking.
 WRONG_CONTENT = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, BadZipFile)
@@ -122,6 +112,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         seeds = {
             seed: stack.enter_context(
                 _Seed(
+                    agent_name,
                     seed,
                     paths.seed(seed),
                     checkpoints,
@@ -165,7 +156,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
             places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
             raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
         timing = {number: seed.timing for number, seed in seeds.items()}
-        write_text(paths.timing, _timing_table(timing))
+        write_text(paths.timing, _timing_table(agent_name, timing))
 
 
 def train_seed(
@@ -276,6 +267,7 @@ class _Seed:
 
     def __init__(
         self,
+        agent: str,
         number: int,
         paths: SeedPaths,
         checkpoints: Checkpoints,
@@ -286,6 +278,7 @@ class _Seed:
         self.timing: list[tuple[int, float]] = []
         self.is_finished = False
         self.saved_steps = 0
+        self._owner = curves.owner(agent, number)
         self._paths = paths
         self._checkpoints = checkpoints
         self._display = display
@@ -394,10 +387,11 @@ class _Seed:
 
     def _write_row(self, row: dict[str, float]) -> None:
         if not self._curve:
-            columns = [*COLUMNS, *(key for key in row if key not in COLUMNS)]
-            self._write(",".join(columns) + "\n")
-        columns = self._curve.partition("\n")[0].split(",")
-        self._write(",".join(_cell(row.get(column)) for column in columns) + "\n")
+            others = [key for key in row if key not in COLUMNS]
+            self._write(",".join([*self._owner, *COLUMNS, *others]) + "\n")
+        columns = self._curve.partition("\n")[0].split(",")[len(self._owner) :]
+        cells = [*map(str, self._owner.values()), *(_cell(row.get(name)) for name in columns)]
+        self._write(",".join(cells) + "\n")
 
     def _write(self, text: str) -> None:
         self._curve += text
@@ -412,18 +406,18 @@ def _row(event: Progress | Snapshot, returns: tuple[float, ...]) -> dict[str, fl
             "evaluation_return_mean": float(np.mean(returns)),
             "evaluation_return_std": float(np.std(returns)),
         }
-    fields = {name: getattr(event, name) for name in COLUMNS[:5]}
+    fields = {name: getattr(event, name) for name in COLUMNS if hasattr(event, name)}
     return fields | event.extra
 
 
 def _cell(value: Any) -> str:
-    """Format a number so that it reads back the same; empty for None and NaN."""
-    return "" if value is None or math.isnan(value) else repr(value)
+    """Format a number so that it reads back the same; empty for none, and for no finite one."""
+    return "" if value is None or not math.isfinite(value) else repr(value)
 
 
-def _timing_table(timing: Mapping[int, Sequence[tuple[int, float]]]) -> str:
+def _timing_table(agent: str, timing: Mapping[int, Sequence[tuple[int, float]]]) -> str:
     """Return the content of `timing.csv`, from control steps and seconds by seed."""
-    lines = ["seed,env_steps,seconds"]
+    lines = [",".join(["agent", *curves.TIMING_COLUMNS])]
     for number, rows in timing.items():
-        lines += [f"{number},{env_steps},{seconds:.3f}" for env_steps, seconds in rows]
+        lines += [f"{agent},{number},{env_steps},{seconds:.3f}" for env_steps, seconds in rows]
     return "\n".join(lines) + "\n"

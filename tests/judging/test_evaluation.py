@@ -12,7 +12,8 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation, motion
-from jumping_ant.judging.evaluation import QUANTITIES, measure, replay
+from jumping_ant.judging.episodes import QUANTITIES
+from jumping_ant.judging.evaluation import measure, replay
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.rollout import Episode
@@ -42,7 +43,10 @@ def short(known_params: Params) -> Params:
 @pytest.fixture(scope="module")
 def evaluated(robot_xml: str, short: Params) -> tuple[pd.DataFrame, Trajectory]:
     return evaluation.evaluate(
-        robot_xml, short, {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
+        robot_xml,
+        short,
+        "random",
+        {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)},
     )
 
 
@@ -173,7 +177,7 @@ def test_replay_is_the_episode_to_the_last_bit(
 ) -> None:
     episode = rollout.run(robot_xml, short.env, UniformPolicy(0, ActionSet(), 8), [3, 4, 5], 2)[1]
     skip = short.env.frame_skip
-    trajectory = replay(model, skip, episode, 0, 1)
+    trajectory = replay(model, skip, episode, "sac", 0, 1)
     np.testing.assert_array_equal(trajectory.qpos[0], episode.start_qpos)
     np.testing.assert_array_equal(trajectory.qvel[0], episode.start_qvel)
     np.testing.assert_array_equal(trajectory.qpos[skip::skip], episode.qpos)
@@ -191,7 +195,7 @@ def test_replay_keeps_an_episode_that_broke_down(
     episode = rollout.run(robot_xml, wild, UniformPolicy(0, ActionSet(), 8), [3])[0]
     assert episode.terminated
     assert len(episode.rewards) == 1
-    assert len(replay(model, 5, episode, 0, 0).qpos) == 6
+    assert len(replay(model, 5, episode, "sac", 0, 0).qpos) == 6
     measured = measure(model, short, episode)
     assert np.isnan(measured.pop("fluidity"))
     assert np.isfinite(list(measured.values())).all()
@@ -216,10 +220,11 @@ def test_the_trajectory_is_that_of_the_median_return(
 ) -> None:
     table, trajectory = evaluated
     row = table.sort_values("return").iloc[2]  # the lower one of the middle two
+    assert trajectory.agent == "random"
     assert trajectory.episode_return == row["return"]
     assert (trajectory.seed, trajectory.episode) == (row["seed"], row["episode"])
     one_seed, of_three = evaluation.evaluate(
-        robot_xml, short, {4: UniformPolicy(4, ActionSet(), 8)}
+        robot_xml, short, "random", {4: UniformPolicy(4, ActionSet(), 8)}
     )
     assert of_three.episode_return == one_seed["return"].median()
 
@@ -228,7 +233,7 @@ def test_no_number_depends_on_threads(
     evaluated: tuple[pd.DataFrame, Trajectory], robot_xml: str, short: Params
 ) -> None:
     policies: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
-    table, trajectory = evaluation.evaluate(robot_xml, short, policies, num_threads=2)
+    table, trajectory = evaluation.evaluate(robot_xml, short, "random", policies, num_threads=2)
     pd.testing.assert_frame_equal(table, evaluated[0], check_exact=True)
     np.testing.assert_array_equal(trajectory.qpos, evaluated[1].qpos)
 
@@ -238,14 +243,14 @@ def test_the_terms_of_a_reward_stand_beside_their_sum(robot_xml: str, short: Par
     content["env"]["reward"]["alive"] = {"weight": 2.0}
     both = params_file.check(content)
     uniform: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
-    table, trajectory = evaluation.evaluate(robot_xml, both, uniform)
+    table, trajectory = evaluation.evaluate(robot_xml, both, "random", uniform)
     terms = table[["return_torso_height", "return_alive"]]
     np.testing.assert_allclose(terms.sum(axis=1), table["return"], rtol=1e-12)
     assert (table["return_alive"] == 2 * (table["length"] - 1 + table["survived"])).all()
     assert list(trajectory.terms) == ["torso_height", "alive"]
     np.testing.assert_allclose(sum(trajectory.terms.values()), trajectory.rewards)
     assert "return_alive" in evaluation.summarize(table)
-    alone, _ = evaluation.evaluate(robot_xml, short, uniform)
+    alone, _ = evaluation.evaluate(robot_xml, short, "random", uniform)
     assert not [name for name in alone if name.startswith("return_")]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from reported import AGENTS, FILM, SEEDS
 from small_episode import simulate
-from small_project import write_project
+from small_project import block, make_params, shown, write_project
 
 from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
@@ -23,8 +23,11 @@ from jumping_ant.sim import robot
 @pytest.fixture(scope="session")
 def settings(known_params: Params) -> Params:
     record = known_params.record.model_copy(update=FILM)
-    agents = {name: known_params.agents[name] for name in AGENTS}
-    return known_params.model_copy(update={"seeds": SEEDS, "record": record, "agents": agents})
+    agents = {name: block(algorithm) for name, algorithm in AGENTS.items()}
+    evaluate = make_params(AGENTS, SEEDS).evaluate
+    return known_params.model_copy(
+        update={"seeds": SEEDS, "record": record, "agents": agents, "evaluate": evaluate}
+    )
 
 
 @pytest.fixture(scope="session")
@@ -39,7 +42,8 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     machine = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}
     for number, name in enumerate(AGENTS):
         episode = simulate(model, np.zeros((40, 8)), upward_speed=float(number))
-        write_bytes(Paths(root).agent(name).trajectory, episode.to_bytes())
+        told = shown(root, name, episode)
+        write_bytes(Paths(root).agent(name).trajectory, told.to_bytes())
         film = rendering.film(robot_xml, episode, settings.record, processes=1)
         write_bytes(root / "media" / f"{name}.mp4", film)
         for seed in SEEDS:

@@ -3,13 +3,14 @@
 import dataclasses
 import re
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 from recorded import Content, everything, rerun_cli, story
 from small_episode import simulate
-from small_project import make_params, write_project
+from small_project import make_params, shown, write_project
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.showing.recording import about, layout, lineup
@@ -154,19 +155,19 @@ def test_two_lineups_hold_the_same_data(
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """Results in which seed 4 of `mine` returns 3,010 on average, 3,015 in episode 2."""
+    """Results in which seed 3 of `mine` returns 3,000 on average, 2,995 in episode 0."""
     write_project(tmp_path, ALGORITHMS, seeds=[3, 4])
     return tmp_path
 
 
 def test_a_story_is_read_from_the_results(project: Path, episodes: dict[str, Trajectory]) -> None:
-    episode = dataclasses.replace(episodes["mine"], episode=2)
+    episode = shown(project, "mine", episodes["mine"])
     told = read(project, make_params(ALGORITHMS, [3, 4]), "mine", episode)
     assert (told.agent, told.algorithm, told.label) == ("mine", "sac", "mine")
     assert told.robot == "edited"
     assert told.measures == {
-        "return": 3015.0,
-        "peak_height": 3.015,
+        "return": 2995.0,
+        "peak_height": 2.995,
         "jumps": 12.0,
         "airborne_seconds": 6.5,
     }
@@ -176,14 +177,23 @@ def test_a_story_is_read_from_the_results(project: Path, episodes: dict[str, Tra
     assert returns.tolist() == [1505.0, 3010.0, 3010.0, 3010.0]
 
 
+@pytest.mark.parametrize(
+    "change", [{"seed": 5}, {"episode": 1}, {"episode_return": 2995.5}, {"agent": "random"}]
+)
 def test_a_story_of_another_episode_is_refused(
-    project: Path, episodes: dict[str, Trajectory]
+    project: Path, episodes: dict[str, Trajectory], change: dict[str, Any]
 ) -> None:
     settings = make_params(ALGORITHMS, [3, 4])
-    with pytest.raises(InputError, match="holds 0 rows of seed 4, episode 11"):
-        read(project, settings, "mine", episodes["mine"])
+    episode = dataclasses.replace(shown(project, "mine", episodes["mine"]), **change)
+    with pytest.raises(InputError, match=r"mine/trajectory.npz: given an episode of agent .*mine`"):
+        read(project, settings, "mine", episode)
+
+
+def test_a_story_without_its_episodes_names_the_stage(
+    project: Path, episodes: dict[str, Trajectory]
+) -> None:
     (project / "results" / "agents" / "mine" / "episodes.csv").unlink()
     with pytest.raises(
         InputError, match="No such file or directory; run `dvc repro evaluate@mine`"
     ):
-        read(project, settings, "mine", episodes["mine"])
+        read(project, make_params(ALGORITHMS, [3, 4]), "mine", episodes["mine"])

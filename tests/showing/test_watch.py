@@ -23,11 +23,12 @@ import rerun as rr
 from browser import OpenPage
 from other_user import as_nobody, needs_root, ports_connected_to, status
 from recorded import Content, rerun_cli
+from small_project import measures, write_csv
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.blind import UniformPolicy
@@ -57,15 +58,17 @@ def project(tmp_path: Path, robot_xml: str) -> Path:
         folder.mkdir(parents=True)
         policy = UniformPolicy(seed, ActionSet(), 8).to_bytes()
         (folder / "policy.zip").write_bytes(policy_file.owned(policy, ("random", seed)))
-    write_text(Paths(tmp_path).agent("random").seed_means, "seed,return\n0,10.0\n5,20.5\n")
+    means = [{"agent": "random", "seed": seed} | measures(10.0 + seed) for seed in (0, 5)]
+    write_csv(Paths(tmp_path).agent("random").seed_means, means)
     return tmp_path
 
 
 def test_the_best_seed_is_shown(project: Path) -> None:
-    assert watch.best_seed(project, "random") == 5
+    settings = params_file.load(project / "params.yaml")
+    assert watch.best_seed(project, settings, "random") == 5
     said = "sac/seeds.csv: No such file or directory; run `dvc repro evaluate@sac`"
     with pytest.raises(InputError, match=said):
-        watch.best_seed(project, "sac")
+        watch.best_seed(project, settings, "sac")
 
 
 def test_seeds_that_are_not_trained_are_refused(project: Path) -> None:

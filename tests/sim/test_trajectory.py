@@ -20,6 +20,7 @@ def make(steps: int = 4, frame_skip: int = 5) -> Trajectory:
         torques=generator.uniform(-1, 1, (steps, 8)),
         rewards=generator.uniform(0, 10, steps),
         terms={"alive": np.ones(steps), "upright": generator.uniform(-1, 1, steps)},
+        agent="sac-long",
         seed=3,
         episode=7,
         episode_return=12.5,

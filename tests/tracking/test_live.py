@@ -42,7 +42,8 @@ def script(*steps: Callable[[], object]) -> Callable[[float], bool]:
 
 def grow(root: Path, num_rows: int, seed: int = 0, agent: str = "sac", cut: int = 0) -> None:
     """Write the first rows of a curve, and a part of the next."""
-    text = curve_lines(seed, STEPS[:num_rows]) + curve_lines(seed).splitlines()[-1][:cut]
+    last = curve_lines(seed, agent=agent).splitlines()[-1]
+    text = curve_lines(seed, STEPS[:num_rows], agent) + last[:cut]
     write_text(Paths(root).agent(agent).seed(seed).curve, text)
 
 
@@ -127,7 +128,7 @@ def test_the_machines_load_is_logged_once_and_left_alone(
 
 def test_another_training_gets_another_run(bare_project: Path) -> None:
     live.follow("sac", bare_project, script(lambda: grow(bare_project, 3)))
-    write_text(Paths(bare_project).agent("sac").seed(0).curve, f"{HEADER}\n100,9,9,9,9,9\n")
+    write_text(Paths(bare_project).agent("sac").seed(0).curve, f"{HEADER}\nsac,0,100,9,9,9,9,9\n")
     live.follow("sac", bare_project, script(lambda: None))
     found = query(bare_project, "SELECT name, status FROM runs WHERE name = 'sac-seed-0'")
     assert found == [("sac-seed-0", "KILLED")] * 2

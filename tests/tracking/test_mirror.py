@@ -29,6 +29,7 @@ from tracked_project import (
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, digest, write_bytes, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import connection, models, pages, reading, records, store, writers
 from jumping_ant.tracking.mirror import track
@@ -370,12 +371,35 @@ def test_a_damaged_database_is_told_in_one_line(project: Path) -> None:
 
 
 def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
-    path = tmp_path / "curve.csv"
-    path.write_text("env_steps,loss\n100,much\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"curve\.csv: .*'much'"):
-        reading.read_curve(path)
-    path.write_text("env_steps,loss,other\n100,nan,\n200,1.5,inf\n300,2", encoding="utf-8")
-    assert reading.read_curve(path) == {("loss", 200): 1.5}
+    path = Paths(tmp_path).agent("sac").seed(7).curve
+    write_text(path, "agent,seed,env_steps,loss\nsac,7,100,much\n")
+    with pytest.raises(InputError, match=r"curve\.csv: row 1, column loss: given 'much'"):
+        reading.read_curve(tmp_path, "sac", 7)
+    write_text(path, "agent,seed,env_steps,loss,other\nsac,7,100,,\nsac,7,200,1.5,\nsac,7,300,2")
+    assert reading.read_curve(tmp_path, "sac", 7) == {("loss", 200): 1.5}
+    with pytest.raises(InputError, match="given one of agent sac, seed 7, allowed: rows of agent"):
+        shutil.copytree(path.parent, path.parent.with_name("seed-8"))
+        reading.read_curve(tmp_path, "sac", 8)
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("results/agents/{}/trajectory.npz", "given an episode of agent 'pgpe', allowed: 'sac'"),
+        ("results/agents/{}/timing.csv", "given one of agent pgpe, allowed: rows of agent sac"),
+        ("results/agents/{}/seeds.csv", "given one of agent pgpe, allowed: rows of agent sac"),
+        ("results/agents/{}/variants.csv", "given one of agent pgpe, allowed: rows of agent sac"),
+        ("models/{}/seed-0/curve.csv", "given one of agent pgpe, seed 0, allowed: rows of agent"),
+    ],
+)
+def test_files_of_another_agent_are_not_mirrored(
+    untracked_project: Path, place: str, said: str
+) -> None:
+    one, other = (untracked_project / place.format(agent) for agent in ("sac", "pgpe"))
+    shutil.copy(other, one)
+    with pytest.raises(InputError, match=said) as caught:
+        tracked(untracked_project)
+    assert str(one) in str(caught.value)
 
 
 def test_two_at_once_lose_nothing_and_double_nothing(untracked_project: Path) -> None:

@@ -25,7 +25,7 @@ from jumping_ant.tracking.mirror import track
 
 AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)
 
-HEADER = "env_steps,updates,episodes,return_mean,evaluation_return_mean,loss"
+HEADER = "agent,seed,env_steps,updates,episodes,return_mean,evaluation_return_mean,loss"
 
 FRESH_PROCESS = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 
@@ -38,10 +38,10 @@ def policy_content(value: float) -> bytes:
     return LinearPolicy(weight, bias, full(27), full(27), weight, bias, ActionSet()).to_bytes()
 
 
-def curve_lines(seed: int, steps: tuple[int, ...] = STEPS) -> str:
+def curve_lines(seed: int, steps: tuple[int, ...] = STEPS, agent: str = "sac") -> str:
     """One evaluation, in the third row; the first row has no finished episode."""
     rows = [
-        f"{step},{step},{step // 100},{'' if step == 100 else step + seed},"
+        f"{agent},{seed},{step},{step},{step // 100},{'' if step == 100 else step + seed},"
         f"{step * 2 + seed if step == 300 else ''},{1 / step}"
         for step in steps
     ]
@@ -50,7 +50,7 @@ def curve_lines(seed: int, steps: tuple[int, ...] = STEPS) -> str:
 
 def train(root: Path, agent: str, seed: int, value: float | None = None) -> None:
     paths = Paths(root).agent(agent).seed(seed)
-    write_text(paths.curve, curve_lines(seed))
+    write_text(paths.curve, curve_lines(seed, agent=agent))
     number = AGENTS.index(agent) + 0.1 * (seed + 1) if value is None else value
     write_bytes(paths.policy, policy_file.owned(policy_content(number), paths.owner))
 
@@ -58,14 +58,15 @@ def train(root: Path, agent: str, seed: int, value: float | None = None) -> None
 def evaluate(root: Path, agent: str) -> None:
     """Mean return of seed 0: 15, of seed 1: 115; the video shows seed 1. No seed has a fluidity."""
     paths = Paths(root).agent(agent)
-    timing = [f"{seed},{step},{step / 10}\n" for seed in SEEDS for step in STEPS]
-    write_text(paths.timing, "".join(["seed,env_steps,seconds\n", *timing]))
-    rows = "".join(f"{seed},{100 * seed + 15},2.5,0.25,\n" for seed in SEEDS)
-    means = f"seed,return,apex,flight,fluidity\n{rows}"
-    finals = "".join(f"{seed},final,{50 + seed}\n{seed},rounded,9\n" for seed in SEEDS)
-    write_text(paths.variants, f"seed,variant,return\n{finals}")
+    timing = [f"{agent},{seed},{step},{step / 10}\n" for seed in SEEDS for step in STEPS]
+    write_text(paths.timing, "".join(["agent,seed,env_steps,seconds\n", *timing]))
+    rows = "".join(f"{agent},{seed},{100 * seed + 15},2.5,0.25,\n" for seed in SEEDS)
+    means = f"agent,seed,return,apex,flight,fluidity\n{rows}"
+    variants = [("final", 50), ("rounded", 9)]
+    lines = [f"{agent},{seed},{name},{more + seed}\n" for seed in SEEDS for name, more in variants]
+    write_text(paths.variants, "".join(["agent,seed,variant,return\n", *lines]))
     write_text(paths.seed_means, means)
-    np.savez(paths.trajectory, seed=1, qpos=np.zeros((3, 15)))
+    np.savez(paths.trajectory, agent=agent, seed=1, qpos=np.zeros((3, 15)))
     write_bytes(paths.film, b"video of " + agent.encode())
     write_bytes(paths.recording, b"recording of " + agent.encode())
 

@@ -10,9 +10,9 @@ from jumping_ant.agents.imitation.demonstrations import Demonstrations
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
-from jumping_ant.training import demonstrating, driver
+from jumping_ant.training import curves, demonstrating, driver
 
-CURVE = "env_steps,evaluation_return_mean\n10,{}\n20,{}\n"
+COLUMNS = ",".join(["agent", "seed", *curves.COLUMNS])
 
 
 @pytest.fixture
@@ -25,9 +25,14 @@ def params(project: Path) -> Params:
 
 def write_curves(project: Path, params: Params, *returns: tuple[float, float]) -> dict[int, bytes]:
     """Write learning curves of two evaluations for each seed, and return the policies."""
-    paths = Paths(project).agent(params.demonstrations["imitation"].agent)
+    agent = params.demonstrations["imitation"].agent
+    paths = Paths(project).agent(agent)
     for seed, values in zip(params.seeds, returns, strict=True):
-        paths.seed(seed).curve.write_text(CURVE.format(*values), encoding="utf-8")
+        ends = params.agent(agent).max_env_steps // 2, params.agent(agent).max_env_steps
+        rows = [
+            f"{agent},{seed},{end},,,,,{value},1.0" for end, value in zip(ends, values, strict=True)
+        ]
+        paths.seed(seed).curve.write_text("\n".join([COLUMNS, *rows, ""]), encoding="utf-8")
         paths.seed(seed).policy.write_bytes(paths.seed(seed).policy.read_bytes())
     return {seed: paths.seed(seed).policy.read_bytes() for seed in params.seeds}
 

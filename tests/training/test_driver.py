@@ -25,7 +25,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
-from jumping_ant.training import compute, driver
+from jumping_ant.training import compute, curves, driver
 from jumping_ant.training.workers import Work
 
 
@@ -93,7 +93,8 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
     driver.train(project, small_params(1), agent)
     for seed in (0, 5):
         curve = rows(project / "models" / agent / f"seed-{seed}" / "curve.csv")
-        assert list(curve[0])[:7] == list(driver.COLUMNS)
+        assert list(curve[0])[:9] == ["agent", "seed", *curves.COLUMNS]
+        assert {(row["agent"], row["seed"]) for row in curve} == {(agent, str(seed))}
         steps = [int(row["env_steps"]) for row in curve]
         assert steps == sorted(steps)
         evaluated = [row for row in curve if row["evaluation_return_mean"]]
@@ -102,6 +103,7 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
         assert int(evaluated[-1]["env_steps"]) == steps[-1]
         timing = [row for row in rows(project / "results" / "agents" / agent / "timing.csv")]
         own = [row for row in timing if row["seed"] == str(seed)]
+        assert {row["agent"] for row in timing} == {agent}
         assert [int(row["env_steps"]) for row in own] == steps
         seconds = [float(row["seconds"]) for row in own]
         assert seconds == sorted(seconds) and seconds[-1] > 0

@@ -34,6 +34,10 @@ class EvolutionParams(AgentBlock):
         """Budget of a seed [control steps], if no episode ends early."""
         return self.generations * self.population_size * self.episode_steps
 
+    def has_ended(self, env_steps: int, updates: int) -> bool:
+        """Return whether a seed has evolved all its generations."""
+        return updates >= self.generations
+
     def memory(self, num_observations: int, num_motors: int) -> int:
         """Return about how much memory a seed takes: its population and their robots [bytes]."""
         policy = 4 * (num_observations + 1) * num_motors

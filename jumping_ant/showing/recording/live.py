@@ -83,6 +83,7 @@ class LiveRecording:
             torques=step.torques[None],
             rewards=np.array([step.reward]),
             terms={name: np.array([value]) for name, value in step.terms.items()},
+            agent="",  # it is shown as it is played, and kept nowhere
             seed=0,
             episode=0,
             episode_return=step.reward,

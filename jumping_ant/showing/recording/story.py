@@ -8,18 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.agents import catalogue
-from jumping_ant.base import tables
-from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
+from jumping_ant.judging import episodes
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.training import curves
 from jumping_ant.words import looks
 from jumping_ant.words.looks import Family
 
 Array = NDArray[np.float64]
 
 MEASURES = ("return", "peak_height", "jumps", "airborne_seconds")
-_CURVE_COLUMNS = ("env_steps", "evaluation_return_mean")
 
 
 @dataclass(frozen=True)
@@ -69,30 +68,17 @@ def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Stor
         InputError: A file is missing or malformed, or does not hold the episode.
     """
     block = params.agent(agent)
-    path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
-    table = tables.read(path, ("seed", "episode", *MEASURES), stage)
-    (own,) = np.nonzero(
-        (table["seed"] == trajectory.seed) & (table["episode"] == trajectory.episode)
-    )
-    if len(own) != 1:
-        raise InputError(
-            f"{path}: holds {len(own)} rows of seed {trajectory.seed}, episode "
-            f"{trajectory.episode}, which is recorded; run `dvc repro --force {stage}`"
-        )
+    table = episodes.read(root, params, agent)
+    shown = episodes.find(table, agent, trajectory, Paths(root).agent(agent).trajectory)
     return Story(
         agent=agent,
         algorithm=block.algorithm,
         family=catalogue.row(block).family,
         robot=block.robot,
-        measures={name: float(table[name][own[0]]) for name in MEASURES},
+        measures={name: shown[name] for name in MEASURES},
         mean_return=float(table["return"].mean()),
-        curves={seed: _read_curve(root, agent, seed) for seed in params.seeds},
+        curves={
+            seed: curves.evaluations(curves.read(root, params, agent, seed))
+            for seed in params.seeds
+        },
     )
-
-
-def _read_curve(root: Path, agent: str, seed: int) -> tuple[Array, Array]:
-    path = Paths(root).agent(agent).seed(seed).curve
-    table = tables.read(path, _CURVE_COLUMNS, f"train@{agent}")
-    steps, returns = (table[name] for name in _CURVE_COLUMNS)
-    evaluated = np.isfinite(returns)
-    return steps[evaluated], returns[evaluated]

@@ -22,8 +22,8 @@ from ruamel.yaml import YAML
 from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import comparison
-from jumping_ant.judging.results import AgentResults, load, read_episodes
+from jumping_ant.judging import comparison, episodes
+from jumping_ant.judging.results import AgentResults, load
 from jumping_ant.showing.report import charts, contests, outcomes, pictures, standings, statements
 from jumping_ant.showing.report.charts import FilmedEpisode
 from jumping_ant.sim import robot, trajectory
@@ -129,7 +129,7 @@ def _charts(
     drawn: Mapping[str, Look],
 ) -> dict[str, Any]:
     """Return each chart's JSON by its place in the template, which skips missing charts."""
-    tables = {name: read_episodes(root, name, params.seeds) for name in results}
+    tables = {name: episodes.read(root, params, name) for name in results}
     model = robot.load(robot.read(root))
     motors = [model.actuator(index).name for index in range(model.nu)]
     figures = {
@@ -332,7 +332,9 @@ def _params_text(params: Params) -> str:
 
 def _filmed(root: Path, params: Params, name: str) -> FilmedEpisode:
     """Return the content of an agent's film."""
-    episode = trajectory.load(Paths(root).agent(name).trajectory)
+    path = Paths(root).agent(name).trajectory
+    episode = trajectory.load(path)
+    episodes.find(episodes.read(root, params, name), name, episode, path)
     rows = episode.rows(seconds=params.record.seconds)
     model = robot.load(robot.read(root, params.agent(name).robot))
     return FilmedEpisode(

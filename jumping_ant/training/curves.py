@@ -1,0 +1,129 @@
+"""The tables of training: each seed's learning curve, and the seconds of an agent's seeds.
+
+`jumping_ant.training.driver` writes them; whoever reads them does so here.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.base import tables
+from jumping_ant.base.paths import Paths
+from jumping_ant.base.tables import ANY, SECONDS, SEED, Column, Table
+from jumping_ant.experiment.models import Params
+
+COUNT = Column(low=0, high=1e15, is_whole=True)
+COLUMNS = {
+    "env_steps": COUNT,
+    "updates": Column(low=0, high=1e15, is_whole=True, can_be_empty=True),
+    "episodes": Column(low=0, high=1e15, is_whole=True, can_be_empty=True),
+    "return_mean": ANY,
+    "return_std": ANY,
+    "evaluation_return_mean": Column(can_be_empty=True),
+    "evaluation_return_std": Column(low=0, can_be_empty=True),
+}
+"""Columns of a learning curve after those of its owner; each algorithm adds others."""
+TIMING_COLUMNS = {"seed": SEED, "env_steps": COUNT, "seconds": SECONDS}
+
+
+def owner(agent: str, seed: int) -> dict[str, str | int]:
+    """Return the first columns of a learning curve: whose it is."""
+    return {"agent": agent, "seed": seed}
+
+
+def read(root: Path, params: Params, agent: str, seed: int) -> Table:
+    """Read the learning curve of a seed that is trained.
+
+    Args:
+        root: The project folder.
+        params: All parameters.
+        agent: The agent's name.
+        seed: The seed.
+
+    Returns:
+        Its columns, (num_rows,) each; a row is of training or of an evaluation, and has NaN in the
+        columns of the other.
+
+    Raises:
+        InputError: The file is missing, malformed, another seed's, or ends before training does.
+    """
+    path, stage = Paths(root).agent(agent).seed(seed).curve, f"train@{agent}"
+    table = tables.read(path, stage, owner(agent, seed), COLUMNS, ANY)
+    with tables.blamed(path, stage):
+        _check_steps(table)
+        _check_end(table, params.agent(agent))
+    return table
+
+
+def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
+    """Read the learning curves of all seeds of an agent, with the seconds of their rows.
+
+    Args:
+        root: The project folder.
+        params: All parameters.
+        agent: The agent's name.
+
+    Returns:
+        For each seed what `read` returns, and `seconds`: training seconds so far.
+
+    Raises:
+        InputError: A file is missing or malformed, or the two do not fit each other.
+    """
+    paths, stage = Paths(root).agent(agent), f"train@{agent}"
+    timing = tables.read(paths.timing, stage, {"agent": agent}, TIMING_COLUMNS)
+    curves = {seed: read(root, params, agent, seed) for seed in params.seeds}
+    with tables.blamed(paths.timing, stage):
+        for seed in dict.fromkeys([*curves, *timing["seed"].tolist()]):
+            own = timing["seed"] == seed
+            steps = curves[seed]["env_steps"] if seed in curves else np.empty(0)
+            if not np.array_equal(timing["env_steps"][own], steps):
+                raise ValueError(
+                    f"given other env_steps of seed {seed:.0f}, allowed: those of "
+                    f"{paths.seed(int(seed)).curve}"
+                )
+            _check_seconds(timing["seconds"][own], params.agent(agent))
+            curves[seed]["seconds"] = timing["seconds"][own]
+    return curves
+
+
+def is_evaluation(table: Table) -> NDArray[np.bool_]:
+    """Return which rows of a learning curve are evaluations, shape (num_rows,)."""
+    return np.asarray(~np.isnan(table["evaluation_return_mean"]))
+
+
+def evaluations(table: Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the control steps of a learning curve's evaluations, and the mean returns there."""
+    rows = is_evaluation(table)
+    return table["env_steps"][rows], table["evaluation_return_mean"][rows]
+
+
+def _check_steps(table: Table) -> None:
+    """Raise a ValueError unless training and evaluations proceed from row to row."""
+    columns = (table["env_steps"], np.nan_to_num(table["updates"]), is_evaluation(table))
+    last, reached = 0.0, dict.fromkeys((True, False), (-1.0, 0.0))  # by kind of row
+    for number, (steps, updates, kind) in enumerate(zip(*columns, strict=True), start=1):
+        if steps < last or (steps, updates) <= reached[bool(kind)]:
+            raise ValueError(
+                f"row {number}: given {steps:.0f} control steps, allowed: more than in the rows "
+                "before it"
+            )
+        last = steps
+        reached[bool(kind)] = steps, updates
+
+
+def _check_end(table: Table, agent: AgentBlock) -> None:
+    """Raise a ValueError unless the last row is the evaluation at the end of training."""
+    steps, updates = table["env_steps"][-1], np.nan_to_num(table["updates"]).max()
+    if not (is_evaluation(table)[-1] and agent.has_ended(int(steps), int(updates))):
+        raise ValueError(
+            f"given an end after {steps:.0f} control steps and {updates:.0f} updates, allowed: an "
+            "evaluation at the end of the agent's budget"
+        )
+
+
+def _check_seconds(seconds: NDArray[np.float64], agent: AgentBlock) -> None:
+    """Raise a ValueError unless a seed's seconds grow, from the first on where it trains."""
+    if (np.diff(seconds) < 0).any() or (seconds[0] == 0 and agent.max_env_steps):
+        raise ValueError("given seconds that are 0 or shrink, allowed: those of a clock that runs")
