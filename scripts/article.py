@@ -33,7 +33,6 @@ RESULTS = PROJECT_ROOT / "results"
 
 def main() -> None:
     """Parse the command line, run and measure."""
-    output.tolerate_failures()
     parser = command_line.parser(__doc__)
     parser.add_argument("--measure", action="store_true", help="only measure what is trained")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the trained agents are")
@@ -118,5 +117,6 @@ def _settings(params: Params) -> list[Any]:
 
 
 if __name__ == "__main__":
+    output.tolerate_failures()
     with reported():
         main()

@@ -118,7 +118,6 @@ SPACES: dict[str, Space] = {
 
 def main() -> None:
     """Parse the command line, and search."""
-    output.tolerate_failures()
     parser = command_line.parser(__doc__)
     parser.add_argument("agents", nargs="*", metavar="AGENT", help=", ".join(SPACES))
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
@@ -242,4 +241,5 @@ def _best(name: str, share: float) -> list[int]:
 
 
 if __name__ == "__main__":
+    output.tolerate_failures()
     main()

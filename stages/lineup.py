@@ -1,7 +1,7 @@
 """Record all agents' median episodes side by side.
 
 Usage: python -m stages.lineup
-Reads: params `seeds`, `agents`; the robots in assets/, and for each agent
+Reads: params `seeds`, `env`, `evaluate`, `agents`; the robots in assets/, and for each agent
     results/agents/AGENT/ (trajectory.npz, episodes.csv), models/AGENT/seed-N/curve.csv.
 Writes: media/lineup.rrd.
 """

@@ -1,7 +1,7 @@
 """Film and record an agent's median episode.
 
 Usage: python -m stages.record AGENT (DVC names it in the environment)
-Reads: params `record`, `seeds`, `agents.AGENT.algorithm`; the robot in assets/,
+Reads: params `record`, `seeds`, `env`, `evaluate`, `agents.AGENT`; the robot in assets/,
     results/agents/AGENT/ (trajectory.npz, episodes.csv), models/AGENT/seed-N/curve.csv.
 Writes: media/AGENT.mp4, media/AGENT.rrd.
 """
