@@ -105,4 +105,4 @@ def project(finished: Project) -> Iterator[Project]:
     """The same for a test, which leaves its parameters and outputs as they are."""
     before = finished.state()
     yield finished
-    assert finished.state().keeps(before)
+    assert not finished.state().changes(before)

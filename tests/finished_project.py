@@ -29,9 +29,11 @@ class State:
     files: dict[str, str]
     objects: dict[str, str]
 
-    def keeps(self, earlier: "State") -> bool:
-        """Whether the files are the same as earlier, and no object is gone or changed."""
-        return self.files == earlier.files and earlier.objects.items() <= self.objects.items()
+    def changes(self, earlier: "State") -> list[str]:
+        """Return the files that differ from earlier, and the objects that are changed or gone."""
+        files = {name for name, _ in self.files.items() ^ earlier.files.items()}
+        objects = {name for name, _ in earlier.objects.items() - self.objects.items()}
+        return sorted(files | objects)
 
 
 class Project(Checkout):

@@ -169,10 +169,10 @@ def test_an_experiment_comes_and_goes(project: Project) -> None:
     assert {name.split("/")[0] for name in new} == {"models", "media", "results"}
     for forth in (FORTH, AGAIN):
         project.go_back()
-        assert project.state().keeps(mine)
+        assert not project.state().changes(mine)
         assert project.stale() == set()
         project.type(forth)
-        assert project.state().keeps(experiment)
+        assert not project.state().changes(experiment)
     check_what_changes_show(project)
     project.go_back()
 
@@ -200,9 +200,9 @@ def test_a_run_that_is_not_committed_is_not_lost(project: Project) -> None:
     mine = project.state()
     project.run("git", "reset", "--quiet", ":/^Start")
     assert project.type(BACK, check=False).returncode
-    assert not project.state().keeps(mine)
+    assert project.state().changes(mine)
     project.type(FORTH)
-    assert project.state().keeps(mine)
+    assert not project.state().changes(mine)
     project.type(COMMIT)
 
 
