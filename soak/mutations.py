@@ -43,7 +43,7 @@ AGENTS = ("dqn", "sac", "pgpe")
 EVALUATED = "pgpe"
 MOST_FLIPS = 8  # in one file
 FEWER = 15  # times as few of those with which `compare` may draw its pictures, which takes seconds
-SECONDS = 20
+SECONDS = 60  # drawing takes 5, and longer beside other work
 BYTES = 2 * 2**30
 
 Read = Callable[[], object]
