@@ -70,6 +70,7 @@ class Processes:
                 received = pipe.recv()
             except (EOFError, ConnectionError):
                 received = Died(_cause(worker.process))
+                pipe.close()
             if isinstance(received, BaseException):
                 raise received
             if not isinstance(received, Item):
