@@ -23,7 +23,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
 
-install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
+install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg .venv/.dvc ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
 
 .venv/.packages: requirements.lock pyproject.toml
 	@scripts/environment.sh packages
@@ -34,6 +34,11 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg ## install what is mi
 # Rerun plays films with the `ffmpeg` that it finds.
 .venv/bin/ffmpeg: | .venv/.packages
 	@ln -sf "$$(python -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" $@
+
+# DVC keeps pickled notes in a folder of /var/tmp that all users may write to, unless it is told of
+# another.
+.venv/.dvc: | .venv/.packages
+	@dvc config --quiet --local core.site_cache_dir "$(CURDIR)/$@" && mkdir -m 700 $@
 
 .venv/.browser: .venv/.packages
 	@scripts/environment.sh browser

@@ -1,6 +1,8 @@
 """Stages in surroundings that are not as usual: another locale, no docstrings, limits."""
 
 import os
+import re
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from jumping_ant.base.files import PROJECT_ROOT
-from scripts.checkout import copy_project
+from scripts.checkout import copy_project, with_tools
 
 PLAIN = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 
@@ -46,6 +48,21 @@ def test_text_is_utf_8_whatever_the_locale(project: Path, stage: str) -> None:
             }
         )
     assert outputs[0] == outputs[1] != {}
+
+
+def test_dvc_keeps_its_notes_where_nobody_else_can_write(project: Path) -> None:
+    """It unpickles them. By default they lie in a folder of /var/tmp that all users may change."""
+    (project / ".venv").mkdir()
+    (project / ".venv" / ".packages").touch()  # as if all were installed
+    environment = with_tools()
+    subprocess.run(["make", ".venv/.dvc"], cwd=project, env=environment, check=True)
+    told = subprocess.run(
+        ["dvc", "doctor"], cwd=project, env=environment, encoding="utf-8", capture_output=True
+    ).stdout
+    places = re.findall(r"Repo.site_cache_dir: (.+)", told)
+    private = project / ".venv" / ".dvc"
+    assert [Path(place).is_relative_to(private) for place in places] == [True]
+    assert stat.S_IMODE(private.stat().st_mode) == 0o700
 
 
 EVERY_STAGE = """
