@@ -276,7 +276,8 @@ while True:
 def test_another_user_finds_nothing_to_replace() -> None:
     """From the start of the first worker to the end of the last, in all folders that all share."""
     python = shutil.which("python3", path="/usr/bin:/usr/local/bin")  # others cannot run ours
-    assert python
+    if python is None:
+        pytest.skip("no Python that other users can run")
     places = [place for place in ("/tmp", "/dev/shm") if Path(place).is_dir()]
     command = [python, "-c", OUTSIDER, str(os.getuid()), *places]
     with subprocess.Popen(
