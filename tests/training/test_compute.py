@@ -343,7 +343,7 @@ def test_a_cluster_that_is_lost_is_told(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, server: str
 ) -> None:
     """Ray itself waits for a raylet for ever, and ends its driver without the other server."""
-    monkeypatch.setattr(cluster, "SECONDS_LOST", 1.0)
+    monkeypatch.setattr(cluster, "SECONDS_LOST", 3.0)
     port = free_port()
     monkeypatch.setenv("RAY_ADDRESS", f"127.0.0.1:{port}")
     jobs = {key: partial(wait_for_the_end, tmp_path, key) for key in ("a", "b")}
