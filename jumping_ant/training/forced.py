@@ -16,8 +16,9 @@ def is_forced() -> bool:
         with suppress(psutil.Error):
             words = process.cmdline()
         names = [Path(word).name for word in words[:3]]  # DVC alone, or after an interpreter
-        if "dvc" in names:
+        options = words[names.index("dvc") + 1 :] if "dvc" in names else []
+        if {"repro", "exp"} & set(options):
             from dvc.cli import parse_args  # type: ignore[import-untyped]
 
-            return bool(getattr(parse_args(words[names.index("dvc") + 1 :]), "force", False))
+            return bool(getattr(parse_args(options), "force", False))
     return False

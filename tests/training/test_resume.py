@@ -217,6 +217,18 @@ def test_what_forces_a_training(tmp_path: Path, command: str, told: str) -> None
     assert (tmp_path / "told").read_text(encoding="utf-8").strip() == told
 
 
+def test_a_parent_that_only_has_the_name_forces_nothing(tmp_path: Path) -> None:
+    """Such as `screen -S dvc`."""
+    parent = tmp_path / "dvc"
+    parent.write_text('"$@"\n', encoding="utf-8")
+    program = "from jumping_ant.training.forced import is_forced; print(is_forced())"
+    command = ["bash", str(parent), sys.executable, "-c", program]
+    told = subprocess.run(
+        command, cwd=PROJECT_ROOT, capture_output=True, encoding="utf-8", check=True
+    )
+    assert (told.stdout, told.stderr) == ("False\n", "")
+
+
 def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
     settings = small_params(1)
     agent = settings.agents["sac"]
