@@ -1,0 +1,264 @@
+"""Policy files that are damaged, from elsewhere, hostile, or of another agent or seed."""
+
+import io
+import json
+import pickle
+import tracemalloc
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from commands import COMMAND_SIGNS
+from small_policies import NUMBERS, linear_policy
+
+from jumping_ant.base.archive import Archive, pack
+from jumping_ant.base.errors import InputError
+from jumping_ant.policies import policy_file
+
+SIZES = {"num_observations": 27, "num_motors": 8}
+
+
+def archive(kind: Any, /, table: Any = None, hold: Any = 1, **entries: bytes) -> bytes:
+    header = SIZES | {"format": 3, "kind": kind, "amplitude": 1.0, "hold": hold}
+    tables = {} if table is None else {"commands.npy": npy(table)}
+    return pack({"policy.json": json.dumps(header | {"seed": 0}).encode(), **tables, **entries})
+
+
+def npy(array: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.save(buffer, array)
+    return buffer.getvalue()
+
+
+def tensors(**state: Any) -> bytes:
+    buffer = io.BytesIO()
+    torch.save({name: torch.from_numpy(value) for name, value in state.items()}, buffer)
+    return buffer.getvalue()
+
+
+def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
+    network = prefix.partition(".")[0]
+    factors = {f"{network}.features_extractor.factors": np.ones(27)}
+    layer = {f"{prefix}.weight": np.ones(outputs), f"{prefix}.bias": np.ones(bias)}
+    return tensors(**factors, **layer)
+
+
+HEADER = SIZES | {"format": 3, "kind": "uniform", "seed": 0, "hold": 1, "amplitude": 1.0}
+
+
+def with_amplitude(amplitude: Any) -> bytes:
+    return pack({"policy.json": json.dumps(HEADER | {"amplitude": amplitude}).encode()})
+
+
+def actor(*weights: Any) -> dict[str, Any]:
+    """TD3's network of these layers, as its file has it."""
+    state = {"actor.features_extractor.factors": np.ones(27)}
+    for number, weight in enumerate(weights):
+        state |= {
+            f"actor.mu.{number}.weight": weight,
+            f"actor.mu.{number}.bias": weight[:, 0].copy(),
+        }
+    return state
+
+
+def bomb(*shape: int) -> bytes:
+    """A network whose weights are one number, again and again: a few kB that say terabytes."""
+    number = torch.ones(1)
+    state = {
+        "actor.features_extractor.factors": number.expand(shape[1]),
+        "actor.mu.weight": number.expand(shape),
+        "actor.mu.bias": number.expand(shape[0]),
+    }
+    buffer = io.BytesIO()
+    torch.save(state, buffer)
+    return buffer.getvalue()
+
+
+def compressed(content: bytes) -> bytes:
+    """The same archive, compressed."""
+    entries, buffer = Archive(content), io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name in entries:
+            packed.writestr(name, entries[name])
+    return buffer.getvalue()
+
+
+def says(shape: tuple[int, ...]) -> bytes:
+    """An .npy file whose header says more than it holds."""
+    small = npy(np.zeros((8, 27), np.float32))
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}"
+    return small[:10] + header.encode().ljust(117) + b"\n" + small[128:]
+
+
+NETWORK_OF_FIVE = one_layer("q_net.q_net.0", (5, 27), 5)
+
+
+NETWORK_OF_NINE = one_layer("q_net.q_net.0", (9, 27), 9)
+
+
+OPEN_LOOP = dict(Archive(NUMBERS["open loop"].to_bytes()))
+
+
+LINEAR = linear_policy().to_bytes()
+
+
+ARRAYS = dict(Archive(LINEAR))
+
+
+DAMAGED = {
+    "empty": b"",
+    "text": b"no policy at all",
+    "truncated": LINEAR[:-30],
+    "flipped bit": LINEAR[:400] + bytes([LINEAR[400] ^ 1]) + LINEAR[401:],
+    "foreign zip": pack({"a.txt": b"a"}),
+    "no header": pack({name: ARRAYS[name] for name in ARRAYS if name != "policy.json"}),
+    "header of other kind": archive("ppo"),
+    "header of odd kind": archive(["linear"]),
+    "header not JSON": pack({"policy.json": b"{"}),
+    "header a list": pack({"policy.json": b"[]"}),
+    "array missing": pack({name: ARRAYS[name] for name in ARRAYS if name != "bias.npy"}),
+    "array of other shape": pack(ARRAYS | {"weight.npy": npy(np.zeros((8, 26)))}),
+    "too few torques": pack(
+        ARRAYS | {"weight.npy": npy(np.zeros((7, 27))), "bias.npy": npy(np.zeros(7))}
+    ),
+    "no network": archive("sac", **{"policy.pth": tensors()}),
+    "other network": archive("sac", **{"policy.pth": one_layer("actor.mu", (8, 26), 8)}),
+    "flat network": archive("sac", **{"policy.pth": one_layer("actor.mu", 27, 1)}),
+    "too many commands": archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_NINE}),
+    "commands without a table": archive("dqn", **{"policy.pth": NETWORK_OF_FIVE}),
+    "torn tensors": archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE[:-50]}),
+    "open loop without a table": archive("open_loop"),
+    "table without rows": archive("open_loop", COMMAND_SIGNS[:0]),
+    "table of other width": archive("open_loop", COMMAND_SIGNS[:, :7]),
+    "flat table": archive("open_loop", COMMAND_SIGNS[0]),
+    "table of text": archive("open_loop", np.full((2, 8), "up")),
+    "table of infinities": archive("open_loop", np.full((2, 8), np.inf)),
+    "table beyond the peak torque": archive("open_loop", np.full((2, 8), 1.5)),
+    "torn table": pack(OPEN_LOOP | {"commands.npy": OPEN_LOOP["commands.npy"][:-5]}),
+    "held for no time": archive("uniform", hold=0),
+    "held backwards": archive("uniform", hold=-3),
+    "held for a word": archive("uniform", hold="long"),
+    "held for half a step": archive("uniform", hold=0.5),
+    "amplitude missing": pack({"policy.json": b'{"kind": "uniform", "seed": 0, "hold": 1}'}),
+    "amplitude no number": with_amplitude("loud"),
+    "amplitude not finite": with_amplitude(float("nan")),
+    "amplitude beyond the peak torque": with_amplitude(2.0),
+    "later format": pack({"policy.json": ARRAYS["policy.json"].replace(b": 3,", b": 4,")}),
+    "weight not a number": pack(ARRAYS | {"weight.npy": npy(np.full((8, 27), np.nan))}),
+    "bias infinite": pack(ARRAYS | {"bias.npy": npy(np.full(8, np.inf))}),
+    "stdev zero": pack(ARRAYS | {"stdev.npy": npy(np.zeros(27))}),
+    "mean for all": pack(ARRAYS | {"mean.npy": npy(np.zeros(()))}),
+    "weight of terabytes": pack(ARRAYS | {"weight.npy": says((1_000_000, 1_000_000))}),
+    "compressed": compressed(LINEAR),
+    "compressed tensors": archive("sac", **{"policy.pth": compressed(bomb(8, 27))}),
+    "one number for all": archive("sac", **{"policy.pth": bomb(8, 27)}),
+    "one number for terabytes": archive("sac", **{"policy.pth": bomb(1_000_000, 1_000_000)}),
+    "network not a number": archive(
+        "td3", **{"policy.pth": tensors(**actor(np.full((8, 27), np.nan)))}
+    ),
+    "layers of other widths": archive(
+        "td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 10))))}
+    ),
+    "motors beyond number": pack(
+        {"policy.json": json.dumps(HEADER | {"num_motors": 10**9}).encode()}
+    ),
+    "observations beyond number": pack(
+        {"policy.json": json.dumps(HEADER | {"num_observations": 10**12}).encode()}
+    ),
+}
+
+
+@pytest.mark.parametrize("content", DAMAGED.values(), ids=DAMAGED.keys())
+def test_damaged_and_foreign_files_are_refused(content: bytes) -> None:
+    with pytest.raises(InputError, match="policy file: .*allowed: ") as caught:
+        policy_file.parse(content)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_does_not_belong_to_a_policy_is_not_read(tmp_path: Path) -> None:
+    path, size = tmp_path / "policy.zip", 2**26
+    path.write_bytes(pack(ARRAYS | {"stray": bytes(size)}))
+    tracemalloc.start()
+    policy_file.load(path)
+    policy_file.read_interface(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < size / 8
+
+
+def test_the_damage_is_all_that_is_wrong() -> None:
+    """What the damaged files above are made of is accepted."""
+    for content in (
+        archive("uniform", hold=3),
+        archive("open_loop", COMMAND_SIGNS),
+        archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE}),
+        with_amplitude(0.5),
+        pack(OPEN_LOOP),
+        pack(ARRAYS),
+        archive("td3", **{"policy.pth": tensors(**actor(np.ones((8, 27))))}),
+        archive("td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 9))))}),
+        pack({"policy.json": json.dumps(HEADER).encode()}),
+    ):
+        assert policy_file.parse(content).actions.hold >= 1
+
+
+class Payload:
+    """Pickled, this makes a file when it is read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.path,)
+
+
+@pytest.mark.filterwarnings("ignore:Detected pickle protocol")
+def test_pickled_code_is_not_run(tmp_path: Path) -> None:
+    planted = tmp_path / "planted"
+    payload = Payload(planted)
+    saved = io.BytesIO()
+    torch.save(payload, saved)
+    files = [
+        archive("sac", **{"policy.pth": pickle.dumps(payload)}),
+        archive("dqn", **{"policy.pth": saved.getvalue()}),
+        pack(ARRAYS | {"weight.npy": npy(np.array([payload], dtype=object))}),
+        pack(ARRAYS | {"mean.npy": pickle.dumps(payload)}),
+        pickle.dumps(payload),
+    ]
+    for content in files:
+        with pytest.raises(InputError, match="policy file: "):
+            policy_file.parse(content)
+        assert not planted.exists()
+    pickle.loads(files[-1])
+    assert planted.exists()  # the payload would have worked
+
+
+def test_a_missing_file_names_what_writes_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"policy.zip: No such file .*; `dvc repro` trains it"):
+        policy_file.load(tmp_path / "policy.zip")
+
+
+def test_a_published_policy_says_whose_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "policy.zip"
+    path.write_bytes(policy_file.owned(LINEAR, ("sac", 20)))
+    assert policy_file.load(path, ("sac", 20)).to_bytes() == LINEAR
+    assert policy_file.load(path).to_bytes() == LINEAR
+    assert policy_file.read_interface(path, ("sac", 20)).num_motors == 8
+    for owner in (("sac", 21), ("dqn", 20)):
+        told = (
+            f"{path}: policy file: given that of agent sac, seed 20, allowed: that of agent "
+            f"{owner[0]}, seed {owner[1]}; run `dvc repro --force train@{owner[0]}`"
+        )
+        for read in (policy_file.load, policy_file.read_interface):
+            with pytest.raises(InputError) as caught:
+                read(path, owner)
+            assert str(caught.value) == told
+    path.write_bytes(LINEAR)
+    with pytest.raises(InputError, match="given one of no agent, allowed: that of agent sac"):
+        policy_file.load(path, ("sac", 20))
+    path.write_bytes(pack({**Archive(LINEAR), "owner.json": b"[1]"}))
+    with pytest.raises(InputError, match="given what is not a policy"):
+        policy_file.load(path)
