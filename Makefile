@@ -35,8 +35,7 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg .venv/.dvc ## install
 .venv/bin/ffmpeg: | .venv/.packages
 	@ln -sf "$$(python -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" $@
 
-# DVC keeps pickled notes in a folder of /var/tmp that all users may write to, unless it is told of
-# another.
+# DVC unpickles data from this folder. Its default is in /var/tmp, where all users may write.
 .venv/.dvc: | .venv/.packages
 	@dvc config --quiet --local core.site_cache_dir "$(CURDIR)/$@" && mkdir -m 700 $@
 
