@@ -204,7 +204,7 @@ def _train_policy(job: Job[Any]) -> bytes:
 
 def _demonstrations(params: Params) -> bytes:
     """Return demonstrations by the agent of the preset, trained on another seed."""
-    settings = params.demonstrations["imitation"]
+    settings = params.demonstrations["bc"]
     agent = params.agent(settings.agent)
     xml = robot.read(PROJECT_ROOT, agent.robot)
     expert = _train_policy(Job(xml, params.env, agent, SEEDS[0]))

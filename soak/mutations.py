@@ -125,7 +125,7 @@ def prepare(project: Checkout) -> None:
     """Train, in this process, and make of it what the readers need."""
     for agent in AGENTS:
         driver.train(project.folder, params_file.load(Paths(project.folder).params), agent)
-    project.seconds("dvc", "repro", "--single-item", "demonstrate@imitation")
+    project.seconds("dvc", "repro", "--single-item", "demonstrate@bc")
 
 
 def readers(root: Path) -> Iterator[tuple[Path, Read]]:
@@ -141,7 +141,7 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
     for agent in AGENTS:
         policy = paths.agent(agent).seed(seed).policy
         yield policy, partial(policy_file.load, policy)
-    demonstrations = paths.demonstrations("imitation")
+    demonstrations = paths.demonstrations("bc")
     yield demonstrations, partial(_imitate, demonstrations)
     finished = next((root / ".checkpoints" / EVALUATED).rglob("*.finished"))
     yield finished, partial(_resume, finished)

@@ -49,7 +49,7 @@ def settings() -> Params:
     content["compute"]["checkpoint_seconds"] = CHECKPOINT_SECONDS
     content["evaluate"]["episodes"] = 2
     content["record"] |= {"width": 160, "height": 120}
-    content["demonstrations"] = {"imitation": DEMONSTRATIONS}
+    content["demonstrations"] = {"bc": DEMONSTRATIONS}
     for agent, budget in BUDGETS.items():
         content["agents"][agent] |= budget
     return params_file.check(content)

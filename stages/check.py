@@ -2,7 +2,7 @@
 
 Usage: python -m stages.check
 Reads: params.yaml.
-Writes: checked, which always holds the same, so that no stage reruns because of it.
+Writes: .inputs/checked, which always holds the same, so that no stage reruns because of it.
 """
 
 from jumping_ant.base.files import write_text

@@ -1,10 +1,10 @@
-"""Record a trained agent's episodes for a trainer whose agents learn from them.
+"""Record a trained agent's episodes for an algorithm whose agents learn from them.
 
-Usage: python -m stages.demonstrate TRAINER (DVC names it in the environment)
-Reads: params `seeds`, `env`, `training.publish`, `demonstrations.TRAINER`; the robot in assets/;
+Usage: python -m stages.demonstrate ALGORITHM (DVC names it in the environment)
+Reads: params `seeds`, `env`, `training.publish`, `demonstrations.ALGORITHM`; the robot in assets/;
     the demonstrating agent's models/AGENT/seed-N/ (policy.zip, curve.csv);
-    digests/train-TRAINER.json.
-Writes: trainers/TRAINER/ (demonstrations.zip, code.json).
+    .inputs/code/train-ALGORITHM.json.
+Writes: .inputs/train/ALGORITHM/ (demonstrations.zip, code.json).
 """
 
 from jumping_ant.base import machine
@@ -18,16 +18,18 @@ from . import parse_key, run
 
 def main() -> None:
     """Run the stage."""
-    trainer, settings = parse_key(__doc__, "trainer")
-    if trainer not in settings.demonstrations:
+    algorithm, settings = parse_key(__doc__, "algorithm")
+    if algorithm not in settings.demonstrations:
         known = ", ".join(settings.demonstrations) or "there is none"
-        raise InputError(f"trainer: given {trainer!r}, allowed: those of demonstrations ({known})")
+        raise InputError(
+            f"algorithm: given {algorithm!r}, allowed: those of demonstrations ({known})"
+        )
     paths = Paths()
-    made = demonstrating.demonstrate(PROJECT_ROOT, settings, trainer, machine.num_cores())
+    made = demonstrating.demonstrate(PROJECT_ROOT, settings, algorithm, machine.num_cores())
     write_all(
         {
-            paths.demonstrations(trainer): made.to_bytes(),
-            paths.code_of(trainer): read_bytes(paths.digests / f"train-{trainer}.json", "digest"),
+            paths.demonstrations(algorithm): made.to_bytes(),
+            paths.training_code(algorithm): read_bytes(paths.code(f"train-{algorithm}"), "digest"),
         }
     )
 

@@ -2,18 +2,20 @@
 
 Usage: python -m stages.digest
 Reads: jumping_ant/, stages/, requirements.lock.
-Writes: digests/STAGE.json, for training trainers/TRAINER/code.json: the SHA-256 of every file that
-    the stage imports, directly or not, of the pages beside them, and of the locked versions. A
-    trainer that needs demonstrations gets its file from `demonstrate`, which finds it as
-    digests/train-TRAINER.json.
+Writes: .inputs/code/STAGE.json, for training .inputs/train/ALGORITHM/code.json: the SHA-256 of what
+    every file does that the stage imports, directly or not (its text without comments, docstrings
+    and blank lines), of the pages beside them, and of the locked versions. An algorithm that needs
+    demonstrations gets its file from `demonstrate`, which finds it as
+    .inputs/code/train-ALGORITHM.json.
 """
 
+import hashlib
 from pathlib import Path
 
-from jumping_ant.agents.catalogue import demonstrated
-from jumping_ant.agents.code import code_of, trainers
-from jumping_ant.base import command_line, imports
-from jumping_ant.base.files import PROJECT_ROOT, digest, to_json, write_all
+from jumping_ant.agents.catalogue import ALGORITHMS, demonstrated
+from jumping_ant.agents.training_code import training_code
+from jumping_ant.base import command_line, effective_code, imports
+from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
 
 from . import run
@@ -32,7 +34,7 @@ def code() -> dict[str, set[Path]]:
     found = {stage: imports.closure(script) for stage, script in scripts.items()}
     for stage, module in MORE.items():
         found[stage] |= imports.closure(PROJECT_ROOT / module)
-    found |= {f"{TRAIN}{trainer}": code_of(trainer, train) for trainer in trainers()}
+    found |= {f"{TRAIN}{algorithm}": training_code(algorithm, train) for algorithm in ALGORITHMS}
     return {name: files | _beside(files) for name, files in found.items()}
 
 
@@ -44,17 +46,20 @@ def _beside(files: set[Path]) -> set[Path]:
 
 def _place(name: str) -> Path:
     """Return the file of digests of a stage's code."""
-    trainer = name.removeprefix(TRAIN)
-    if trainer == name or trainer in demonstrated():
-        return Paths().digests / f"{name}.json"
-    return Paths().code_of(trainer)
+    algorithm = name.removeprefix(TRAIN)
+    if algorithm == name or algorithm in demonstrated():
+        return Paths().code(name)
+    return Paths().training_code(algorithm)
 
 
 def main() -> None:
     """Run the stage."""
     command_line.parser(__doc__).parse_args()
     found = {name: {*files, PROJECT_ROOT / "requirements.lock"} for name, files in code().items()}
-    digests = {file: digest(file) for file in set.union(*found.values())}
+    digests = {
+        file: hashlib.sha256(effective_code.read(file).encode()).hexdigest()
+        for file in set.union(*found.values())
+    }
     write_all(
         {
             _place(name): to_json(

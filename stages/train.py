@@ -2,7 +2,7 @@
 
 Usage: python -m stages.train AGENT (DVC names it in the environment)
 Reads: params `seeds`, `env`, `training`, `agents.AGENT`; the robot in assets/; for imitation
-    trainers/imitation/demonstrations.zip.
+    .inputs/train/ALGORITHM/demonstrations.zip.
 Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv, machine.json),
     results/agents/AGENT/timing.csv.
 """

@@ -44,7 +44,10 @@ def add(project: Checkout, block: str, name: str) -> None:
     params[block][name] = ENTRIES[block]
     with path.open("w", encoding="utf-8") as file:
         YAML().dump(params, file)
-    for dependency in ("checked", "models/random", f"digests/train-{name.replace('/', '')}.json"):
+    for dependency in (
+        *(".inputs/checked", "models/random"),
+        f".inputs/code/train-{name.replace('/', '')}.json",
+    ):
         (project.folder / dependency).write_text("{}", encoding="utf-8")
 
 
@@ -89,10 +92,10 @@ def test_an_agents_name_leads_to_no_other_folder(project: Checkout, name: str) -
     assert f"results/agents/{name}/timing.csv' is ignored by .dvcignore" in told
 
 
-def test_neither_does_a_trainers_name(project: Checkout) -> None:
+def test_neither_does_an_algorithms_name(project: Checkout) -> None:
     add(project, "demonstrations", "../docs")
     told = refusal(project, "dvc", "repro", "--single-item", "demonstrate@../docs")
-    assert "trainers/../docs/demonstrations.zip' is ignored by .dvcignore" in told
+    assert ".inputs/train/../docs/demonstrations.zip' is ignored by .dvcignore" in told
 
 
 def test_neither_does_one_that_is_checked_out(project: Checkout) -> None:

@@ -13,8 +13,8 @@ from dvc.utils.hydra import apply_overrides
 from ruamel.yaml import YAML
 
 import stages
-from jumping_ant.agents import code
-from jumping_ant.agents.catalogue import demonstrated
+from jumping_ant.agents.catalogue import ALGORITHMS, demonstrated
+from jumping_ant.agents.training_code import packages
 from jumping_ant.base.files import PROJECT_ROOT as ROOT
 from jumping_ant.experiment import params_file, presets
 from stages import digest
@@ -33,7 +33,8 @@ def names(stage: str) -> set[str]:
 @pytest.mark.parametrize("name", sorted(set(STAGES) - {"digest"}))
 def test_every_stage_depends_on_its_own_code(name: str) -> None:
     deps = STAGES[name].get("do", STAGES[name])["deps"]
-    assert ("trainers/${item.trainer}" if name == "train" else f"digests/{name}.json") in deps
+    own = "train/${item.algorithm}" if name == "train" else f"code/{name}.json"
+    assert f".inputs/{own}" in deps
     for stage in CODE:
         if stage.partition("-")[0] == name:
             assert {f"stages/{name}.py", "stages/__init__.py"} <= names(stage)
@@ -41,8 +42,8 @@ def test_every_stage_depends_on_its_own_code(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(set(STAGES) - {"digest", "check"}))
 def test_every_other_stage_waits_for_the_check(name: str) -> None:
-    assert STAGES["check"]["outs"] == ["checked"]
-    assert "checked" in STAGES[name].get("do", STAGES[name])["deps"]
+    assert STAGES["check"]["outs"] == [".inputs/checked"]
+    assert ".inputs/checked" in STAGES[name].get("do", STAGES[name])["deps"]
 
 
 @pytest.mark.parametrize(
@@ -74,16 +75,15 @@ def test_a_stage_that_is_told_no_agent_says_so(
     assert "the following arguments are required: agent" in capsys.readouterr().err
 
 
-def test_every_trainer_gets_the_digests_of_its_code() -> None:
-    made = {out for out in STAGES["digest"]["outs"] if out.startswith("trainers/")}
-    own = {f"trainers/{name}" for name in set(code.trainers()) - demonstrated()}
-    assert made == own
-    assert "trainers/${key}/code.json" in STAGES["demonstrate"]["do"]["outs"]
-    assert "digests/train-${key}.json" in STAGES["demonstrate"]["do"]["deps"]
+def test_every_algorithm_gets_the_digests_of_its_code() -> None:
+    learners = {f".inputs/train/{name}" for name in set(ALGORITHMS) - demonstrated()}
+    assert set(STAGES["digest"]["outs"]) == {".inputs/code", *learners}
+    assert ".inputs/train/${key}/code.json" in STAGES["demonstrate"]["do"]["outs"]
+    assert ".inputs/code/train-${key}.json" in STAGES["demonstrate"]["do"]["deps"]
 
 
 def test_digests_are_of_what_imports_lead_to() -> None:
-    assert "jumping_ant/agents/off_policy/lean/adam.py" in names("train-off_policy")
+    assert "jumping_ant/agents/off_policy/lean/adam.py" in names("train-sac")
     assert "jumping_ant/sim/vector.py" in names("evaluate")
     assert "jumping_ant/showing/report/template.html" in names("report")
     assert "jumping_ant/tracking/serving.py" in names("track")
@@ -99,12 +99,11 @@ def test_every_file_that_the_package_ships_is_code_or_a_page() -> None:
     assert suffixes == {".py", ".typed", *digest.PAGES}
 
 
-def test_training_depends_on_its_own_trainer_alone() -> None:
-    trainers = {path.parent.name for path in (ROOT / "jumping_ant/agents").glob("*/trainer.py")}
-    assert trainers >= {agent.trainer for agent in params_file.load().agents.values()}
-    for own in trainers:
-        found = {name.split("/")[2] for name in names(f"train-{own}") if "/agents/" in name}
-        assert found & trainers == {own}
+@pytest.mark.parametrize("algorithm", sorted(ALGORITHMS))
+def test_training_depends_on_its_own_package_alone(algorithm: str) -> None:
+    own = ALGORITHMS[algorithm].trainer.split(".")[2]
+    found = {name.split("/")[2] for name in names(f"train-{algorithm}") if "/agents/" in name}
+    assert found & set(packages()) == {own}
 
 
 def test_imitators_are_trained_after_whom_they_imitate(tmp_path: Path) -> None:
@@ -122,7 +121,7 @@ def test_imitators_are_trained_after_whom_they_imitate(tmp_path: Path) -> None:
 
     assert needed("train@sac") == {"digest", "check", "build"}
     for agent in ("bc", "dagger"):
-        others = {"digest", "check", "build", "train@sac", "demonstrate@imitation"}
+        others = {"digest", "check", "build", "train@sac", f"demonstrate@{agent}"}
         assert needed(f"train@{agent}") == others
 
 

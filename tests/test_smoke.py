@@ -87,7 +87,7 @@ LITTER = [".page.html.swp", "page.html~", "#page.html#", "4913", ".DS_Store", ".
 FOLDERS = [
     *("jumping_ant/agents/evolution", "jumping_ant/showing/report", "stages", "robots", "assets"),
     *("models/sac", "models/sac/seed-0", "media", "results/agents/sac", "results/figures"),
-    *("digests", "trainers/evolution"),
+    *(".inputs/code", ".inputs/train/pgpe"),
 ]
 
 

@@ -38,7 +38,7 @@ def test_text_is_utf_8_whatever_the_locale(project: Path, stage: str) -> None:
     for variables in ({}, PLAIN):
         done = python(project, "-m", f"stages.{stage}", **variables)
         assert done.returncode == 0, done.stderr
-        names = ["digests", "trainers"] if stage == "digest" else ["assets"]
+        names = [".inputs"] if stage == "digest" else ["assets"]
         outputs.append(
             {
                 path: path.read_bytes()

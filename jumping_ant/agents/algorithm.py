@@ -12,6 +12,7 @@ class AgentBlock(Block):
     """Settings shared by the blocks of all agents; each algorithm adds its own."""
 
     is_baseline: ClassVar[bool] = False  # whether the agent learns nothing
+    depends_on_seed: ClassVar[bool] = True  # whether seeds differ
     learns_from_demonstrations: ClassVar[bool] = False
 
     trainer: str
@@ -65,6 +66,11 @@ class Algorithm:
     learner: str = ""
     logged: tuple[str, ...] = ()
     counters: tuple[str, ...] = ()
+
+    @property
+    def trainer(self) -> str:
+        """Name of the module that trains its agents; it lies beside their settings."""
+        return f"{self.settings.__module__.rpartition('.')[0]}.trainer"
 
     @property
     def is_baseline(self) -> bool:

@@ -1,7 +1,5 @@
 """Every algorithm that an agent of `params.yaml` may name."""
 
-from typing import get_args
-
 from jumping_ant.agents.algorithm import AgentBlock, Algorithm
 from jumping_ant.agents.evolution import algorithms as evolution
 from jumping_ant.agents.imitation import algorithms as imitation
@@ -26,10 +24,5 @@ def row(agent: AgentBlock) -> Algorithm:
 
 
 def demonstrated() -> set[str]:
-    """Return the trainers whose agents learn from demonstrations."""
-    settings = [each.settings for each in ALGORITHMS.values()]
-    return {
-        get_args(each.model_fields["trainer"].annotation)[0]
-        for each in settings
-        if each.learns_from_demonstrations
-    }
+    """Return the algorithms whose agents learn from demonstrations."""
+    return {name for name, row in ALGORITHMS.items() if row.settings.learns_from_demonstrations}

@@ -12,6 +12,10 @@ from jumping_ant.params.blocks import EnvParams
 Settings = TypeVar("Settings", bound=AgentBlock, covariant=True)
 
 
+def _never() -> bool:
+    return False
+
+
 @dataclass(frozen=True)
 class Job(Generic[Settings]):
     """A training of one seed of an agent.
@@ -36,7 +40,7 @@ class Job(Generic[Settings]):
     num_threads: int = 1
     demonstrations: bytes | None = None
     checkpoint: bytes | None = None
-    is_checkpoint_due: Callable[[], bool] = lambda: False
+    is_checkpoint_due: Callable[[], bool] = _never
 
 
 class Trainer(Protocol):

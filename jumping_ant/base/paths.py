@@ -154,7 +154,7 @@ class Paths:
     @property
     def checked(self) -> Path:
         """What `check` writes, on which all stages depend that read parameters."""
-        return self.root / "checked"
+        return self.inputs / "checked"
 
     @property
     def lock(self) -> Path:
@@ -162,17 +162,21 @@ class Paths:
         return self.root / "dvc.lock"
 
     @property
-    def digests(self) -> Path:
-        """The folder of the digests of the code that stages run."""
-        return self.root / "digests"
+    def inputs(self) -> Path:
+        """The folder of what stages depend on besides parameters and other stages' results."""
+        return self.root / ".inputs"
 
-    def code_of(self, trainer: str) -> Path:
-        """Return the digests of the code that a trainer's agents are trained with."""
-        return self.root / "trainers" / trainer / "code.json"
+    def code(self, stage: str) -> Path:
+        """Return the digests of the code that a stage runs."""
+        return self.inputs / "code" / f"{stage}.json"
 
-    def demonstrations(self, trainer: str) -> Path:
-        """Return the demonstrations that a trainer's agents learn from, if they need any."""
-        return self.root / "trainers" / trainer / "demonstrations.zip"
+    def training_code(self, algorithm: str) -> Path:
+        """Return the digests of the code that trains an algorithm's agents."""
+        return self.inputs / "train" / algorithm / "code.json"
+
+    def demonstrations(self, algorithm: str) -> Path:
+        """Return the demonstrations that an algorithm's agents learn from, if they need any."""
+        return self.inputs / "train" / algorithm / "demonstrations.zip"
 
     @property
     def assets(self) -> Path:

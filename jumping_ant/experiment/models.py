@@ -36,7 +36,7 @@ EPISODES_AT_ONCE = 16  # demonstrations are played in batches of so many
 if TYPE_CHECKING:
     AnyAgent = AgentBlock
     Demonstrated = str
-else:  # any agent of the catalogue, and any trainer that needs demonstrations
+else:  # any agent of the catalogue, and any algorithm that needs demonstrations
     Demonstrated = Literal[tuple(sorted(demonstrated()))]
     AnyAgent = Annotated[
         Union[tuple(algorithm.settings for algorithm in ALGORITHMS.values())],  # noqa: UP007
@@ -61,7 +61,7 @@ class Params(Block):
     ]
     """The agents that are trained, evaluated, filmed and compared, by name."""
     demonstrations: dict[Demonstrated, DemonstrationParams]
-    """What agents learn from whose trainer needs demonstrations, by trainer."""
+    """What agents learn from whose algorithm needs demonstrations, by algorithm."""
     training: TrainingParams
     """How learning curves are measured during training."""
     compute: ComputeParams
@@ -97,12 +97,12 @@ class Params(Block):
 
     @model_validator(mode="after")
     def _demonstrations_can_be_made(self) -> "Params":
-        for trainer, demonstrations in self.demonstrations.items():
+        for algorithm, demonstrations in self.demonstrations.items():
             agent = self.agents.get(demonstrations.agent)
             if agent is None or not _can_demonstrate(agent):
                 able = [name for name, agent in self.agents.items() if _can_demonstrate(agent)]
                 raise ValueError(
-                    f"demonstrations.{trainer}.agent: given {demonstrations.agent!r}, allowed: "
+                    f"demonstrations.{algorithm}.agent: given {demonstrations.agent!r}, allowed: "
                     f"learners that choose torques ({', '.join(able) or 'there is none'})"
                 )
         return self
@@ -110,6 +110,8 @@ class Params(Block):
     @model_validator(mode="after")
     def _episodes_differ(self) -> "Params":
         for (key, seeds), (later_key, later_seeds) in combinations(self._episodes().items(), 2):
+            if key.startswith("demonstrations.") and later_key.startswith("demonstrations."):
+                continue  # imitators may learn from the same episodes
             if seeds.start < later_seeds.stop and later_seeds.start < seeds.stop:
                 raise ValueError(
                     f"{later_key}: given {later_seeds.start}, whose episodes have the seeds "
@@ -131,10 +133,10 @@ class Params(Block):
             ),
             "evaluate.seed": _count_up(evaluate.seed, evaluate.episodes),
             **{  # an episode lasts for at least one step
-                f"demonstrations.{trainer}.seed": _count_up(
+                f"demonstrations.{algorithm}.seed": _count_up(
                     block.seed, -(-block.steps // EPISODES_AT_ONCE) * EPISODES_AT_ONCE
                 )
-                for trainer, block in self.demonstrations.items()
+                for algorithm, block in self.demonstrations.items()
             },
         }
 
@@ -143,11 +145,11 @@ class Params(Block):
         for name, agent in self.agents.items():
             if not agent.learns_from_demonstrations:
                 continue
-            demonstrations = self.demonstrations.get(agent.trainer)
+            demonstrations = self.demonstrations.get(agent.algorithm)
             if demonstrations is None:
                 raise ValueError(
                     f"demonstrations: given none for agents.{name}, allowed: "
-                    f"{agent.trainer}: {{agent: ...}}, which says who demonstrates"
+                    f"{agent.algorithm}: {{agent: ...}}, which says who demonstrates"
                 )
             expert = self.agents[demonstrations.agent]
             for key in ("robot", "actions"):
@@ -159,7 +161,7 @@ class Params(Block):
             if agent.max_env_steps > demonstrations.steps:
                 raise ValueError(
                     f"agents.{name}.total_steps: given {agent.max_env_steps}, allowed: at most "
-                    f"demonstrations.{agent.trainer}.steps, {demonstrations.steps}"
+                    f"demonstrations.{agent.algorithm}.steps, {demonstrations.steps}"
                 )
         return self
 
@@ -167,7 +169,7 @@ class Params(Block):
         """Return the name of the agent that an agent imitates; empty if it imitates none."""
         if not agent.learns_from_demonstrations:
             return ""
-        return self.demonstrations[agent.trainer].agent
+        return self.demonstrations[agent.algorithm].agent
 
     def agent(self, name: str) -> AgentBlock:
         """Return one agent's block.

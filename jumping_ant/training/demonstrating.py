@@ -21,19 +21,19 @@ from jumping_ant.sim import robot
 from jumping_ant.training import curves
 
 
-def demonstrate(root: Path, params: Params, trainer: str, num_threads: int = 1) -> Demonstrations:
-    """Return what an agent demonstrates for a trainer.
+def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1) -> Demonstrations:
+    """Return what an agent demonstrates for an algorithm.
 
     Args:
         root: The project's folder; the robot and the demonstrating agent's policies are read.
-        params: All parameters; `demonstrations` has an entry for the trainer.
-        trainer: The trainer that needs demonstrations.
+        params: All parameters; `demonstrations` has an entry for the algorithm.
+        algorithm: The algorithm that needs demonstrations.
         num_threads: Threads that step the simulations; results do not depend on it.
 
     Raises:
         InputError: A file is missing or damaged.
     """
-    settings = params.demonstrations[trainer]
+    settings = params.demonstrations[algorithm]
     agent = params.agent(settings.agent)
     best = max(params.seeds, key=lambda seed: _validated(root, params, settings.agent, seed))
     paths = Paths(root).agent(settings.agent).seed(best)

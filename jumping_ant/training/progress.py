@@ -27,7 +27,7 @@ class TrainingProgress:
         self, agent: str, seeds: list[int], total: int, stream: TextIO | None = None
     ) -> None:
         stream = stream or sys.stderr
-        self._agent = agent
+        self.agent = agent
         self._is_terminal = stream.isatty()
         self._stream = stream
         self._returns: dict[int, str] = {}
@@ -51,7 +51,7 @@ class TrainingProgress:
         if not self._is_terminal:
             seeds = "1 seed" if len(self._bars) == 1 else f"{len(self._bars)} seeds"
             self._print(
-                f"{self._agent}: training {seeds}; output is not a terminal, "
+                f"{self.agent}: training {seeds}; output is not a terminal, "
                 f"so a line per seed every {SECONDS_BETWEEN_LINES:.0f} s"
             )
         return self
@@ -87,7 +87,7 @@ class TrainingProgress:
 
     def say(self, line: str) -> None:
         """Print a line that is not overwritten."""
-        tqdm.write(f"{self._agent}: {line}", file=self._stream)
+        tqdm.write(f"{self.agent}: {line}", file=self._stream)
         self._stream.flush()
 
     def finish(self, seed: int, env_steps: int, seconds: float) -> None:
@@ -100,7 +100,7 @@ class TrainingProgress:
         """
         if not self._is_terminal:
             self._print(
-                f"{self._agent} seed {seed}: done, {env_steps:,} steps in "
+                f"{self.agent} seed {seed}: done, {env_steps:,} steps in "
                 f"{tqdm.format_interval(seconds)}, return {self._returns.get(seed, '-')}"
             )
 
@@ -108,7 +108,7 @@ class TrainingProgress:
         rate = env_steps / max(seconds, 1e-9)
         left = tqdm.format_interval(max(self._total - env_steps, 0) / max(rate, 1e-9))
         return (
-            f"{self._agent} seed {seed}: {env_steps:,}/{self._total:,} steps, "
+            f"{self.agent} seed {seed}: {env_steps:,}/{self._total:,} steps, "
             f"return {self._returns.get(seed, '-')}, {rate:,.0f} steps/s, {left} left"
         )
 

@@ -216,24 +216,24 @@ def test_faults_of_structure(key: str, value: Any, line: str) -> None:
 
 
 BC = presets.load("families").model_dump()["agents"]["bc"]
-DEMONSTRATIONS = presets.load("families").model_dump()["demonstrations"]["imitation"]
+DEMONSTRATIONS = presets.load("families").model_dump()["demonstrations"]["bc"]
 
 
 @pytest.mark.parametrize(
     ("agent", "demonstrations", "said"),
     [
-        ({}, None, "demonstrations: given none for agents.bc, allowed: imitation: {agent: ...}"),
+        ({}, None, "demonstrations: given none for agents.bc, allowed: bc: {agent: ...}"),
         ({"robot": "unedited"}, {}, "agents.bc.robot: given another than that of sac, whom it"),
         ({"actions": {"kind": "torques", "amplitude": 1.0, "hold": 1}}, {}, "agents.bc.actions:"),
         (
             {"total_steps": 12001},
             {},
-            "agents.bc.total_steps: given 12001, allowed: at most demonstrations.imitation.steps",
+            "agents.bc.total_steps: given 12001, allowed: at most demonstrations.bc.steps",
         ),
         (
             {},
             {"agent": "dqn"},
-            "demonstrations.imitation.agent: given 'dqn', allowed: learners that choose torques "
+            "demonstrations.bc.agent: given 'dqn', allowed: learners that choose torques "
             "(sac, pgpe)",
         ),
         ({}, {"agent": "bc"}, "given 'bc', allowed: learners that choose torques (sac, pgpe)"),
@@ -245,21 +245,19 @@ def test_imitators_fit_what_they_imitate(
 ) -> None:
     content = changed("agents.bc", BC | agent)
     if demonstrations is not None:
-        content["demonstrations"] = {"imitation": DEMONSTRATIONS | demonstrations}
+        content["demonstrations"] = {"bc": DEMONSTRATIONS | demonstrations}
     assert said in refusal(content)
 
 
-def test_demonstrations_are_for_trainers_that_need_them() -> None:
-    line = refusal(changed("demonstrations", {"off_policy": DEMONSTRATIONS}))
-    assert (
-        line == "params.yaml: demonstrations.off_policy: given 'off_policy', allowed: 'imitation'"
-    )
+def test_demonstrations_are_for_algorithms_that_need_them() -> None:
+    line = refusal(changed("demonstrations", {"sac": DEMONSTRATIONS}))
+    assert line == "params.yaml: demonstrations.sac: given 'sac', allowed: 'bc' or 'dagger'"
     beyond = DEMONSTRATIONS | {"seed": 4_000_016}
-    params_file.check(changed("demonstrations", {"imitation": beyond}))
+    params_file.check(changed("demonstrations", {"bc": beyond}))
 
 
 HELD_OUT, VALIDATION = "evaluate.seed", "training.evaluation_seed"
-IMITATION = "demonstrations.imitation.seed"
+IMITATION = "demonstrations.bc.seed"
 
 
 @pytest.mark.parametrize(
@@ -278,7 +276,7 @@ IMITATION = "demonstrations.imitation.seed"
 def test_no_episode_serves_two_purposes(
     key: str, seed: int, own: str, other: str, other_key: str
 ) -> None:
-    content = changed("demonstrations", {"imitation": dict(DEMONSTRATIONS)})
+    content = changed("demonstrations", {"bc": dict(DEMONSTRATIONS)})
     *blocks, last = key.split(".")
     functools.reduce(operator.getitem, blocks, content)[last] = seed
     assert refusal(content) == (
@@ -298,9 +296,7 @@ def test_episodes_played_beyond_the_settings_count() -> None:
     content["evaluate"]["seed"] = 2_000_003
     assert "none of 2000000 to 2000003, those of training" in refusal(content)
     one = DEMONSTRATIONS | {"steps": 1, "seed": 3_999_985}
-    assert "have the seeds 3999985 to 4000000" in refusal(
-        changed("demonstrations", {"imitation": one})
-    )
+    assert "have the seeds 3999985 to 4000000" in refusal(changed("demonstrations", {"bc": one}))
 
 
 def test_too_many_seeds_are_refused_at_once(tmp_path: Path) -> None:

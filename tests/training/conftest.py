@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 import small_agents
 
+from jumping_ant.agents.catalogue import demonstrated
 from jumping_ant.base.files import write_bytes
 from jumping_ant.base.paths import Paths
 
@@ -13,5 +14,7 @@ from jumping_ant.base.paths import Paths
 def project(tmp_path: Path, robot_xml: str) -> Path:
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "edited.xml").write_text(robot_xml, encoding="utf-8")
-    write_bytes(Paths(tmp_path).demonstrations("imitation"), small_agents.demonstrations(robot_xml))
+    for algorithm in demonstrated():
+        path = Paths(tmp_path).demonstrations(algorithm)
+        write_bytes(path, small_agents.demonstrations(robot_xml))
     return tmp_path

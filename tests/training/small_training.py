@@ -31,7 +31,8 @@ def small_params(workers: int) -> Params:
     settings["env"]["max_episode_steps"] = 40
     settings["training"] |= {"evaluations": 2, "evaluation_episodes": 4}
     settings["compute"]["workers"] = workers
-    settings["demonstrations"]["imitation"] |= {"steps": 1000, "episode_steps": 40}
+    for demonstrations in settings["demonstrations"].values():
+        demonstrations |= {"steps": 1000, "episode_steps": 40}
     for name in SMALL_OF_ALL:
         settings["agents"][name] |= small_agents.smaller(small_agents.PARAMS.agents[name])
     return params_file.check(settings)

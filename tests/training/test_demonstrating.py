@@ -11,6 +11,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.training import curves, demonstrating, driver
+from jumping_ant.training.checkpoint_key import checkpoint_key
 
 COLUMNS = ",".join(["agent", "seed", *curves.COLUMNS])
 
@@ -19,13 +20,13 @@ COLUMNS = ",".join(["agent", "seed", *curves.COLUMNS])
 def params(project: Path) -> Params:
     """Parameters of a project with trained agents, one of which demonstrates."""
     params = small_params(1)
-    driver.train(project, params, params.demonstrations["imitation"].agent)
+    driver.train(project, params, params.demonstrations["bc"].agent)
     return params
 
 
 def write_curves(project: Path, params: Params, *returns: tuple[float, float]) -> dict[int, bytes]:
     """Write learning curves of two evaluations for each seed, and return the policies."""
-    agent = params.demonstrations["imitation"].agent
+    agent = params.demonstrations["bc"].agent
     paths = Paths(project).agent(agent)
     for seed, values in zip(params.seeds, returns, strict=True):
         ends = params.agent(agent).max_env_steps // 2, params.agent(agent).max_env_steps
@@ -39,19 +40,17 @@ def write_curves(project: Path, params: Params, *returns: tuple[float, float]) -
 
 def test_the_best_in_validation_demonstrates(project: Path, params: Params) -> None:
     policies = write_curves(project, params, (900.0, 100.0), (200.0, 300.0))
-    made = demonstrating.demonstrate(project, params, "imitation")
+    made = demonstrating.demonstrate(project, params, "bc")
     assert made.expert == policies[params.seeds[0]]
     last = params.training.model_copy(update={"publish": "final"})
-    made = demonstrating.demonstrate(
-        project, params.model_copy(update={"training": last}), "imitation"
-    )
+    made = demonstrating.demonstrate(project, params.model_copy(update={"training": last}), "bc")
     assert made.expert == policies[params.seeds[1]]
 
 
 def test_episodes_are_as_the_parameters_say(project: Path, params: Params) -> None:
-    settings = params.demonstrations["imitation"]
-    made = demonstrating.demonstrate(project, params, "imitation", num_threads=2)
-    assert made.to_bytes() == demonstrating.demonstrate(project, params, "imitation").to_bytes()
+    settings = params.demonstrations["bc"]
+    made = demonstrating.demonstrate(project, params, "bc", num_threads=2)
+    assert made.to_bytes() == demonstrating.demonstrate(project, params, "bc").to_bytes()
     hold = params.agents["bc"].actions.hold
     assert len(made.labelled) * hold >= settings.steps
     lengths = [len(episode) * hold for episode in made.labelled.episodes()]
@@ -61,16 +60,14 @@ def test_episodes_are_as_the_parameters_say(project: Path, params: Params) -> No
 
 
 def test_an_imitator_is_trained_on_them(project: Path, params: Params) -> None:
-    path = Paths(project).demonstrations("imitation")
+    path = Paths(project).demonstrations("bc")
     path.unlink()
-    with pytest.raises(
-        InputError, match=r"demonstrations.zip: .*`dvc repro demonstrate@imitation`"
-    ):
+    with pytest.raises(InputError, match=r"demonstrations.zip: .*`dvc repro demonstrate@bc`"):
         driver.train(project, params, "bc")
-    made = demonstrating.demonstrate(project, params, "imitation")
+    made = demonstrating.demonstrate(project, params, "bc")
     path.write_bytes(made.to_bytes())
     driver.train(project, params, "bc")
     assert (project / "models" / "bc" / "seed-0" / "policy.zip").is_file()
-    key = driver.dependencies("xml", params, params.agent("bc"), made.to_bytes())
+    key = checkpoint_key("xml", params, params.agent("bc"), made.to_bytes())
     other = Demonstrations(made.labelled[1:], made.expert).to_bytes()
-    assert key != driver.dependencies("xml", params, params.agent("bc"), other)
+    assert key != checkpoint_key("xml", params, params.agent("bc"), other)

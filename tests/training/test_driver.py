@@ -18,14 +18,16 @@ from small_training import (
 )
 
 from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
-from jumping_ant.agents.job import trainer_of
+from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
-from jumping_ant.training import compute, curves, driver
+from jumping_ant.training import compute, curves, driver, seed_run
+from jumping_ant.training.seed_files import SeedFiles
+from jumping_ant.training.seed_run import Report
 from jumping_ant.training.workers import Work
 
 
@@ -35,15 +37,13 @@ def test_every_agent_reports_the_same_from_workers(robot_xml: str) -> None:
 
     def start(name: str) -> Work:
         agent = params.agent(name)
-        return partial(
-            driver.train_seed,
-            *(robot_xml, params.env, agent, params.training, 5),
-            demonstrations=demonstrations if agent.learns_from_demonstrations else None,
-        )
+        shown = demonstrations if agent.learns_from_demonstrations else None
+        job = Job(robot_xml, params.env, agent, 5, params.training.evaluations, 1, shown)
+        return partial(seed_run.run, job, params.training)
 
     runs = []
     for workers in (1, 2):
-        reports: dict[str, list[driver.Report]] = {name: [] for name in SMALL_OF_ALL}
+        reports: dict[str, list[Report]] = {name: [] for name in SMALL_OF_ALL}
         for name, report in compute.stream(start, SMALL_OF_ALL, workers):
             reports[name].append(replace(report, seconds=0.0))
         runs.append(reports)
@@ -178,9 +178,9 @@ def test_of_equal_snapshots_the_first_is_published(
     )
     scores = iter([5.0, 9.0, 9.0, 2.0] * 2 + [0.0] * 4)  # the first seed's come first
     seen = []
-    original = driver._Seed.take
+    original = SeedFiles.take
 
-    def take(self: Any, report: driver.Report) -> bool:
+    def take(self: Any, report: Report) -> bool:
         if isinstance(report.event, Snapshot):
             seen.append((self.number, report.event.policy))
             report = replace(report, returns=(next(scores),))
@@ -191,7 +191,7 @@ def test_of_equal_snapshots_the_first_is_published(
         return is_taken
 
     stopped: list[bool] = []
-    monkeypatch.setattr(driver._Seed, "take", take)
+    monkeypatch.setattr(SeedFiles, "take", take)
     agent = "pgpe"
     with pytest.raises(KillError):
         driver.train(project, settings, agent)

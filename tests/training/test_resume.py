@@ -20,14 +20,18 @@ from ruamel.yaml import YAML
 from small_training import TRAINED, KillError, digests, forget, rows, small_params
 
 from jumping_ant.agents.events import Checkpoint
+from jumping_ant.agents.job import Job
 from jumping_ant.base.archive import pack_state
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
-from jumping_ant.training import driver
+from jumping_ant.training import driver, seed_run
+from jumping_ant.training.checkpoint_key import checkpoint_key
 from jumping_ant.training.checkpoints import Owner, Saved
+from jumping_ant.training.seed_files import SeedFiles
+from jumping_ant.training.seed_run import Report
 from scripts.checkout import with_tools
 
 
@@ -51,10 +55,10 @@ def test_no_older_policy_stands_by_a_new_curve(
 
 def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> None:
     """Have training end after the n-th checkpoint of a seed, with a row written behind it."""
-    original = driver._Seed.take
+    original = SeedFiles.take
     seen = []
 
-    def take(self: Any, report: driver.Report) -> bool:
+    def take(self: Any, report: Report) -> bool:
         if len(seen) == checkpoint:
             raise KillError
         is_taken = original(self, report)
@@ -62,7 +66,7 @@ def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> No
             seen.append(report.event.env_steps)
         return is_taken
 
-    monkeypatch.setattr(driver._Seed, "take", take)
+    monkeypatch.setattr(SeedFiles, "take", take)
 
 
 @pytest.mark.parametrize("agent", TRAINED)
@@ -123,34 +127,32 @@ def test_a_checkpoint_of_wrong_content_gives_way_to_the_one_before(
 @pytest.mark.parametrize("agent", TRAINED)
 def test_threads_change_nothing_across_a_checkpoint(robot_xml: str, agent: str) -> None:
     settings = small_params(1)
-    run = partial(train_seed, robot_xml, settings, agent)
+    run = partial(reports_of, robot_xml, settings, agent)
     whole = run(num_threads=1)
     first = run(num_threads=2, stop_after=2)
     assert isinstance(first[-1].event, Checkpoint)
-    at = first[-1].event
-    saved = Saved(at.env_steps, first[-1].seconds, [], None, "", None, b"", at.content)
-    rest = run(num_threads=1, saved=saved)
+    rest = run(num_threads=1, checkpoint=first[-1].event.content, seconds=first[-1].seconds)
     told = [repr(report.event) for report in first[:-1] + rest]  # a NaN equals no other
     assert told == [repr(report.event) for report in whole]
     assert rest[0].seconds > first[-1].seconds
 
 
-def train_seed(
+def reports_of(
     xml: str,
     settings: Params,
     agent: str,
     num_threads: int,
     stop_after: int | None = None,
-    saved: Saved | None = None,
-) -> list[driver.Report]:
+    checkpoint: bytes | None = None,
+    seconds: float = 0.0,
+) -> list[Report]:
     """Train seed 0, asked to stop after so many reports."""
     stop, block = threading.Event(), settings.agent(agent)
     known = small_agents.demonstrations(xml) if block.learns_from_demonstrations else None
+    evaluations = settings.training.evaluations
+    job = Job(xml, settings.env, block, 0, evaluations, num_threads, known, checkpoint)
     reports = []
-    for report in driver.train_seed(
-        *(xml, settings.env, block, settings.training, 0, stop, num_threads, saved),
-        demonstrations=known,
-    ):
+    for report in seed_run.run(job, settings.training, stop, seconds):
         reports.append(report)
         if len(reports) == stop_after:
             stop.set()
@@ -232,8 +234,8 @@ def test_a_parent_that_only_has_the_name_forces_nothing(tmp_path: Path) -> None:
 def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
     settings = small_params(1)
     agent = settings.agents["sac"]
-    key = driver.dependencies(robot_xml, settings, agent)
-    assert key == driver.dependencies(robot_xml, small_params(2), agent)
+    key = checkpoint_key(robot_xml, settings, agent)
+    assert key == checkpoint_key(robot_xml, small_params(2), agent)
     easier = settings.env.model_copy(update={"min_torso_height": 0.1})
     changed = {
         "robot": (robot_xml + " ", settings, agent),
@@ -241,7 +243,7 @@ def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
         "trainer": (robot_xml, settings, settings.agents["pgpe"]),
         "task": (robot_xml, settings.model_copy(update={"env": easier}), agent),
     }
-    keys = {key} | {driver.dependencies(*what) for what in changed.values()}
+    keys = {key} | {checkpoint_key(*what) for what in changed.values()}
     assert len(keys) == len(changed) + 1
 
 

@@ -12,6 +12,7 @@ class OpenLoopParams(AgentBlock):
     """The sceptic's baseline: a cycle of commands that ignores the state."""
 
     is_baseline = True
+    depends_on_seed = False  # all seeds share the search and its rhythm
 
     trainer: Literal["open_loop"]
     """Package of jumping_ant/agents/ that trains the agent."""

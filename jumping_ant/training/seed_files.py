@@ -1,0 +1,175 @@
+"""The files of one seed, which the events of its training become.
+
+`curve.csv` grows row by row. When training ends, `policy.zip` is written in one piece: the snapshot
+that did best in validation, or the last policy, as `training.publish` specifies. `final.zip` is
+always the last policy, and `machine.json` describes the machine that both were trained on.
+"""
+
+import math
+from typing import Any, Literal, TextIO
+
+import numpy as np
+
+from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import to_json, write_all
+from jumping_ant.base.paths import SeedPaths
+from jumping_ant.policies import policy_file
+from jumping_ant.training import curves
+from jumping_ant.training.checkpoints import Checkpoints, Saved
+from jumping_ant.training.curves import COLUMNS
+from jumping_ant.training.progress import TrainingProgress
+from jumping_ant.training.seed_run import Rejected, Report
+
+
+class SeedFiles:
+    """The files and the training progress of one seed."""
+
+    def __init__(
+        self,
+        agent: str,
+        number: int,
+        paths: SeedPaths,
+        checkpoints: Checkpoints,
+        display: TrainingProgress,
+        publish: Literal["best", "final"],
+    ) -> None:
+        self.number = number
+        self.timing: list[tuple[int, float]] = []
+        self.is_finished = False
+        self.saved_steps = 0
+        self._owner = curves.owner(agent, number)
+        self._paths = paths
+        self._checkpoints = checkpoints
+        self._display = display
+        self._publish = publish
+        self._curve = ""
+        self._best_return: float | None = None
+        self._best = b""
+        self._file: TextIO
+
+    def __enter__(self) -> "SeedFiles":
+        self._paths.folder.mkdir(parents=True, exist_ok=True)
+        # DVC clears the folder; if it did not, no older policy may remain beside the new curve, and
+        # what may be a link into DVC's cache is not written through.
+        for path in (self._paths.policy, self._paths.final_policy, self._paths.curve):
+            path.unlink(missing_ok=True)
+        self._file = self._paths.curve.open("x", newline="", encoding="utf-8")
+        if saved := self._trained_before():
+            self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")
+            self._resume_from(saved)
+            self._finish(saved)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def _trained_before(self) -> Saved | None:
+        saved = self._checkpoints.finished(self.number)
+        try:
+            for policy in (saved.content, saved.best) if saved else ():
+                if policy:
+                    policy_file.parse(policy)
+        except InputError as error:
+            self._display.say(f"seed {self.number}: trained before, but not used ({error})")
+            self._checkpoints.forget(self.number)
+            return None
+        return saved
+
+    def start(self) -> Saved | None:
+        """Return the state to resume from, None for a fresh start, and restore the files."""
+        saved = self._checkpoints.load(self.number)
+        if saved:
+            self._display.say(f"seed {self.number}: resumes from {saved.env_steps:,} steps")
+        self._resume_from(saved)
+        return saved
+
+    def take(self, report: Report) -> bool:
+        """Record an event; return False if the seed must be started again."""
+        event = report.event
+        if isinstance(event, Rejected):
+            self._checkpoints.reject(self.number, event.reason)
+            return False
+        if isinstance(event, Checkpoint):
+            self._checkpoints.save(self.number, self._saved(report, event.env_steps, event.content))
+            self.saved_steps = event.env_steps
+        elif isinstance(event, Finished):
+            saved = self._saved(report, event.env_steps, event.policy)
+            self._checkpoints.finish(self.number, saved)
+            self._finish(saved)
+            self._display.finish(self.number, event.env_steps, report.seconds)
+        else:
+            self._write_row(_row(event, report.returns))
+            if isinstance(event, Snapshot):
+                self._take_if_best(event.policy, float(np.mean(report.returns)))
+            self.timing.append((event.env_steps, report.seconds))
+            if isinstance(event, Progress):
+                latest = None if math.isnan(event.return_mean) else event.return_mean
+                self._display.update(self.number, event.env_steps, report.seconds, latest)
+        return True
+
+    def _saved(self, report: Report, env_steps: int, content: bytes) -> Saved:
+        return Saved(
+            env_steps=env_steps,
+            seconds=report.seconds,
+            timing=self.timing,
+            machine=report.machine,
+            curve=self._curve,
+            best_return=self._best_return,
+            best=self._best,
+            content=content,
+        )
+
+    def _take_if_best(self, policy: bytes, mean_return: float) -> None:
+        if self._best_return is None or mean_return > self._best_return:
+            self._best_return, self._best = mean_return, policy
+
+    def _resume_from(self, saved: Saved | None) -> None:
+        self.timing = list(saved.timing) if saved else []
+        self.saved_steps = saved.env_steps if saved else 0
+        self._best_return = saved.best_return if saved else None
+        self._best = saved.best if saved else b""
+        self._curve = ""
+        self._file.seek(0)
+        self._file.truncate()
+        self._write(saved.curve if saved else "")
+
+    def _finish(self, saved: Saved) -> None:
+        published = saved.best if self._publish == "best" and saved.best else saved.content
+        write_all(
+            {
+                self._paths.machine: to_json(saved.machine),
+                self._paths.final_policy: policy_file.owned(saved.content, self._paths.owner),
+                self._paths.policy: policy_file.owned(published, self._paths.owner),
+            }
+        )
+        self.is_finished = True
+
+    def _write_row(self, row: dict[str, float]) -> None:
+        if not self._curve:
+            others = [key for key in row if key not in COLUMNS]
+            self._write(",".join([*self._owner, *COLUMNS, *others]) + "\n")
+        columns = self._curve.partition("\n")[0].split(",")[len(self._owner) :]
+        cells = [*map(str, self._owner.values()), *(_cell(row.get(name)) for name in columns)]
+        self._write(",".join(cells) + "\n")
+
+    def _write(self, text: str) -> None:
+        self._curve += text
+        self._file.write(text)
+        self._file.flush()  # live tracking reads the file
+
+
+def _row(event: Progress | Snapshot, returns: tuple[float, ...]) -> dict[str, float]:
+    if isinstance(event, Snapshot):
+        return {
+            "env_steps": event.env_steps,
+            "evaluation_return_mean": float(np.mean(returns)),
+            "evaluation_return_std": float(np.std(returns)),
+        }
+    fields = {name: getattr(event, name) for name in COLUMNS if hasattr(event, name)}
+    return fields | event.extra
+
+
+def _cell(value: Any) -> str:
+    """Format a number so that it reads back the same; empty for none, and for no finite one."""
+    return "" if value is None or not math.isfinite(value) else repr(value)
