@@ -34,6 +34,8 @@ def main() -> None:
     trained = {
         seed: policy_file.load(paths.seed(seed).policy, (agent, seed)) for seed in settings.seeds
     }
+    if not settings.agent(agent).depends_on_seed:  # played once, for all seeds
+        trained = dict.fromkeys(trained, trained[settings.seeds[0]])
     num_threads = machine.num_cores()
     episodes, median = evaluation.evaluate(xml, settings, agent, trained, num_threads)
     others = {

@@ -116,15 +116,20 @@ def _play(
     policies: dict[int, Policy],
     num_threads: int,
 ) -> tuple[pd.DataFrame, list[Episode]]:
-    """Run the held-out episodes of each seed's policy, and measure them."""
+    """Run the held-out episodes of each seed's policy, the same policy once, and measure them."""
     episode_seeds = [params.evaluate.seed + i for i in range(params.evaluate.episodes)]
     rows: list[dict[str, Any]] = []
     episodes: list[Episode] = []
+    played: dict[int, tuple[list[Episode], list[dict[str, float]]]] = {}
     for seed, policy in policies.items():
-        ran = rollout.run(xml, params.env, policy, episode_seeds, num_threads)
-        for number, (episode_seed, episode) in enumerate(zip(episode_seeds, ran, strict=True)):
-            ids = {"seed": seed, "episode": number, "episode_seed": episode_seed}
-            rows.append(ids | measure(model, params, episode))
+        if id(policy) not in played:
+            ran = rollout.run(xml, params.env, policy, episode_seeds, num_threads)
+            played[id(policy)] = ran, [measure(model, params, episode) for episode in ran]
+        ran, measured = played[id(policy)]
+        for number, (episode_seed, measures) in enumerate(
+            zip(episode_seeds, measured, strict=True)
+        ):
+            rows.append({"seed": seed, "episode": number, "episode_seed": episode_seed} | measures)
         episodes += ran
     return pd.DataFrame(rows), episodes
 

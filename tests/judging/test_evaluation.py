@@ -14,7 +14,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation, motion
 from jumping_ant.judging.episodes import QUANTITIES
 from jumping_ant.judging.evaluation import measure, replay
-from jumping_ant.policies.blind import UniformPolicy
+from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import Trajectory
@@ -213,6 +213,18 @@ def test_every_policy_meets_the_same_episodes(
         ran = rollout.run(robot_xml, short.env, UniformPolicy(seed, ActionSet(), 8), [9, 10, 11])
         returns = [float(episode.rewards.sum()) for episode in ran]
         assert table.loc[table["seed"] == seed, "return"].tolist() == returns
+
+
+def test_a_policy_that_seeds_share_runs_once(
+    robot_xml: str, short: Params, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy, alike = (OpenLoopPolicy(ActionSet(np.ones((2, 8)))) for _ in range(2))
+    expected, _ = evaluation.evaluate(robot_xml, short, "metronome", {4: policy, 7: alike})
+    runs, run = [], rollout.run
+    monkeypatch.setattr(rollout, "run", lambda *given: runs.append(given) or run(*given))
+    table, _ = evaluation.evaluate(robot_xml, short, "metronome", {4: policy, 7: policy})
+    assert len(runs) == 1
+    pd.testing.assert_frame_equal(table, expected)
 
 
 def test_the_trajectory_is_that_of_the_median_return(

@@ -1,6 +1,7 @@
 """The driver of training: files, workers, validation, and which policy is published."""
 
 import json
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -115,6 +116,26 @@ def test_a_baseline_is_there_at_once(project: Path, agent: str) -> None:
     curve = rows(project / "models" / agent / "seed-5" / "curve.csv")
     assert [row["env_steps"] for row in curve] == ["0"]
     assert float(curve[0]["evaluation_return_mean"]) >= 0
+
+
+def test_seeds_share_a_search_that_does_not_depend_on_them(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A seed that is added later has the same, too."""
+    searched = []
+    monkeypatch.setattr(
+        seed_run, "trainer_of", lambda agent: searched.append(1) or trainer_of(agent)
+    )
+    settings = small_params(2)
+    driver.train(project, settings, "metronome")
+    assert len(searched) == 1
+    driver.train(project, settings.model_copy(update={"seeds": [0, 5, 6]}), "metronome")
+    assert len(searched) == 2 and capsys.readouterr().err.count("trained before") == 2
+    folders = [project / "models" / "metronome" / f"seed-{seed}" for seed in (0, 5, 6)]
+    policies = [policy_file.parse((folder / "policy.zip").read_bytes()) for folder in folders]
+    assert len({policy.to_bytes() for policy in policies}) == 1
+    curves = [(folder / "curve.csv").read_text(encoding="utf-8") for folder in folders]
+    assert len({re.sub(r"(?m)^metronome,\d,", "", curve) for curve in curves}) == 1
 
 
 def with_training(**changes: Any) -> Params:
