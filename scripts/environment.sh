@@ -51,39 +51,72 @@ find_python() {
         "Install one, or name it: make install PYTHON=/path/to/python3.11"
 }
 
-# Create a virtual environment in a folder, replacing what is there.
-make_venv() {
+# Set UV to the uv on the PATH, else to one from the package index in .venv.
+find_uv() {
     local python package
-    python=$(find_python)
-    # Debian and Ubuntu ship this part of Python's standard library in a separate package.
-    if ! "$python" -c 'import ensurepip' 2>/dev/null; then
-        package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
-        apt_install "$package" ||
-            stop "Python's venv is missing; run: sudo apt-get install $package"
+    UV=$(command -v uv || echo .venv/bin/uv)
+    [ ! -x "$UV" ] || return 0
+    if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
+        python=$(find_python)
+        # Debian and Ubuntu ship this part of Python's standard library in a separate package.
+        if ! "$python" -c 'import ensurepip' 2>/dev/null; then
+            package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')
+            apt_install "$package" ||
+                stop "Python's venv is missing; run: sudo apt-get install $package"
+        fi
+        "$python" -m venv --clear .venv
     fi
-    "$python" -m venv --clear "$1"
+    .venv/bin/python -m pip install --quiet uv
 }
 
-# Install or download torch for one requirement, only from its own index: the default index has the
-# build with CUDA, of several gigabytes.
-get_torch() {
-    local python=$1 action=$2 requirement=$3
-    shift 3
-    "$python" -m pip "$action" "$@" "$requirement" \
-        ${TORCH_INDEX:+--index-url "$TORCH_INDEX" --retries 2 --timeout 30} ||
-        stop "no torch from ${TORCH_INDEX:-the usual package index}. Try again, or take the usual" \
-            "index's build, on Linux with CUDA: make install TORCH_INDEX="
+# Have uv use what pip is set to use, unless it has settings of its own.
+take_over_settings_of_pip() {
+    local python settings name value
+    python=$(find_python)
+    settings=$("$python" -m pip config list 2>/dev/null || true)
+    setting() { # an environment variable counts more than pip's files
+        name=$(echo "PIP_$1" | tr a-z- A-Z_)
+        value=${!name-$(sed -n "s/^global\.$1='\(.*\)'$/\1/p" <<<"$settings")}
+        [ -n "$value" ]
+    }
+    if setting index-url; then export UV_DEFAULT_INDEX=${UV_DEFAULT_INDEX-$value}; fi
+    if setting cert; then export SSL_CERT_FILE=${SSL_CERT_FILE-$value}; fi
+    if setting find-links; then export UV_FIND_LINKS=${UV_FIND_LINKS-${value// /,}}; fi
+    if setting extra-index-url; then
+        export UV_INDEX=${UV_INDEX-$value}
+        export UV_INDEX_STRATEGY=${UV_INDEX_STRATEGY-unsafe-best-match} # as pip; hashes are checked
+    fi
+}
+
+# Run `uv pip install` for .venv; what is installed is complete, so that nothing is resolved.
+uv_install() {
+    "$UV" pip install --python .venv/bin/python --no-deps "$@"
+}
+
+# Install torch from a local folder of wheels, or its own index: the usual one has the build for CUDA.
+install_torch() {
+    local requirement=$1
+    if [ -n "${UV_FIND_LINKS-}" ] && uv_install --quiet --no-index "$requirement" 2>/dev/null; then
+        return
+    fi
+    if [ -n "$TORCH_INDEX" ]; then
+        UV_HTTP_TIMEOUT=${UV_HTTP_TIMEOUT-20} UV_HTTP_RETRIES=${UV_HTTP_RETRIES-1} \
+            uv_install --default-index "$TORCH_INDEX" "$requirement" && return
+        echo "install: no torch from $TORCH_INDEX, so the usual index's build is installed: on" \
+            "Linux with CUDA, which takes several gigabytes" >&2
+    fi
+    "$UV" pip install --python .venv/bin/python "$requirement" # with CUDA's own packages
 }
 
 install_packages() {
-    local python=.venv/bin/python
-    "$python" -m pip --version >/dev/null 2>&1 || make_venv .venv
+    find_uv
+    take_over_settings_of_pip
+    .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null ||
+        "$UV" venv --quiet --clear --python "$(find_python)" .venv
     echo "install: the packages of requirements.lock, into .venv"
-    # The lock is complete: nothing is resolved here, so nothing can pull in CUDA.
-    grep -v '^torch==' requirements.lock |
-        "$python" -m pip install --no-deps --require-hashes -r /dev/stdin
-    get_torch "$python" install "$(grep '^torch==' requirements.lock)"
-    "$python" -m pip install --quiet --no-build-isolation --no-deps -e .
+    grep -v '^torch==' requirements.lock | uv_install --require-hashes -r -
+    install_torch "$(grep '^torch==' requirements.lock)"
+    uv_install --quiet --no-build-isolation -e .
     touch .venv/.packages
 }
 
@@ -110,9 +143,11 @@ install_browser() {
 }
 
 install_peers() {
+    find_uv
+    take_over_settings_of_pip
     echo "install: the packages of benchmarks/requirements.lock, into .venv"
-    # Ignore their requirements for packages that the project has: those stay as locked.
-    .venv/bin/python -m pip install --no-deps --require-hashes -r benchmarks/requirements.lock
+    # Without their requirements for packages that the project has: those stay as locked.
+    uv_install --require-hashes -r benchmarks/requirements.lock
     touch .venv/.peers
 }
 
@@ -120,20 +155,30 @@ install_peers() {
 resolve() {
     local folder=$1 extra=$2
     shift 2
-    "$folder/bin/uv" pip compile pyproject.toml --quiet --universal --python-version 3.11 \
+    "$UV" pip compile pyproject.toml --quiet --universal --python-version 3.11 \
         --upgrade --generate-hashes --fork-strategy fewest --no-annotate --no-header --extra "$extra" \
         --find-links "$folder/wheels" -c "$folder/torch.txt" --no-emit-package torch "$@"
 }
 
+# Download a torch without CUDA into a folder, to resolve against.
+download_torch() {
+    local python get
+    python=$(find_python)
+    get=("$python" -m pip download -qq --no-deps --python-version 3.11 --only-binary :all: --dest "$1"
+        "$(grep -oE '"torch[^"]*"' pyproject.toml | tr -d '"')")
+    "${get[@]}" --no-index 2>/dev/null ||
+        "${get[@]}" ${TORCH_INDEX:+--index-url "$TORCH_INDEX" --retries 2 --timeout 30} ||
+        stop "no torch from ${TORCH_INDEX:-the usual package index}"
+}
+
 renew_locks() {
     local folder version locked
+    find_uv
+    take_over_settings_of_pip
     folder=$(mktemp -d)
     trap 'rm -rf "'"$folder"'"' EXIT
-    make_venv "$folder"
-    "$folder/bin/python" -m pip install -qq uv
     # Resolve against a build without CUDA, so that none of CUDA's packages is pulled in.
-    get_torch "$folder/bin/python" download "$(grep -oE '"torch[^"]*"' pyproject.toml | tr -d '"')" \
-        -qq --no-deps --dest "$folder/wheels" --python-version 3.11 --only-binary :all:
+    download_torch "$folder/wheels"
     version=$(basename "$folder"/wheels/torch-*.whl | cut -d- -f2)
     echo "torch==$version" >"$folder/torch.txt"
     {
