@@ -26,7 +26,8 @@ def main() -> None:
     drawn = figures.draw(agents, curves, summary, claims, settings.compare.confidence)
 
     paths = Paths()
-    curve_table = comparison.to_csv(comparison.curve_rows(curves))
+    families = {name: agent.family for name, agent in agents.items()}
+    curve_table = comparison.to_csv(comparison.curve_rows(curves, families))
     write_all(
         {
             paths.comparison: to_json(summary | {"claims": claims}),

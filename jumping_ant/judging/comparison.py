@@ -22,6 +22,7 @@ from jumping_ant.judging.statistics import (
     probability_of_improvement,
 )
 from jumping_ant.params.blocks import CompareParams
+from jumping_ant.words.looks import Family, looks
 
 Array = NDArray[np.float64]
 
@@ -128,8 +129,18 @@ def learning_curves(
     return curves
 
 
-def curve_rows(curves: Mapping[str, LearningCurve]) -> list[dict[str, Any]]:
-    """Return the learning curves as a tidy table, one row per point."""
+def curve_rows(
+    curves: Mapping[str, LearningCurve], families: Mapping[str, Family]
+) -> list[dict[str, Any]]:
+    """Return the learning curves as a tidy table for `dvc plots`, one row per point.
+
+    Each row holds its agent's colour and line style, which the plots' template takes as they are.
+
+    Args:
+        curves: Each agent's learning curve, by name.
+        families: Each agent's family, by name.
+    """
+    drawn = looks(families)
     return [
         {
             "agent": name,
@@ -138,6 +149,8 @@ def curve_rows(curves: Mapping[str, LearningCurve]) -> list[dict[str, Any]]:
             "return_iqm": float(curve.returns.value[i]),
             "low": float(curve.returns.low[i]),
             "high": float(curve.returns.high[i]),
+            "colour": drawn[name].colour,
+            "line": drawn[name].line,
         }
         for name, curve in curves.items()
         for i in range(len(curve.env_steps))

@@ -25,6 +25,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import load
+from jumping_ant.words.looks import DASHES, LINES, looks
 
 AGENTS = {"random": "random", "sac-long": "sac", "dqn": "dqn"}
 SEEDS = [3, 1, 7, 5]  # any numbers in any order
@@ -270,12 +271,14 @@ def test_baselines_alone_can_be_compared(tmp_path):
 def test_tables_are_tidy(project):
     results = load(project, PARAMS)
     curves = comparison.learning_curves(results, COMPARE)
-    write_csv(project / "curves.csv", comparison.curve_rows(curves))
+    families = {name: agent.family for name, agent in results.items()}
+    write_csv(project / "curves.csv", comparison.curve_rows(curves, families))
     (project / "seeds.csv").write_text(
         comparison.to_csv(comparison.seed_rows(results)), encoding="utf-8"
     )
     table = read_csv(project / "curves.csv")
-    assert list(table[0]) == ["agent", "env_steps", "seconds", "return_iqm", "low", "high"]
+    columns = ["agent", "env_steps", "seconds", "return_iqm", "low", "high", "colour", "line"]
+    assert list(table[0]) == columns
     assert [row["agent"] for row in table] == ["random"] * 2 + ["sac-long"] * 4 + ["dqn"] * 4
     table = read_csv(project / "seeds.csv")
     assert table[0] == {
@@ -283,6 +286,24 @@ def test_tables_are_tidy(project):
         "evaluation_return": "330.0",
     }  # fmt: skip
     assert len(table) == 4 + 4 * 4 + 4 * 4
+
+
+def test_dvc_plots_take_each_agents_look_by_name(project):
+    """Not by its place among the agents: the table says it, and the template draws what it says."""
+    results = load(project, PARAMS)
+    families = {name: agent.family for name, agent in results.items()}
+    rows = comparison.curve_rows(comparison.learning_curves(results, COMPARE), families)
+    drawn = looks(families)
+    for row in rows:
+        assert (row["colour"], row["line"]) == (
+            drawn[row["agent"]].colour,
+            drawn[row["agent"]].line,
+        )
+    template = json.loads((PROJECT_ROOT / ".dvc/plots/agents.json").read_text(encoding="utf-8"))
+    for view in template["hconcat"]:
+        assert view["encoding"]["color"] == {"field": "colour", "type": "nominal", "scale": None}
+        assert view["encoding"]["strokeDash"]["field"] == "line"
+        assert set(view["encoding"]["strokeDash"]["scale"]["domain"]) == {*LINES, *DASHES}
 
 
 @pytest.mark.parametrize(
