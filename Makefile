@@ -6,6 +6,7 @@ TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 PORT ?= 5000
 MINUTES ?= 30
 AGENT ?= *
+PRESET ?= default
 
 # Disable the telemetry of all tools.
 export DVC_NO_ANALYTICS := true
@@ -18,7 +19,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
 .PHONY: help install repro article check style test test-quick test-judging test-smoke test-soak test-training \
-	test-rest bench soak ui view watch schema map lock clean
+	test-rest bench soak publish ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -96,6 +97,9 @@ bench: install .venv/.peers ## compare the project with its peers, into benchmar
 
 soak: install ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
 	python -m soak --minutes $(MINUTES)
+
+publish: install ## write the results into README.md and docs/ (PRESET=families after that preset)
+	python -m scripts.publish $(PRESET)
 
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
 	@python -m jumping_ant.tracking.ui --port $(PORT)

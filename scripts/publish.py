@@ -1,14 +1,14 @@
 """Write the results of the working tree into the documents.
 
-Usage: python -m scripts.publish PRESET
+Usage: python -m scripts.publish [PRESET]
 
-Writes the section of that preset in docs/results.md. With the preset `default` it writes the
-pictures of the README as well: docs/images/, and README.md's table of claims. With `article` it
-reads the output of `make article` in .article/ and results/article.json, and also writes the table
-of printed values in docs/article.md. With `run` it writes SAC's returns beside published ones, too.
-With `families` the section is in docs/families.md, which gets pictures as well, and
-results/families.json the comparison; `tuning` is what results/tuning.csv says of the search for
-settings, in the same document.
+Writes the section of that preset in docs/results.md. With the preset `default`, which is the
+default, it writes the pictures of the README as well: docs/images/, and README.md's table of
+claims. With `article` it reads the output of `make article` in .article/ and results/article.json,
+and also writes the table of printed values in docs/article.md. With `run` it writes SAC's returns
+beside published ones, too. With `families` the section is in docs/families.md, which gets pictures
+as well, and results/families.json the comparison; `tuning` is what results/tuning.csv says of the
+search for settings, in the same document.
 """
 
 import io
@@ -32,6 +32,7 @@ from jumping_ant.words import looks, wording
 from jumping_ant.words.wording import p_value
 
 DOCS = PROJECT_ROOT / "docs"
+README = PROJECT_ROOT / "README.md"
 RESULTS = PROJECT_ROOT / "results"
 FOLDERS = {
     "default": PROJECT_ROOT,
@@ -47,6 +48,7 @@ PUBLISHED = DOCS / "published" / "ant_sac.csv"
 PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": tables.Column()}
 PUBLISHED_STEPS = (100_000, 200_000)
 FIGURES = ("learning_curves", "final_return")
+PICTURES = {"default": "", "families": "families-"}  # prefixes of their names in docs/images/
 TUNING = RESULTS / "tuning.csv"
 RESULTS_PAGE = DOCS / "results.md"
 SIDE = 300  # [pixels] side of an agent's film in the animation
@@ -56,41 +58,78 @@ START = 7.0  # [s] in the films
 FONT = ImageFont.load_default(20)
 
 
+Sections = dict[tuple[Path, str], str]  # what documents say, by document and mark
+
+
 def main() -> None:
     """Parse the command line and write."""
     parser = command_line.parser(__doc__)
-    parser.add_argument("preset", choices=[*FOLDERS, "tuning"])
+    parser.add_argument("preset", nargs="?", default="default", choices=[*FOLDERS, "tuning"])
     preset = parser.parse_args().preset
+    for (document, name), content in _sections(preset).items():
+        replace_section(document, name, content)
+    if preset in PICTURES:
+        for name in FIGURES:
+            picture = (RESULTS / "figures" / f"{name}.png").read_bytes()
+            write_bytes(DOCS / "images" / f"{PICTURES[preset]}{name}.png", picture)
+    if preset == "default":
+        write_bytes(DOCS / "images" / "jumping.webp", animation())
+    elif preset == "families":
+        write_json(RESULTS / "families.json", _read(RESULTS / "comparison.json"))
+
+
+def _sections(preset: str) -> Sections:
+    """Return what documents say of a preset that has just been run."""
     if preset == "tuning":
-        replace_section(DOCUMENTS["families"], preset, effort_table(tables.read_rows(TUNING, "")))
-        return
-    results = json.loads(
-        (FOLDERS[preset] / "results" / "comparison.json").read_text(encoding="utf-8")
+        return tuning_sections()
+    comparison = _read(FOLDERS[preset] / "results" / "comparison.json")
+    sections = comparison_sections(preset, comparison)
+    if preset == "article":
+        sections |= printed_sections()
+    elif preset == "run":
+        sections[RESULTS_PAGE, "published"] = published_table(PROJECT_ROOT)
+    return sections
+
+
+def committed_sections() -> Sections:
+    """Return what documents say of results that are in git."""
+    return (
+        comparison_sections("default", _read(RESULTS / "comparison.json"))
+        | comparison_sections("families", _read(RESULTS / "families.json"))
+        | printed_sections()
+        | tuning_sections()
     )
+
+
+def comparison_sections(preset: str, results: dict[str, Any]) -> Sections:
+    """Return what documents say of a comparison.
+
+    Args:
+        preset: The preset that it was run with.
+        results: The content of its `results/comparison.json`.
+    """
     agents = "\n".join(descriptions.agent_table(results["agents"]))
     evidence = claim_table(results["claims"], with_evidence=True)
     parts = [agents] if preset in OTHER_TASKS else [agents, evidence]
-    replace_section(DOCUMENTS.get(preset, RESULTS_PAGE), preset, "\n".join(parts))
+    sections = {(DOCUMENTS.get(preset, RESULTS_PAGE), preset): "\n".join(parts)}
     if preset == "default":
-        replace_section(
-            PROJECT_ROOT / "README.md",
-            "claims",
-            claim_table(results["claims"], with_evidence=False),
-        )
-        for name in FIGURES:
-            content = (RESULTS / "figures" / f"{name}.png").read_bytes()
-            write_bytes(DOCS / "images" / f"{name}.png", content)
-        write_bytes(DOCS / "images" / "jumping.webp", animation())
-    elif preset == "article":
-        printed = json.loads((RESULTS / "article.json").read_text(encoding="utf-8"))["printed"]
-        replace_section(DOCS / "article.md", "printed", printed_table(printed))
-    elif preset == "families":
-        write_json(RESULTS / "families.json", results)
-        for name in FIGURES:
-            content = (RESULTS / "figures" / f"{name}.png").read_bytes()
-            write_bytes(DOCS / "images" / f"families-{name}.png", content)
-    elif preset == "run":
-        replace_section(DOCS / "results.md", "published", published_table(PROJECT_ROOT))
+        sections[README, "claims"] = claim_table(results["claims"], with_evidence=False)
+    return sections
+
+
+def printed_sections() -> Sections:
+    """Return what documents say of the article's printed values."""
+    printed = _read(RESULTS / "article.json")["printed"]
+    return {(DOCS / "article.md", "printed"): printed_table(printed)}
+
+
+def tuning_sections() -> Sections:
+    """Return what documents say of the search for settings."""
+    return {(DOCUMENTS["families"], "tuning"): effort_table(tables.read_rows(TUNING, ""))}
+
+
+def _read(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def replace_section(path: Path, name: str, content: str) -> None:
@@ -99,12 +138,29 @@ def replace_section(path: Path, name: str, content: str) -> None:
     Raises:
         InputError: The document lacks a mark.
     """
-    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    head, _, tail = _parts(path, name)
+    write_text(path, f"{head}{content.rstrip()}{tail}")
+
+
+def section(path: Path, name: str) -> str:
+    """Return the text between a document's marks `<!-- name -->` and `<!-- end of name -->`.
+
+    Raises:
+        InputError: The document lacks a mark.
+    """
+    return _parts(path, name)[1]
+
+
+def _parts(path: Path, name: str) -> tuple[str, str, str]:
+    """Return a document up to a mark and with it, from there to the next, and the rest."""
+    begin, end = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
     head, found_begin, rest = path.read_text(encoding="utf-8").partition(begin)
-    _, found_end, tail = rest.partition(end)
+    content, found_end, tail = rest.partition(end)
     if not (found_begin and found_end):
-        raise InputError(f"{path}: given no {begin.strip()} ... {end}, between which to write")
-    write_text(path, f"{head}{begin}{content.rstrip()}\n{end}{tail}")
+        raise InputError(
+            f"{path}: given no {begin.strip()} ... {end.strip()}, between which to write"
+        )
+    return head + begin, content, end + tail
 
 
 def claim_table(claims: Sequence[dict[str, Any]], with_evidence: bool) -> str:

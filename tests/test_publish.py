@@ -53,6 +53,16 @@ def test_the_documents_have_their_marks(name: str, document: str) -> None:
     assert text.index(f"<!-- {name} -->\n") < text.index(f"<!-- end of {name} -->")
 
 
+def test_the_documents_agree_with_the_results() -> None:
+    """`make publish` and its presets write these; nobody types them."""
+    sections = publish.committed_sections()
+    assert {document.name for document, _ in sections} == {
+        *("README.md", "results.md", "families.md", "article.md")
+    }
+    for (document, name), content in sections.items():
+        assert publish.section(document, name) == content.rstrip(), (document.name, name)
+
+
 def test_claims_are_a_table_with_or_without_evidence() -> None:
     assert publish.claim_table([CLAIM], with_evidence=False).splitlines() == [
         "| claim | verdict | p after Holm |",
