@@ -1,6 +1,5 @@
 """Paths of a project's files."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from jumping_ant.base.files import PROJECT_ROOT
@@ -18,153 +17,60 @@ def home(root: Path) -> Path:
     return root
 
 
-@dataclass(frozen=True)
 class SeedPaths:
-    """The files that training one seed of an agent writes.
+    """The files that training one seed of an agent writes."""
 
-    Attributes:
-        models: The folder of the agent's seeds.
-        number: The seed.
-    """
-
-    models: Path
-    number: int
-
-    @property
-    def folder(self) -> Path:
-        """The folder that contains them."""
-        return self.models / f"seed-{self.number}"
-
-    @property
-    def owner(self) -> tuple[str, int]:
-        """The agent and the seed that they are of."""
-        return self.models.name, self.number
-
-    @property
-    def policy(self) -> Path:
-        """The published policy."""
-        return self.folder / "policy.zip"
-
-    @property
-    def final_policy(self) -> Path:
-        """The policy at the end of training."""
-        return self.folder / "final.zip"
-
-    @property
-    def curve(self) -> Path:
-        """The learning curve."""
-        return self.folder / "curve.csv"
-
-    @property
-    def machine(self) -> Path:
-        """The machine that it was trained on."""
-        return self.folder / "machine.json"
+    def __init__(self, models: Path, number: int) -> None:
+        self.owner = (models.name, number)  # the agent and the seed
+        self.folder = models / f"seed-{number}"
+        self.policy = self.folder / "policy.zip"  # the published one
+        self.final_policy = self.folder / "final.zip"  # at the end of training
+        self.curve = self.folder / "curve.csv"  # the learning curve
+        self.machine = self.folder / "machine.json"  # that it was trained on
 
 
-@dataclass(frozen=True)
 class AgentPaths:
-    """The files of an agent.
+    """The files of an agent."""
 
-    Attributes:
-        root: The project's folder.
-        name: The agent's name.
-    """
-
-    root: Path
-    name: str
-
-    @property
-    def models(self) -> Path:
-        """The folder of its seeds' policies."""
-        return self.root / "models" / self.name
+    def __init__(self, root: Path, name: str) -> None:
+        results, media = root / "results" / "agents" / name, root / "media"
+        self.models = root / "models" / name  # the folder of its seeds' policies
+        self.timing = results / "timing.csv"  # training seconds at each row of the learning curves
+        self.scaling = results / "scaling.csv"  # seconds of a unit of training by number of threads
+        self.episodes = results / "episodes.csv"  # every held-out episode
+        self.seed_means = results / "seeds.csv"  # of each seed over its held-out episodes
+        self.variants = results / "variants.csv"  # means of each seed for other policy versions
+        self.metrics = results / "metrics.json"  # means over all held-out episodes
+        self.trajectory = results / "trajectory.npz"  # the median episode, state by state
+        self.film = media / f"{name}.mp4"  # the median episode as a video
+        self.recording = media / f"{name}.rrd"  # the median episode as a Rerun recording
 
     def seed(self, number: int) -> SeedPaths:
         """Return the files of one seed."""
         return SeedPaths(self.models, number)
 
-    @property
-    def timing(self) -> Path:
-        """Training seconds at each row of the learning curves."""
-        return self._results / "timing.csv"
 
-    @property
-    def scaling(self) -> Path:
-        """Seconds of a unit of training by number of threads."""
-        return self._results / "scaling.csv"
-
-    @property
-    def episodes(self) -> Path:
-        """Every held-out episode."""
-        return self._results / "episodes.csv"
-
-    @property
-    def seed_means(self) -> Path:
-        """Means of each seed over its held-out episodes."""
-        return self._results / "seeds.csv"
-
-    @property
-    def variants(self) -> Path:
-        """Means of each seed for other versions of its policy."""
-        return self._results / "variants.csv"
-
-    @property
-    def metrics(self) -> Path:
-        """Means over all held-out episodes."""
-        return self._results / "metrics.json"
-
-    @property
-    def trajectory(self) -> Path:
-        """The median episode, state by state."""
-        return self._results / "trajectory.npz"
-
-    @property
-    def film(self) -> Path:
-        """The median episode as a video."""
-        return self.root / "media" / f"{self.name}.mp4"
-
-    @property
-    def recording(self) -> Path:
-        """The median episode as a Rerun recording."""
-        return self.root / "media" / f"{self.name}.rrd"
-
-    @property
-    def _results(self) -> Path:
-        return self.root / "results" / "agents" / self.name
-
-
-@dataclass(frozen=True)
 class Paths:
-    """The files of a project.
+    """The files of a project."""
 
-    Attributes:
-        root: The project's folder.
-    """
-
-    root: Path = PROJECT_ROOT
+    def __init__(self, root: Path = PROJECT_ROOT) -> None:
+        self.root = root
+        self.params = root / "params.yaml"
+        self.lock = root / "dvc.lock"  # DVC's record of what the stages read and wrote
+        self.inputs = root / ".inputs"  # what stages read besides parameters and stages' results
+        self.checked = self.inputs / "checked"  # of `check`; stages that read parameters need it
+        self.assets = root / "assets"  # the folder of the robots
+        self.physique = self.assets / "robot.json"  # masses and torques, before and after the edits
+        self.lineup = root / "media" / "lineup.rrd"  # all agents' median episodes in one recording
+        results = root / "results"
+        self.comparison = results / "comparison.json"  # statistics and claims
+        self.figures = results / "figures"  # the folder of the comparison's figures
+        self.plots = results / "plots"  # the folder of the comparison's tables for `dvc plots`
+        self.report = results / "report.html"  # the comparison as one page
 
     def agent(self, name: str) -> AgentPaths:
         """Return the files of one agent."""
         return AgentPaths(self.root, name)
-
-    @property
-    def params(self) -> Path:
-        """The parameters."""
-        return self.root / "params.yaml"
-
-    @property
-    def checked(self) -> Path:
-        """What `check` writes, on which all stages depend that read parameters."""
-        return self.inputs / "checked"
-
-    @property
-    def lock(self) -> Path:
-        """DVC's record of what the stages read and wrote."""
-        return self.root / "dvc.lock"
-
-    @property
-    def inputs(self) -> Path:
-        """The folder of what stages depend on besides parameters and other stages' results."""
-        return self.root / ".inputs"
 
     def code(self, stage: str) -> Path:
         """Return the digests of the code that a stage runs."""
@@ -177,38 +83,3 @@ class Paths:
     def demonstrations(self, algorithm: str) -> Path:
         """Return the demonstrations that an algorithm's agents learn from, if they need any."""
         return self.inputs / "train" / algorithm / "demonstrations.zip"
-
-    @property
-    def assets(self) -> Path:
-        """The folder of the robots."""
-        return self.root / "assets"
-
-    @property
-    def physique(self) -> Path:
-        """The robot's masses and torques, before and after its edits."""
-        return self.assets / "robot.json"
-
-    @property
-    def lineup(self) -> Path:
-        """All agents' median episodes in one recording."""
-        return self.root / "media" / "lineup.rrd"
-
-    @property
-    def comparison(self) -> Path:
-        """Statistics and claims."""
-        return self.root / "results" / "comparison.json"
-
-    @property
-    def figures(self) -> Path:
-        """The folder of the comparison's figures."""
-        return self.root / "results" / "figures"
-
-    @property
-    def plots(self) -> Path:
-        """The folder of the comparison's tables for `dvc plots`."""
-        return self.root / "results" / "plots"
-
-    @property
-    def report(self) -> Path:
-        """The comparison as one page."""
-        return self.root / "results" / "report.html"
