@@ -13,7 +13,7 @@ from evotorch.neuroevolution.net import RunningStat
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.evolution.problem import JumpProblem
-from jumping_ant.agents.evolution.searchers import AugmentedRandomSearch
+from jumping_ant.agents.evolution.searchers import AugmentedRandomSearch, make_searcher
 from jumping_ant.agents.evolution.trainer import train
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive
@@ -100,6 +100,35 @@ def test_the_seed_alone_determines_the_run(robot_xml: str, name: str) -> None:
     assert runs[0][-1].policy != runs[2][-1].policy
 
 
+@pytest.mark.parametrize("name", small_agents.of_family("evolution"))
+def test_training_uses_every_setting(robot_xml: str, name: str) -> None:
+    agent: Any = small_agents.agents()[name]
+    used = set()
+
+    class Watched(type(agent)):
+        def __getattribute__(self, key: str) -> Any:
+            used.add(key)
+            return super().__getattribute__(key)
+
+    watched = Watched.model_validate(agent.model_dump())
+    used.clear()
+    list(train(Job(robot_xml, PARAMS.env, watched, 0)))
+    elsewhere = {"trainer", "robot"}  # choose the function and the XML
+    assert used >= type(agent).model_fields.keys() - elsewhere
+
+
+@pytest.mark.parametrize("name", small_agents.of_family("evolution"))
+def test_a_setting_that_the_learner_does_not_take_is_an_error(robot_xml: str, name: str) -> None:
+    agent: Any = small_agents.agents()[name]
+
+    class Misspelt(type(agent)):
+        stdev_intit: float = 0.5
+
+    misspelt = Misspelt.model_validate(agent.model_dump())
+    with pytest.raises(TypeError, match="unexpected keyword argument 'stdev_intit'"):
+        make_searcher(JumpProblem(robot_xml, PARAMS.env, misspelt, seed=0), misspelt)
+
+
 def test_the_policy_tells_how_wide_the_search_still_is(robot_xml: str) -> None:
     events = list(train(Job(robot_xml, PARAMS.env, AGENT, 0)))
     policy = policy_file.parse(events[-1].policy)
@@ -132,11 +161,10 @@ def test_random_search_takes_the_step_of_its_paper() -> None:
         seen.append(values.numpy().astype(np.float64))
         return 3.0 * values[:, 0] - values[:, 1].square()
 
-    problem = Problem("max", returns, solution_length=3, initial_bounds=(0, 0), vectorized=True)
-    agent = small_agents.agents()["ars"].model_copy(
-        update={"population_size": 8, "n_top": 2, "delta_std": 0.5, "learning_rate": 0.25}
+    problem = Problem(
+        "max", returns, solution_length=3, initial_bounds=(0, 0), vectorized=True, seed=0
     )
-    searcher = AugmentedRandomSearch(problem, agent)
+    searcher = AugmentedRandomSearch(problem, popsize=8, learning_rate=0.25, delta_std=0.5, n_top=2)
     searcher.step()
     (policies,) = seen
     directions = policies[:4] / 0.5

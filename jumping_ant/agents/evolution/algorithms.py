@@ -12,7 +12,10 @@ ROBOT_BYTES = 4_000  # state of one simulated robot
 
 
 class EvolutionParams(AgentBlock):
-    """Settings shared by the evolutionary algorithms, named as in EvoTorch."""
+    """Settings shared by the evolutionary algorithms.
+
+    An algorithm's further settings are named as in EvoTorch, to which they are passed.
+    """
 
     trainer: Literal["evolution"]
     """Package of jumping_ant/agents/ that trains the agent."""
@@ -54,7 +57,7 @@ class GaussianParams(EvolutionParams):
     center_learning_rate: Positive
     """[-] Learning rate of the distribution's centre; with ClipUp, the length of a step."""
     stdev_learning_rate: NonNegative
-    """[-] Learning rate of the distribution's width."""
+    """[-] Learning rate of the distribution's width; SNES and XNES scale it by their default."""
     stdev_init: Positive
     """[-] Initial width of the distribution."""
 
@@ -144,9 +147,9 @@ class ARSParams(EvolutionParams):
 _SEARCHERS = "jumping_ant.agents.evolution.searchers"
 ALGORITHMS = {
     "pgpe": Algorithm(PGPEParams, family="evolution", learner=f"{_SEARCHERS}:pgpe"),
-    "snes": Algorithm(SNESParams, family="evolution", learner=f"{_SEARCHERS}:snes"),
-    "xnes": Algorithm(XNESParams, family="evolution", learner=f"{_SEARCHERS}:xnes"),
-    "cem": Algorithm(CEMParams, family="evolution", learner=f"{_SEARCHERS}:cem"),
-    "cmaes": Algorithm(CMAESParams, family="evolution", learner=f"{_SEARCHERS}:cmaes"),
+    "snes": Algorithm(SNESParams, family="evolution", learner="evotorch.algorithms:SNES"),
+    "xnes": Algorithm(XNESParams, family="evolution", learner="evotorch.algorithms:XNES"),
+    "cem": Algorithm(CEMParams, family="evolution", learner="evotorch.algorithms:CEM"),
+    "cmaes": Algorithm(CMAESParams, family="evolution", learner="evotorch.algorithms:CMAES"),
     "ars": Algorithm(ARSParams, family="evolution", learner=f"{_SEARCHERS}:AugmentedRandomSearch"),
 }

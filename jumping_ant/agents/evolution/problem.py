@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
-from jumping_ant.agents.evolution.library import Problem, RunningNorm, SolutionBatch
+from jumping_ant.agents.evolution.library import Normalizer, Problem, SolutionBatch, plain
 from jumping_ant.base.seeding import derive, derive_all
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy
@@ -60,7 +60,7 @@ class JumpProblem(Problem):
             seed=derive(seed, "search", bits=32),
         )
         self.agent = agent
-        self.normalizer = RunningNorm(shape=anatomy.num_observations, dtype=torch.float32)
+        self.normalizer = Normalizer(shape=anatomy.num_observations, dtype=torch.float32)
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
         self.fitness: NDArray[np.float64] = np.zeros(agent.population_size)
@@ -105,14 +105,11 @@ class JumpProblem(Problem):
 
     def save_state(self) -> dict[str, Any]:
         """Return the state that later generations depend on: arrays and JSON-compatible values."""
-        norm = self.normalizer
-        seen = {"sum": norm._sum, "sum_of_squares": norm._sum_of_squares} if norm.count else {}
         return {
             "env_steps": self.env_steps,
             "generator": self.generator.get_state().numpy(),
             "envs": [generator.bit_generator.state for generator in self._env_generators()],
-            "count": norm.count,
-            "observations": {name: tensor.numpy() for name, tensor in seen.items()},
+            **self.normalizer.save_state(),
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -121,19 +118,14 @@ class JumpProblem(Problem):
         self.generator.set_state(torch.from_numpy(state["generator"]))
         for generator, own in zip(self._env_generators(), state["envs"], strict=True):
             generator.bit_generator.state = own
-        self.normalizer._count = state["count"]
-        for name, array in state["observations"].items():
-            setattr(self.normalizer, f"_{name}", torch.from_numpy(array))
+        self.normalizer.load_state(state)
 
     def _env_generators(self) -> list[np.random.Generator]:
         """Return the random generators of all policies' environments, in their order."""
         return [generator for envs in self._envs for generator in envs.generators]
 
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
-        # Plain tensors: EvoTorch's own class checks every operation for writes.
-        networks = [
-            self._unflatten(solution) for solution in batch.values.as_subclass(torch.Tensor)
-        ]
+        networks = [self._unflatten(solution) for solution in plain(batch.values)]
         shares = [[networks[index] for index in share] for share in self._shares]
         episodes = list(self._pool.map(self._play, self._envs, shares))
         self.returns = np.concatenate([episode.returns for episode in episodes])

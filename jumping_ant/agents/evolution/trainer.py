@@ -4,12 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.agents.evolution.problem import JumpProblem
-from jumping_ant.agents.evolution.searchers import Searcher
-from jumping_ant.agents.job import Job, resolve
+from jumping_ant.agents.evolution.searchers import Searcher, make_searcher
+from jumping_ant.agents.job import Job
 from jumping_ant.base.archive import pack_state, unpack_state
 
 
@@ -22,7 +21,7 @@ def train(job: Job[EvolutionParams]) -> Iterator[Event]:
     """
     agent = job.agent
     problem = JumpProblem(job.xml, job.env, agent, job.seed, job.num_threads)
-    searcher: Searcher = resolve(row(agent).learner)(problem, agent)
+    searcher = make_searcher(problem, agent)
     if job.checkpoint is not None:
         state = unpack_state(job.checkpoint)
         searcher.load_state(state["searcher"])
