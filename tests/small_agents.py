@@ -4,7 +4,7 @@ from functools import cache
 from typing import Any
 
 from jumping_ant.agents.algorithm import AgentBlock
-from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.imitation.demonstrations import Demonstrations, play
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.experiment import presets
@@ -48,7 +48,7 @@ SMALL: dict[str, dict[str, Any]] = {
 
 def smaller(agent: AgentBlock) -> dict[str, Any]:
     """Return changes of an agent's settings that let it train in a second."""
-    return SMALL[agent.trainer] | SMALL.get(agent.algorithm, {})
+    return SMALL[row(agent).package] | SMALL.get(agent.algorithm, {})
 
 
 def agents() -> dict[str, AgentBlock]:
@@ -61,9 +61,9 @@ def agents() -> dict[str, AgentBlock]:
     return found
 
 
-def of_family(trainer: str) -> list[str]:
-    """Return the algorithms of a family."""
-    return [name for name, agent in agents().items() if agent.trainer == trainer]
+def of_package(package: str) -> list[str]:
+    """Return the algorithms of a package that trains."""
+    return [name for name in agents() if ALGORITHMS[name].package == package]
 
 
 def job(xml: str, env: EnvParams, agent: AgentBlock, seed: int, **more: Any) -> Job[Any]:

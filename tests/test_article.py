@@ -121,8 +121,8 @@ BLOCKS = {
     "agents.sac": SAC_SETTINGS,
     "agents.pgpe": PGPE_SETTINGS,
 }
-# What says who trains and how often the curve gets a row, on which no result depends.
-ASIDE = {"trainer", "algorithm", "log_interval"}
+# What says what trains and how often the curve gets a row, on which no result depends.
+ASIDE = {"algorithm", "log_interval"}
 
 
 def flat(block: dict[str, Any], prefix: str = "") -> dict[str, Any]:

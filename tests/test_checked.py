@@ -12,7 +12,7 @@ from scripts.checkout import Checkout, copy_project
 MARK = "RAN"  # a file that is there once a shell has run what a name holds
 INJECTION = f"x;touch {MARK};true"
 ENTRIES: dict[str, Any] = {
-    "agents": {"trainer": "random", "algorithm": "random", "robot": "edited"},
+    "agents": {"algorithm": "random", "robot": "edited"},
     "demonstrations": {"agent": "random", "steps": 100, "seed": 6_000_000},
 }
 
@@ -115,7 +115,7 @@ EXPERIMENTS = [
 def test_overrides_of_an_experiment_are_checked_first(
     project: Checkout, name: str, said: str, options: tuple[str, ...]
 ) -> None:
-    override = f"+agents={{{name}:{{trainer:random,algorithm:random,robot:edited}}}}"
+    override = f"+agents={{{name}:{{algorithm:random,robot:edited}}}}"
     assert said in refusal(project, "dvc", "exp", "run", *options, "-S", override)
 
 

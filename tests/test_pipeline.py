@@ -101,7 +101,7 @@ def test_every_file_that_the_package_ships_is_code_or_a_page() -> None:
 
 @pytest.mark.parametrize("algorithm", sorted(ALGORITHMS))
 def test_training_depends_on_its_own_package_alone(algorithm: str) -> None:
-    own = ALGORITHMS[algorithm].trainer.split(".")[2]
+    own = ALGORITHMS[algorithm].package
     found = {name.split("/")[2] for name in names(f"train-{algorithm}") if "/agents/" in name}
     assert found & set(packages()) == {own}
 

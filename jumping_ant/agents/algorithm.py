@@ -15,10 +15,8 @@ class AgentBlock(Block):
     depends_on_seed: ClassVar[bool] = True  # whether seeds differ
     learns_from_demonstrations: ClassVar[bool] = False
 
-    trainer: str
-    """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: str
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue, which says how the agent is trained."""
     robot: Literal["edited", "unedited"]
     """Robot that the agent controls: the one of `robot`, or its unedited source."""
 
@@ -68,9 +66,14 @@ class Algorithm:
     counters: tuple[str, ...] = ()
 
     @property
+    def package(self) -> str:
+        """Name of the package in `jumping_ant.agents` that has its settings and its trainer."""
+        return self.settings.__module__.split(".")[-2]
+
+    @property
     def trainer(self) -> str:
-        """Name of the module that trains its agents; it lies beside their settings."""
-        return f"{self.settings.__module__.rpartition('.')[0]}.trainer"
+        """Name of the module that trains its agents."""
+        return f"jumping_ant.agents.{self.package}.trainer"
 
     @property
     def is_baseline(self) -> bool:

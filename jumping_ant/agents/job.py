@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event
 from jumping_ant.params.blocks import EnvParams
 
@@ -57,7 +58,7 @@ class Trainer(Protocol):
 
 def trainer_of(agent: AgentBlock) -> Trainer:
     """Return the trainer of an agent, which imports its libraries."""
-    trainer: Trainer = resolve(f"jumping_ant.agents.{agent.trainer}.trainer:train")
+    trainer: Trainer = resolve(f"{row(agent).trainer}:train")
     return trainer
 
 

@@ -92,7 +92,7 @@ def test_the_policy_scores_what_the_solution_scored(robot_xml: str) -> None:
     assert problem.returns[2] == pytest.approx(total, rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", small_agents.of_family("evolution"))
+@pytest.mark.parametrize("name", small_agents.of_package("evolution"))
 def test_the_seed_alone_determines_the_run(robot_xml: str, name: str) -> None:
     agent: Any = small_agents.agents()[name]
     runs = [list(train(Job(robot_xml, PARAMS.env, agent, seed, 3))) for seed in (1, 1, 2)]

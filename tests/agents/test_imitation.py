@@ -18,7 +18,7 @@ from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 
 ENV = small_agents.PARAMS.env.model_copy(update={"max_episode_steps": 45})
-NAMES = small_agents.of_family("imitation")
+NAMES = small_agents.of_package("imitation")
 
 
 @pytest.fixture(scope="module")

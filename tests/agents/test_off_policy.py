@@ -20,7 +20,7 @@ from jumping_ant.base.seeding import derive
 from jumping_ant.sim.env import Decisions, RobotEnv
 
 PARAMS = small_agents.PARAMS
-NAMES = small_agents.of_family("off_policy")
+NAMES = small_agents.of_package("off_policy")
 ENV = PARAMS.env.model_copy(update={"max_episode_steps": 60})
 SMALL = {
     "total_steps": 240,

@@ -22,7 +22,7 @@ from jumping_ant.policies import policy_file
 from jumping_ant.sim.env import Decisions, RobotEnv
 
 ENV = small_agents.PARAMS.env.model_copy(update={"max_episode_steps": 60})
-NAMES = small_agents.of_family("on_policy")
+NAMES = small_agents.of_package("on_policy")
 KINDS = ("torques", "commands")
 
 

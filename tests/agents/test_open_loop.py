@@ -14,7 +14,6 @@ from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 
 AGENT = OpenLoopParams(
-    trainer="open_loop",
     robot="edited",
     algorithm="open_loop",
     amplitude=0.75,

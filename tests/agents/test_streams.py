@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import small_agents
 
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.sim.task import Task
 
@@ -24,9 +25,9 @@ RHYTHMS = {"half_periods": [2, 3], "episodes": NUM_STARTS, "episode_steps": EPIS
 ROUNDS = {name: value for name, value in NETWORKS.items() if name != "learning_starts"}
 SMALL = {"off_policy": NETWORKS, "on_policy": ROUNDS, "evolution": POPULATION, "open_loop": RHYTHMS}
 AGENTS = {
-    name: agent.model_copy(update=SMALL[agent.trainer])
+    name: agent.model_copy(update=SMALL[row(agent).package])
     for name, agent in small_agents.agents().items()
-    if agent.trainer in SMALL
+    if row(agent).package in SMALL
 }
 
 

@@ -325,8 +325,8 @@ def test_a_second_critic_is_judged_beside_a_td3_like_it():
     ("returns", "verdict"), [(LOW, "supported"), (HIGH, "refuted"), (MIDDLE, "inconclusive")]
 )
 def test_pgpe_is_compared_with_all_evolution(returns, verdict):
-    rivals = [agent(name, name, returns, trainer="evolution") for name in ("snes", "cmaes")]
-    found = check(agent("pgpe", "pgpe", MIDDLE, trainer="evolution"), *rivals)
+    rivals = [agent(name, name, returns) for name in ("snes", "cmaes")]
+    found = check(agent("pgpe", "pgpe", MIDDLE), *rivals)
     told = [claim["verdict"] for claim in found if claim["statement"] == 12]
     assert told == [verdict] * 2
 

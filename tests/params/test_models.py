@@ -86,8 +86,8 @@ def test_budgets_are_counted_in_control_steps(
         # Keys.
         ("env.frameskip", 5, "unknown key (did you mean 'frame_skip'?); allowed: " + KEYS_OF_ENV),
         ("env.xyz", 5, "unknown key; allowed: " + KEYS_OF_ENV),
-        ("agents.random.gamma", 0.9, "unknown key; allowed: trainer, algorithm, robot, actions"),
-        ("agents.random.a\nb", 1, "unknown key; allowed: trainer, algorithm, robot, actions"),
+        ("agents.random.gamma", 0.9, "unknown key; allowed: algorithm, robot, actions"),
+        ("agents.random.a\nb", 1, "unknown key; allowed: algorithm, robot, actions"),
         (
             "agents.sac.actions.hod",
             1,
@@ -152,7 +152,7 @@ def test_budgets_are_counted_in_control_steps(
         ),
         ("seeds", {"a": 10**5000}, "given a number too long to show, allowed: list"),
         # Algorithms, agents and seeds.
-        ("agents.dqn.trainer", "evolution", "given 'evolution', allowed: 'off_policy'"),
+        ("agents.random.trainer", "random", "unknown key; allowed: algorithm, robot, actions"),
         ("agents", {}, "given {}, allowed: at least one"),
         ("agents.Big One", RANDOM, f"given 'Big One', allowed: {NAMES}"),
         ("agents./etc", RANDOM, f"given '/etc', allowed: {NAMES}"),

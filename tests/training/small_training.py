@@ -20,7 +20,7 @@ TRAINED = sorted(
     }.values()
 )
 # For what is the same for all algorithms of a family.
-ONE_OF_EACH = sorted({small_agents.PARAMS.agents[name].trainer: name for name in TRAINED}.values())
+ONE_OF_EACH = sorted({AGENTS[name].package: name for name in TRAINED}.values())
 SMALL_OF_ALL = [*TRAINED, "random", "random-commands", "metronome"]
 
 

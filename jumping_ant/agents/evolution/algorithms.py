@@ -17,8 +17,6 @@ class EvolutionParams(AgentBlock):
     An algorithm's further settings are named as in EvoTorch, to which they are passed.
     """
 
-    trainer: Literal["evolution"]
-    """Package of jumping_ant/agents/ that trains the agent."""
     actions: ActionParams
     """Actions that the policies choose from."""
     generations: Count
@@ -66,7 +64,7 @@ class PGPEParams(GaussianParams):
     """Policy gradients with parameter-based exploration (Sehnke et al. 2010), with ClipUp."""
 
     algorithm: Literal["pgpe"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
     """[policies] Size of a generation, sampled in mirrored pairs."""
     max_speed: Positive
@@ -79,21 +77,21 @@ class SNESParams(GaussianParams):
     """Separable natural evolution strategies (Schaul, Glasmachers and Schmidhuber 2011)."""
 
     algorithm: Literal["snes"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
 
 
 class XNESParams(GaussianParams):
     """Exponential natural evolution strategies, full covariance (Glasmachers et al. 2010)."""
 
     algorithm: Literal["xnes"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
 
 
 class CEMParams(EvolutionParams):
     """Cross-entropy method (Rubinstein 1999)."""
 
     algorithm: Literal["cem"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     parenthood_ratio: Annotated[float, Field(gt=0, lt=1)]
     """[-] Share of a generation that the next distribution is fitted to."""
     stdev_init: Positive
@@ -113,7 +111,7 @@ class CMAESParams(EvolutionParams):
     """Covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001)."""
 
     algorithm: Literal["cmaes"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     stdev_init: Positive
     """[-] Initial step size."""
     separable: bool
@@ -124,7 +122,7 @@ class ARSParams(EvolutionParams):
     """Augmented random search (Mania, Guy and Recht 2018), named as in SB3-Contrib."""
 
     algorithm: Literal["ars"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
     """[policies] Size of a generation, in mirrored pairs: twice the number of directions."""
     learning_rate: Positive

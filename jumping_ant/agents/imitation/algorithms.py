@@ -18,8 +18,6 @@ class ImitationParams(AgentBlock):
 
     learns_from_demonstrations: ClassVar[bool] = True
 
-    trainer: Literal["imitation"]
-    """Package of jumping_ant/agents/ that trains the agent."""
     actions: TorqueParams
     """Actions that the agent chooses from; those of the demonstrated agent."""
     total_steps: Steps
@@ -52,7 +50,7 @@ class BCParams(ImitationParams):
     """Behaviour cloning: all data are demonstrations (Pomerleau 1991)."""
 
     algorithm: Literal["bc"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
 
 
 class DAggerParams(ImitationParams):
@@ -63,7 +61,7 @@ class DAggerParams(ImitationParams):
     """
 
     algorithm: Literal["dagger"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     episode_steps: Count
     """[control steps] The agent's own episodes are truncated here."""
     tumbled_starts: Fraction

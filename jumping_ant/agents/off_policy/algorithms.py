@@ -30,8 +30,6 @@ COPIES = 4  # of a learned number: itself, its gradient and Adam's two means
 class OffPolicyParams(SB3Params):
     """Settings shared by the off-policy algorithms, named as in Stable-Baselines3."""
 
-    trainer: Literal["off_policy"]
-    """Package of jumping_ant/agents/ that trains the agent."""
     buffer_size: Annotated[int, Field(ge=1, le=10**9)]
     """[transitions] Capacity of the replay buffer."""
     learning_starts: Annotated[int, Field(ge=0, le=10**9)]
@@ -113,14 +111,14 @@ class DQNParams(ValueParams):
     """Deep Q-network on discrete commands (Mnih et al. 2015)."""
 
     algorithm: Literal["dqn"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
 
 
 class QRDQNParams(ValueParams):
     """Quantile regression deep Q-network on discrete commands (Dabney et al. 2018)."""
 
     algorithm: Literal["qrdqn"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     n_quantiles: Annotated[int, Field(ge=1, le=10_000)]
     """[-] Quantiles of each command's return."""
 
@@ -131,7 +129,7 @@ class SACParams(TargetParams):
     """Soft actor-critic on continuous torques (Haarnoja et al. 2018)."""
 
     algorithm: Literal["sac"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
     ent_coef: Positive | Literal["auto"]
@@ -142,7 +140,7 @@ class TQCParams(SACParams):
     """Truncated quantile critics on continuous torques (Kuznetsov et al. 2020)."""
 
     algorithm: Literal["tqc"]  # type: ignore[assignment]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     n_quantiles: Annotated[int, Field(ge=1, le=10_000)]
     """[-] Quantiles of each critic."""
     n_critics: Annotated[int, Field(ge=1, le=100)]
@@ -166,7 +164,7 @@ class CrossQParams(OffPolicyParams):
     """CrossQ on continuous torques: batch renormalisation, no targets (Bhatt et al. 2024)."""
 
     algorithm: Literal["crossq"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
     ent_coef: Positive | Literal["auto"]
@@ -179,7 +177,7 @@ class DDPGParams(TargetParams):
     """Deep deterministic policy gradients on continuous torques (Lillicrap et al. 2016)."""
 
     algorithm: Literal["ddpg"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
     action_noise: NonNegative
@@ -190,7 +188,7 @@ class TD3Params(TargetParams):
     """Twin delayed deterministic policy gradients on continuous torques (Fujimoto et al. 2018)."""
 
     algorithm: Literal["td3"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
     action_noise: NonNegative

@@ -18,8 +18,6 @@ class OnPolicyParams(SB3Params):
     A round collects `n_steps` decisions in each environment, learns from them, and drops them.
     """
 
-    trainer: Literal["on_policy"]
-    """Package of jumping_ant/agents/ that trains the agent."""
     n_steps: Count
     """[decisions of each environment] Length of a round."""
     gae_lambda: Fraction
@@ -69,7 +67,7 @@ class A2CParams(OnPolicyParams):
     """Advantage actor-critic, synchronous, with RMSprop (Mnih et al. 2016)."""
 
     algorithm: Literal["a2c"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     rms_prop_eps: Positive
     """[-] Added to RMSprop's denominators."""
 
@@ -78,7 +76,7 @@ class PPOParams(OnPolicyParams):
     """Proximal policy optimisation, with clipping (Schulman et al. 2017)."""
 
     algorithm: Literal["ppo"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     batch_size: Annotated[int, Field(ge=2, le=10**6)]
     """[transitions] Batch size of a gradient step."""
     n_epochs: Count

@@ -14,10 +14,8 @@ class OpenLoopParams(AgentBlock):
     is_baseline = True
     depends_on_seed = False  # all seeds share the search and its rhythm
 
-    trainer: Literal["open_loop"]
-    """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["open_loop"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     amplitude: Annotated[float, Field(gt=0, le=1)]
     """[-] Factor on the torques of the commands; the article's have 0.5."""
     commands: Annotated[list[Annotated[int, Field(ge=0, le=10**6)]], Field(min_length=1)]

@@ -11,10 +11,8 @@ class RandomAgentParams(AgentBlock):
 
     is_baseline = True
 
-    trainer: Literal["random"]
-    """Package of jumping_ant/agents/ that trains the agent."""
     algorithm: Literal["random"]
-    """Algorithm that the trainer runs."""
+    """Algorithm of the catalogue."""
     actions: ActionParams
     """Actions that it draws from."""
 

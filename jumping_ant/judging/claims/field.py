@@ -40,9 +40,7 @@ class Field:
             if agent.demonstrator == other.name
         ]
         self.evolution = [
-            agent
-            for agent in self.all
-            if getattr(agent.block, "trainer", None) == "evolution" and agent not in pgpe
+            agent for agent in self.all if agent.family == "evolution" and agent not in pgpe
         ]
         self.threshold = max(
             (out_of_luck(agent, evaluation_episodes) for agent in self.random), default=np.inf
