@@ -1,6 +1,7 @@
 """What holds for every algorithm of the catalogue."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,6 +44,25 @@ def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> Non
     policy.start(range(3))
     torques = policy.act(np.random.default_rng(0).normal(size=(3, 27)))
     assert torques.shape == (3, 8) and (np.abs(torques) <= 1).all()
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_training_uses_every_setting(name: str, robot_xml: str) -> None:
+    """Whoever takes it: the library's class, its policy or this project's own code."""
+    used: set[str] = set()
+    settings = type(AGENTS[name])
+
+    class Watched(settings):  # type: ignore[valid-type, misc]
+        def __getattribute__(self, key: str) -> Any:
+            used.add(key)
+            return super().__getattribute__(key)
+
+    job = small_agents.job(robot_xml, ENV, AGENTS[name], seed=0)
+    train = trainer_of(job.agent)
+    watched = Watched.model_validate(job.agent.model_dump())
+    used.clear()
+    list(train(replace(job, agent=watched)))
+    assert used >= settings.model_fields.keys() - {"algorithm", "robot"}, "the driver uses these"
 
 
 @pytest.mark.parametrize("name", LEARNERS)

@@ -1,6 +1,7 @@
 """Off-policy algorithms: Stable-Baselines3's own loop, with what this project adds to it."""
 
 import io
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -11,6 +12,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy.trainer import make_model, train
@@ -103,6 +105,16 @@ def test_events_tell_the_run(robot_xml: str, name: str, hold: int) -> None:
     assert rows[-1].episodes >= 2 * (agent.total_steps // hold // 2 // longest) > 2
     assert all(set(row.extra) == set(rows[0].extra) for row in rows)
     assert np.isfinite(list(rows[-1].extra.values())).all()
+
+
+def test_a_setting_that_the_library_does_not_take_is_refused(
+    robot_xml: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SB3's TD3 takes no `ent_coef`; it would be dropped."""
+    stock = replace(ALGORITHMS["sac"], learner="stable_baselines3:TD3")
+    monkeypatch.setitem(ALGORITHMS, "sac", stock)
+    with pytest.raises(TypeError, match="^sac: TD3 takes no ent_coef$"):
+        next(train(Job(robot_xml, ENV, small("sac"), seed=0)))
 
 
 def test_truncation_is_not_taken_for_an_end(robot_xml: str) -> None:

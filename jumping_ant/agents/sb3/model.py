@@ -36,6 +36,19 @@ RUN_STATE = (
     "_last_episode_starts",
     "_logger",
 )
+# Settings that this project's own code uses; all others are for the model's class or its policy.
+OWN_SETTINGS = (
+    *("algorithm", "robot"),  # the catalogue; the driver
+    *("actions", "total_steps", "log_interval"),  # the loop
+    *(
+        "num_envs",
+        "episode_steps",
+        "long_episodes",
+        "tumbled_starts",
+        "sparse_rewards",
+    ),  # make_envs
+    *("final_learning_rate", "velocity_scale"),  # make_model
+)
 
 
 class ScaledObservations(BaseFeaturesExtractor):
@@ -66,16 +79,16 @@ def make_model(envs: VecEnv, agent: SB3Params, seed: int, **more: Any) -> Any:
 
     Args:
         envs: Environments to learn in.
-        agent: The agent's block; settings that are parameters of the model's class are passed by
-            name, those of `POLICY_SETTINGS` to its policy.
+        agent: The agent's block; the settings of `POLICY_SETTINGS` are passed to the model's policy
+            by name, those that are not this project's own to its class.
         seed: Seed that determines the run.
         more: Other arguments of the model's class.
+
+    Raises:
+        TypeError: The model's class does not take one of the settings.
     """
     learner = resolve(row(agent).learner)
-    known = inspect.signature(learner).parameters
-    settings: dict[str, Any] = {
-        name: getattr(agent, name) for name in type(agent).model_fields if name in known
-    }
+    settings = _settings_of(agent, learner)
     settings["learning_rate"] = LinearSchedule(
         agent.learning_rate, agent.final_learning_rate, end_fraction=1.0
     )
@@ -98,6 +111,15 @@ def make_model(envs: VecEnv, agent: SB3Params, seed: int, **more: Any) -> Any:
     np.random.seed(derive(seed, "replay", bits=32))  # for minibatches and exploration
     model.action_space.seed(derive(seed, "actions"))
     return model
+
+
+def _settings_of(agent: SB3Params, learner: type[BaseAlgorithm]) -> dict[str, Any]:
+    """Return the settings that are passed to the model's class, by name."""
+    elsewhere = {*OWN_SETTINGS, *agent.POLICY_SETTINGS}
+    names = [name for name in type(agent).model_fields if name not in elsewhere]
+    if unused := [name for name in names if name not in inspect.signature(learner).parameters]:
+        raise TypeError(f"{agent.algorithm}: {learner.__name__} takes no {', '.join(unused)}")
+    return {name: getattr(agent, name) for name in names}
 
 
 def make_envs(
