@@ -21,6 +21,7 @@ import imageio.v2 as imageio
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from jumping_ant.agents import catalogue
 from jumping_ant.base import command_line, tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
@@ -28,7 +29,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import descriptions
 from jumping_ant.training import curves
-from jumping_ant.words import looks, wording
+from jumping_ant.words import wording
 from jumping_ant.words.wording import p_value
 
 DOCS = PROJECT_ROOT / "docs"
@@ -257,7 +258,7 @@ def animation() -> bytes:
     """Return the learners' films side by side, looping, as an animated picture."""
     agents = params_file.load().agents
     labels = {
-        name: looks.label(name, agent.algorithm, agent.is_baseline)
+        name: catalogue.label(name, agent.algorithm)
         for name, agent in agents.items()
         if not agent.is_baseline
     }

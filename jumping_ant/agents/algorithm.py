@@ -2,9 +2,10 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal, Self, get_args
 
 from jumping_ant.params.blocks import Block, EnvParams
+from jumping_ant.policies.policy_file import KINDS
 from jumping_ant.words.looks import Family
 
 
@@ -57,6 +58,11 @@ class Algorithm:
             the trainer needs none.
         logged: Logged values that the learning curve keeps, by the learner's own names.
         counters: Counters of the learner in addition to those that its whole family keeps.
+        label: The algorithm's name as it is printed; by default in capitals.
+        network: The kind of its policies, a key of `KINDS`; by default the algorithm's own name.
+
+    Raises:
+        ValueError: There are no policies of such a kind.
     """
 
     settings: type[AgentBlock]
@@ -64,6 +70,20 @@ class Algorithm:
     learner: str = ""
     logged: tuple[str, ...] = ()
     counters: tuple[str, ...] = ()
+    label: str = ""
+    network: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "label", self.label or self.name.upper())
+        object.__setattr__(self, "network", self.network or self.name)
+        if self.network not in KINDS:
+            raise ValueError(f"{self.name}: given network {self.network!r}, allowed: {[*KINDS]}")
+
+    @property
+    def name(self) -> str:
+        """Name of the algorithm in `params.yaml`."""
+        (name,) = get_args(self.settings.model_fields["algorithm"].annotation)
+        return str(name)
 
     @property
     def package(self) -> str:

@@ -23,6 +23,12 @@ def row(agent: AgentBlock) -> Algorithm:
     return ALGORITHMS[agent.algorithm]
 
 
+def label(name: str, algorithm: str) -> str:
+    """Return an agent's name to print: a learning algorithm's label, other names as given."""
+    own = ALGORITHMS[algorithm]
+    return own.label if name == algorithm and not own.is_baseline else name
+
+
 def demonstrated() -> set[str]:
     """Return the algorithms whose agents learn from demonstrations."""
     return {name for name, row in ALGORITHMS.items() if row.settings.learns_from_demonstrations}

@@ -17,7 +17,6 @@ from jumping_ant.base.tables import Table
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import episodes
 from jumping_ant.training import curves, scaling
-from jumping_ant.words import looks
 from jumping_ant.words.looks import Family
 
 Array = NDArray[np.float64]
@@ -98,7 +97,7 @@ class AgentResults:
     @property
     def label(self) -> str:
         """Return the agent's display name."""
-        return looks.label(self.name, self.algorithm, self.is_baseline)
+        return catalogue.label(self.name, self.algorithm)
 
     @property
     def env_steps(self) -> Array:

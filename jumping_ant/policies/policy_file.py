@@ -22,6 +22,7 @@ from jumping_ant.policies.policy import HEADER, OWNER, Entries, Interface, Polic
 
 Owner = tuple[str, int]  # an agent and a seed
 
+# By what a file's header says: most kinds are named after an algorithm with such a network.
 KINDS: dict[str, Any] = {
     "uniform": UniformPolicy,
     "open_loop": OpenLoopPolicy,

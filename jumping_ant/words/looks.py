@@ -1,4 +1,4 @@
-"""Names, colours, markers and line styles of agents, the same in all output.
+"""Colours, markers and line styles of agents, the same in all output.
 
 The colours are those of Okabe and Ito, "Color Universal Design", 2008, which people with any colour
 vision can tell apart. Each family of algorithms has one of them; its members differ in shade,
@@ -29,8 +29,6 @@ COLOURS: dict[Family, str] = {  # in the order in which families are shown
 # Shades of a family's members, towards white above 0 and towards black below. The first three are
 # far apart; the next ones have another line style.
 SHADES = (0.0, 0.45, -0.4, 0.22, -0.2, 0.34, -0.55, 0.1)
-# Algorithms' names that are no acronyms in capitals.
-SPELLINGS = {"qrdqn": "QR-DQN", "crossq": "CrossQ", "cmaes": "CMA-ES", "dagger": "DAgger"}
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 LINES = ("-", "--", "-.")
 SHADES_PER_LINE = 3
@@ -101,12 +99,6 @@ def panels(families: Mapping[str, Family]) -> dict[str, list[str]]:
     grouped = by_family(families)
     baselines = grouped.pop(BASELINE, [])
     return {family: [*baselines, *members] for family, members in grouped.items()}
-
-
-def label(name: str, algorithm: str, is_baseline: bool) -> str:
-    """Return the name to print: an algorithm's as it is written, other names as given."""
-    is_algorithm = name == algorithm and not is_baseline
-    return SPELLINGS.get(name, name.upper()) if is_algorithm else name
 
 
 def of_sample(label: str, drawn: Mapping[str, Look]) -> Look:

@@ -1,5 +1,6 @@
 """What holds for every algorithm of the catalogue."""
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -7,9 +8,11 @@ import numpy as np
 import pytest
 import small_agents
 
+from jumping_ant.agents import catalogue
 from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
 from jumping_ant.agents.job import resolve, trainer_of
+from jumping_ant.base.archive import Archive
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
 from jumping_ant.words.looks import BASELINE
@@ -27,6 +30,17 @@ def test_settings_are_named_and_documented(name: str) -> None:
     assert not row(AGENTS[name]).learner or callable(resolve(row(AGENTS[name]).learner))
 
 
+def test_names_are_printed_as_the_literature_writes_them() -> None:
+    printed = {name: catalogue.label(name, name) for name in ("sac", "qrdqn", "cmaes", "random")}
+    assert printed == {"sac": "SAC", "qrdqn": "QR-DQN", "cmaes": "CMA-ES", "random": "random"}
+    assert catalogue.label("sac-wide", "sac") == "sac-wide"
+
+
+def test_an_unknown_kind_of_policy_is_refused_at_once() -> None:
+    with pytest.raises(ValueError, match="sac: given network 'gausian', allowed: .*'sac'"):
+        replace(ALGORITHMS["sac"], network="gausian")
+
+
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_baselines_are_a_family(name: str) -> None:
     assert ALGORITHMS[name].is_baseline == (ALGORITHMS[name].family == BASELINE)
@@ -39,6 +53,8 @@ def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> Non
     assert isinstance(events[-1], Finished)
     assert events[-1].env_steps <= job.agent.max_env_steps + 16  # a round may pass the mark
     assert any(isinstance(event, Snapshot) for event in events)
+    header = json.loads(Archive(events[-1].policy)["policy.json"])
+    assert header["kind"] == ALGORITHMS[name].network
     policy = policy_file.parse(events[-1].policy)
     assert policy.num_motors == 8 and policy.num_observations in (27, None)
     policy.start(range(3))

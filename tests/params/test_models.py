@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
+from jumping_ant.agents import catalogue
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import models, params_file, presets
@@ -30,10 +31,7 @@ KEYS_OF_ENV = (
     "frame_skip, reset_noise_scale, drop_height, max_episode_steps, min_torso_height, "
     "max_torso_height, max_tilt, commands, reward"
 )
-ALGORITHMS = (
-    "random, open_loop, dqn, sac, qrdqn, tqc, crossq, ddpg, td3, a2c, ppo, "
-    "pgpe, snes, xnes, cem, cmaes, ars, bc, dagger"
-)
+ALGORITHMS = ", ".join(catalogue.ALGORITHMS)
 ROBOTS = "ant, hopper, walker2d, half_cheetah, humanoid, or a file robots/NAME.xml"
 
 

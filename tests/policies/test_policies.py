@@ -11,11 +11,11 @@ import pytest
 import small_agents
 import torch
 from commands import COMMAND_SIGNS
-from sb3_contrib import QRDQN, TQC, CrossQ
 from small_policies import NUMBERS, linear_policy
-from stable_baselines3 import DDPG, DQN, SAC, TD3
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.agents.job import resolve
 from jumping_ant.agents.off_policy.trainer import make_model
 from jumping_ant.agents.sb3.model import make_envs, policy_bytes
 from jumping_ant.base.errors import InputError
@@ -23,30 +23,21 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.policies.networks import (
-    GaussianActor,
-    GreedyCommands,
-    NormalizedActor,
-    QuantileCommands,
-    TanhActor,
-)
 from jumping_ant.sim.env import Decisions, RobotEnv
 
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
 
 
-SB3: dict[str, tuple[Any, type]] = {
-    "sac": (SAC, GaussianActor),
-    "td3": (TD3, TanhActor),
-    "ddpg": (DDPG, TanhActor),
-    "tqc": (TQC, GaussianActor),
-    "crossq": (CrossQ, NormalizedActor),
-    "dqn": (DQN, GreedyCommands),
-    "qrdqn": (QRDQN, QuantileCommands),
-}
+NAMES = small_agents.of_package("off_policy")
 
 
-@pytest.fixture(scope="module", params=SB3)
+def librarys_class(algorithm: str) -> Any:
+    """Return the class of Stable-Baselines3 that an algorithm's learner is, or derives from."""
+    bases = resolve(ALGORITHMS[algorithm].learner).__mro__
+    return next(base for base in bases if not base.__module__.startswith("jumping_ant"))
+
+
+@pytest.fixture(scope="module", params=NAMES)
 def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params) -> Any:
     """An untrained model of Stable-Baselines3 and its policy file, written twice."""
     small = {"net_arch": [16, 8], "buffer_size": 10, "num_envs": 1, "velocity_scale": 0.3}
@@ -63,26 +54,27 @@ def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params
     return request.param, model, *files
 
 
-def sb3_torques(algorithm: str, model: Any) -> np.ndarray:
+def sb3_torques(model: Any) -> np.ndarray:
     actions, _ = model.predict(OBSERVATIONS.astype(np.float32), deterministic=True)
-    return 0.75 * (COMMAND_SIGNS[actions] if algorithm in ("dqn", "qrdqn") else actions)
+    return 0.75 * (COMMAND_SIGNS[actions] if actions.ndim == 1 else actions)
 
 
 def test_networks_act_as_in_stable_baselines3(network: Any) -> None:
-    algorithm, model, content, _ = network
+    _, model, content, _ = network
     policy = policy_file.parse(content)
-    assert isinstance(policy, SB3[algorithm][1])
     assert policy.actions.hold == 2
     torques = policy.act(OBSERVATIONS)
-    np.testing.assert_allclose(torques, sb3_torques(algorithm, model), rtol=0, atol=1e-5)
+    np.testing.assert_allclose(torques, sb3_torques(model), rtol=0, atol=1e-5)
     assert len(np.unique(torques, axis=0)) > 1  # it does look at what it sees
 
 
 @pytest.mark.filterwarnings("ignore:.n_steps=")  # it matters for training only
 def test_stable_baselines3_loads_the_same_file(network: Any) -> None:
     algorithm, model, content, _ = network
-    loaded = SB3[algorithm][0].load(io.BytesIO(policy_file.owned(content, ("a", 1))), device="cpu")
-    np.testing.assert_array_equal(sb3_torques(algorithm, loaded), sb3_torques(algorithm, model))
+    loaded = librarys_class(algorithm).load(
+        io.BytesIO(policy_file.owned(content, ("a", 1))), device="cpu"
+    )
+    np.testing.assert_array_equal(sb3_torques(loaded), sb3_torques(model))
 
 
 @pytest.mark.filterwarnings("ignore:.n_steps=")
@@ -93,7 +85,7 @@ def test_stable_baselines3_plays_a_policy_file_as_the_project_does(
     algorithm, _, content, _ = network
     ours, theirs = (
         policy_file.parse(content),
-        SB3[algorithm][0].load(io.BytesIO(content), device="cpu"),
+        librarys_class(algorithm).load(io.BytesIO(content), device="cpu"),
     )
     env = RobotEnv(robot_xml, known_params.env)
     decisions = Decisions(env, ours.actions)

@@ -1,5 +1,6 @@
 """Evolutionary algorithms of EvoTorch, and augmented random search: settings and searchers."""
 
+from functools import partial
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -143,11 +144,12 @@ class ARSParams(EvolutionParams):
 
 
 _SEARCHERS = "jumping_ant.agents.evolution.searchers"
+_row = partial(Algorithm, family="evolution", network="linear")
 ALGORITHMS = {
-    "pgpe": Algorithm(PGPEParams, family="evolution", learner=f"{_SEARCHERS}:pgpe"),
-    "snes": Algorithm(SNESParams, family="evolution", learner="evotorch.algorithms:SNES"),
-    "xnes": Algorithm(XNESParams, family="evolution", learner="evotorch.algorithms:XNES"),
-    "cem": Algorithm(CEMParams, family="evolution", learner="evotorch.algorithms:CEM"),
-    "cmaes": Algorithm(CMAESParams, family="evolution", learner="evotorch.algorithms:CMAES"),
-    "ars": Algorithm(ARSParams, family="evolution", learner=f"{_SEARCHERS}:AugmentedRandomSearch"),
+    "pgpe": _row(PGPEParams, learner=f"{_SEARCHERS}:pgpe"),
+    "snes": _row(SNESParams, learner="evotorch.algorithms:SNES"),
+    "xnes": _row(XNESParams, learner="evotorch.algorithms:XNES"),
+    "cem": _row(CEMParams, learner="evotorch.algorithms:CEM"),
+    "cmaes": _row(CMAESParams, learner="evotorch.algorithms:CMAES", label="CMA-ES"),
+    "ars": _row(ARSParams, learner=f"{_SEARCHERS}:AugmentedRandomSearch"),
 }

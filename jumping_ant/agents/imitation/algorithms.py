@@ -70,5 +70,5 @@ class DAggerParams(ImitationParams):
 
 ALGORITHMS = {
     "bc": Algorithm(BCParams, family="imitation"),
-    "dagger": Algorithm(DAggerParams, family="imitation"),
+    "dagger": Algorithm(DAggerParams, family="imitation", label="DAgger"),
 }

@@ -12,6 +12,7 @@ from stable_baselines3.td3.policies import Actor
 from torch.nn import functional
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.imitation.algorithms import DAggerParams, ImitationParams
 from jumping_ant.agents.imitation.demonstrations import (
@@ -145,7 +146,7 @@ class _Imitator:
         anatomy, weights = self._anatomy, io.BytesIO()
         torch.save({f"actor.{name}": v for name, v in self._actor.state_dict().items()}, weights)
         interface = Interface(self._actions, anatomy.num_observations, anatomy.num_motors)
-        header = header_entries(self._agent.algorithm, interface)
+        header = header_entries(row(self._agent).network, interface)
         return pack(header | {"policy.pth": weights.getvalue()})
 
     def save_state(self) -> dict[str, Any]:

@@ -224,6 +224,7 @@ ALGORITHMS = {
         QRDQNParams,
         family="value-based",
         learner="sb3_contrib:QRDQN",
+        label="QR-DQN",
         logged=("train/loss", "rollout/exploration_rate"),
         counters=("_n_calls", "exploration_rate"),
     ),
@@ -237,6 +238,7 @@ ALGORITHMS = {
         CrossQParams,
         family="off-policy actor-critic",
         learner="sb3_contrib:CrossQ",
+        label="CrossQ",
         logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
     ),
     "ddpg": Algorithm(

@@ -22,4 +22,4 @@ class RandomAgentParams(AgentBlock):
         return 0
 
 
-ALGORITHMS = {"random": Algorithm(RandomAgentParams, family="baseline")}
+ALGORITHMS = {"random": Algorithm(RandomAgentParams, family="baseline", network="uniform")}

@@ -169,7 +169,7 @@ def policy_bytes(model: BaseAlgorithm, agent: SB3Params, actions: ActionSet) -> 
     entries["data"] = json.dumps(_without_addresses(json.loads(entries["data"]))).encode()
     anatomy = _task(model.env).anatomy
     interface = Interface(actions, anatomy.num_observations, anatomy.num_motors)
-    return pack(header_entries(agent.algorithm, interface) | entries)
+    return pack(header_entries(row(agent).network, interface) | entries)
 
 
 def _task(envs: VecEnv | None) -> Task:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import rerun as rr
 
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.showing.recording.parts import LEG_COLORS, limb_names
 from jumping_ant.showing.recording.scene import METRES_PER_NEWTON
 from jumping_ant.showing.recording.story import Story
@@ -120,7 +121,7 @@ highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
 
 def _algorithm(story: Story) -> str:
     """Return what an agent runs, in words."""
-    return BASELINES.get(story.algorithm, story.algorithm.upper())
+    return BASELINES.get(story.algorithm, ALGORITHMS[story.algorithm].label)
 
 
 def _robot(story: Story) -> str:

@@ -52,7 +52,7 @@ class Story:
     @property
     def label(self) -> str:
         """Return the agent's display name."""
-        return looks.label(self.agent, self.algorithm, self.is_baseline)
+        return catalogue.label(self.agent, self.algorithm)
 
 
 def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Story:
