@@ -6,6 +6,7 @@ Reads:  params.yaml, models/<agent>/seed-<n>/curve.csv, results/agents/<agent>/ 
 Writes: results/comparison.json, results/figures/, results/plots/
 """
 
+from jumping_ant.base import tables
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.judging import comparison, results
@@ -27,12 +28,12 @@ def main() -> None:
 
     paths = Paths()
     families = {name: agent.family for name, agent in agents.items()}
-    curve_table = comparison.to_csv(comparison.curve_rows(curves, families))
+    curve_table = tables.to_csv(comparison.curve_rows(curves, families))
     write_all(
         {
             paths.comparison: to_json(summary | {"claims": claims}),
             paths.plots / "learning_curves.csv": curve_table,
-            paths.plots / "seeds.csv": comparison.to_csv(comparison.seed_rows(agents)),
+            paths.plots / "seeds.csv": tables.to_csv(comparison.seed_rows(agents)),
             **{paths.figures / name: content for name, content in figures.files(drawn).items()},
         }
     )

@@ -9,6 +9,7 @@ from typing import Any
 import small_agents
 
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.base import tables
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
@@ -181,8 +182,4 @@ def read_csv(path: Path) -> list[dict[str, str]]:
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows as a CSV file, the first row's keys as header."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
+    write_text(path, tables.to_csv(rows))

@@ -1,14 +1,15 @@
-"""Read CSV files that stages have written: whole, of whom they should be, and within their ranges.
+"""Write CSV files, and read them: whole, of whom they should be, and within their ranges.
 
 The modules that know a table (`jumping_ant.training.curves`, `jumping_ant.training.scaling`,
 `jumping_ant.judging.episodes`) describe its columns, and say which rows it has.
 """
 
 import csv
+import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +108,7 @@ def read(
     with blamed(path, stage):
         if content and not content.endswith(b"\n"):
             raise ValueError("its last line is cut off")
-        table = parse(content.decode(), owner, columns, others)
+        table = _parse(content.decode(), owner, columns, others)
         num_rows = len(next(iter(table.values())))
         if has_rows != (num_rows > 0):
             allowed = "1 or more" if has_rows else "none"
@@ -115,41 +116,39 @@ def read(
     return table
 
 
-def parse(
-    text: str,
-    owner: Mapping[str, str | int],
-    columns: Mapping[str, Column],
-    others: Column | None = None,
+def read_growing(
+    path: Path, stage: str, owner: Mapping[str, str | int], columns: Mapping[str, Column]
 ) -> Table:
-    """Return the table that a CSV file's text holds; arguments and result as above.
-
-    Raises:
-        ValueError: It is not such a table.
-    """
-    header, rows = _split(text)
-    _check_header(header, [*owner, *columns], others is not None)
-    _check_owner(rows, owner)
-    return {
-        name: np.array(_parsed(name, columns.get(name, others or ANY), rows, place))
-        for place, name in enumerate(header)
-        if name not in owner
-    }
-
-
-def read_rows(path: Path, stage: str) -> list[dict[str, str]]:
-    """Read a CSV file as rows of text.
+    """Read a CSV file that may be in the making: missing, or with a last line that is cut off.
 
     Args:
         path: The file.
         stage: The stage that writes it, for the message.
+        owner: Whose table it is, as above.
+        columns: The columns that follow; further ones hold numbers or nothing.
+
+    Returns:
+        The columns of the whole lines, without those of the owner; none before there is a header.
 
     Raises:
-        InputError: The file is missing or is not a table; the message says what to run.
+        InputError: It is not such a table.
     """
-    content = read_bytes(path, stage)
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return {}
+    lines = content[: content.rfind(b"\n") + 1]
     with blamed(path, stage):
-        header, rows = _split(content.decode())
-        return [dict(zip(header, row, strict=True)) for row in rows]
+        return _parse(lines.decode(), owner, columns, ANY) if lines else {}
+
+
+def to_csv(rows: Sequence[Mapping[str, Any]], columns: Iterable[str] = ()) -> str:
+    """Return the content of a CSV file; its columns are by default those of the first row."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(columns or rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def exactly(table: Table, asked: Sequence[Sequence[float | str]], *keys: str) -> Table:
@@ -184,6 +183,23 @@ def blamed(path: Path, stage: str) -> Iterator[None]:
         yield
     except ValueError as error:
         raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
+
+
+def _parse(
+    text: str,
+    owner: Mapping[str, str | int],
+    columns: Mapping[str, Column],
+    others: Column | None,
+) -> Table:
+    """Return the table that a CSV file's text holds, or raise a ValueError."""
+    header, rows = _split(text)
+    _check_header(header, [*owner, *columns], others is not None)
+    _check_owner(rows, owner)
+    return {
+        name: np.array(_parsed(name, columns.get(name, others or ANY), rows, place))
+        for place, name in enumerate(header)
+        if name not in owner
+    }
 
 
 def _split(text: str) -> tuple[list[str], list[list[str]]]:

@@ -3,9 +3,7 @@
 The statistics are those of `jumping_ant.judging.statistics`: one observation per seed.
 """
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, Literal
@@ -174,15 +172,6 @@ def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
         )
         if not np.isnan(value)
     ]
-
-
-def to_csv(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a table as CSV text; the first row names the columns."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, rows[0].keys(), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def _each(agents: Mapping[str, Mapping[str, Any]], key: str) -> dict[str, float]:

@@ -1,7 +1,6 @@
 """The project's files as tracking reads them, also while they are being written."""
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -11,7 +10,6 @@ from jumping_ant.base import tables
 from jumping_ant.base.archive import Archive, to_array
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.base.tables import ANY, Column, Table
 from jumping_ant.training import curves
 
 Point = tuple[str, int]
@@ -35,38 +33,13 @@ def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:
     """
     path = Paths(root).agent(agent).seed(seed).curve
     owner, steps = curves.owner(agent, seed), {"env_steps": curves.COUNT}
-    table = read_table(path, f"train@{agent}", owner, steps)
+    table = tables.read_growing(path, f"train@{agent}", owner, steps)
     points = {
         (name, int(step)): float(column[row])
         for row, step in enumerate(table.pop("env_steps", np.empty(0)))
         for name, column in table.items()
     }
     return {point: value for point, value in points.items() if math.isfinite(value)}
-
-
-def read_table(
-    path: Path, stage: str, owner: Mapping[str, str | int], columns: Mapping[str, Column]
-) -> Table:
-    """Read a CSV file, whole or in the making; its rows need not be all that are asked for.
-
-    An unterminated last line is left out, a missing file is an empty table.
-
-    Args:
-        path: The file.
-        stage: The stage that writes it, for the message.
-        owner: Whose table it is: its first columns, with the text that every row has in them.
-        columns: The columns that follow; further ones hold numbers or nothing.
-
-    Raises:
-        InputError: It is not such a table.
-    """
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        return {}
-    lines = content[: content.rfind(b"\n") + 1]
-    with tables.blamed(path, stage):
-        return tables.parse(lines.decode(), owner, columns, ANY) if lines else {}
 
 
 def filmed_seed(root: Path, agent: str) -> int | None:

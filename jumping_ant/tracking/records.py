@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from jumping_ant.agents import catalogue
+from jumping_ant.base import tables
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
@@ -22,7 +23,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.judging import variants
 from jumping_ant.policies import policy_file
 from jumping_ant.tracking import descriptions
-from jumping_ant.tracking.reading import Point, filmed_seed, read_curve, read_table
+from jumping_ant.tracking.reading import Point, filmed_seed, read_curve
 from jumping_ant.training import curves
 from jumping_ant.words.looks import looks, remark
 
@@ -125,7 +126,7 @@ class SeedRecord:
 
     def _rows(self, path: Path, stage: str, columns: Mapping[str, Column]) -> list[dict[str, Any]]:
         """Return the seed's rows of a table of its agent."""
-        table = read_table(path, stage, {"agent": self.agent}, columns)
+        table = tables.read_growing(path, stage, {"agent": self.agent}, columns)
         own = np.flatnonzero(table.get("seed", np.empty(0)) == self.seed)
         return [{name: column[row].item() for name, column in table.items()} for row in own]
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.job import Job
+from jumping_ant.base import tables
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import read_bytes, write_text
 from jumping_ant.base.paths import Paths
@@ -137,7 +138,9 @@ def _demonstrations(root: Path, agent: AgentBlock) -> bytes | None:
 
 def _timing_table(agent: str, timing: Mapping[int, Sequence[tuple[int, float]]]) -> str:
     """Return the content of `timing.csv`, from control steps and seconds by seed."""
-    lines = [",".join(["agent", *curves.TIMING_COLUMNS])]
-    for number, rows in timing.items():
-        lines += [f"{agent},{number},{env_steps},{seconds:.3f}" for env_steps, seconds in rows]
-    return "\n".join(lines) + "\n"
+    rows = [
+        {"agent": agent, "seed": seed, "env_steps": env_steps, "seconds": f"{seconds:.3f}"}
+        for seed, own in timing.items()
+        for env_steps, seconds in own
+    ]
+    return tables.to_csv(rows, ["agent", *curves.TIMING_COLUMNS])

@@ -65,14 +65,8 @@ def measure(
 
 
 def to_csv(agent: str, rows: Sequence[dict[str, Any]]) -> str:
-    """Return the content of an agent's `scaling.csv`.
-
-    Args:
-        agent: The agent's name.
-        rows: What `measure` returns.
-    """
-    lines = [["agent", *COLUMNS], *([agent, *(row[name] for name in COLUMNS)] for row in rows)]
-    return "".join(",".join(map(str, line)) + "\n" for line in lines)
+    """Return the content of an agent's `scaling.csv`, from what `measure` returns."""
+    return tables.to_csv([{"agent": agent} | row for row in rows], ["agent", *COLUMNS])
 
 
 def read(root: Path, params: Params, agent: str) -> dict[int, NDArray[np.float64]]:

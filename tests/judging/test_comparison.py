@@ -21,8 +21,9 @@ from small_project import (
     write_project,
 )
 
+from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import load
 from jumping_ant.words.looks import DASHES, LINES, looks
@@ -273,9 +274,7 @@ def test_tables_are_tidy(project):
     curves = comparison.learning_curves(results, COMPARE)
     families = {name: agent.family for name, agent in results.items()}
     write_csv(project / "curves.csv", comparison.curve_rows(curves, families))
-    (project / "seeds.csv").write_text(
-        comparison.to_csv(comparison.seed_rows(results)), encoding="utf-8"
-    )
+    write_text(project / "seeds.csv", tables.to_csv(comparison.seed_rows(results)))
     table = read_csv(project / "curves.csv")
     columns = ["agent", "env_steps", "seconds", "return_iqm", "low", "high", "colour", "line"]
     assert list(table[0]) == columns

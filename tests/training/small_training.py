@@ -1,6 +1,5 @@
 """Small trainings of every algorithm, and what they leave."""
 
-import csv
 import hashlib
 import shutil
 from pathlib import Path
@@ -45,12 +44,6 @@ def digests(folder: Path) -> dict[str, str]:
         for path in sorted(folder.rglob("*"))
         if path.is_file()
     }
-
-
-def rows(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV file."""
-    with path.open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 def forget(project: Path) -> None:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import small_agents
+from small_project import read_csv
 from small_training import (
     ONE_OF_EACH,
     SMALL_OF_ALL,
     KillError,
-    rows,
     small_params,
 )
 
@@ -93,7 +93,7 @@ def test_a_machine_is_named_beside_each_policy(project: Path) -> None:
 def test_curve_and_timing(project: Path, agent: str) -> None:
     driver.train(project, small_params(1), agent)
     for seed in (0, 5):
-        curve = rows(project / "models" / agent / f"seed-{seed}" / "curve.csv")
+        curve = read_csv(project / "models" / agent / f"seed-{seed}" / "curve.csv")
         assert list(curve[0])[:9] == ["agent", "seed", *curves.COLUMNS]
         assert {(row["agent"], row["seed"]) for row in curve} == {(agent, str(seed))}
         steps = [int(row["env_steps"]) for row in curve]
@@ -102,7 +102,7 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
         assert len(evaluated) == 2
         assert all(row["return_mean"] == "" for row in evaluated), "one row, one kind of return"
         assert int(evaluated[-1]["env_steps"]) == steps[-1]
-        timing = [row for row in rows(project / "results" / "agents" / agent / "timing.csv")]
+        timing = read_csv(project / "results" / "agents" / agent / "timing.csv")
         own = [row for row in timing if row["seed"] == str(seed)]
         assert {row["agent"] for row in timing} == {agent}
         assert [int(row["env_steps"]) for row in own] == steps
@@ -113,7 +113,7 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
 @pytest.mark.parametrize("agent", ["random", "random-commands"])
 def test_a_baseline_is_there_at_once(project: Path, agent: str) -> None:
     driver.train(project, small_params(2), agent)
-    curve = rows(project / "models" / agent / "seed-5" / "curve.csv")
+    curve = read_csv(project / "models" / agent / "seed-5" / "curve.csv")
     assert [row["env_steps"] for row in curve] == ["0"]
     assert float(curve[0]["evaluation_return_mean"]) >= 0
 
@@ -174,7 +174,7 @@ def test_the_best_snapshot_in_validation_is_published(project: Path, agent: str)
         assert len(means) == 3, "each snapshot differs: it learned"
         assert (folder / "policy.zip").read_bytes() == best
         assert (folder / "final.zip").read_bytes() == list(means)[-1]
-        curve = rows(folder / "curve.csv")
+        curve = read_csv(folder / "curve.csv")
         told = [float(row["evaluation_return_mean"] or "nan") for row in curve]
         assert np.nanmax(told) == means[best]
 

@@ -17,7 +17,8 @@ import psutil
 import pytest
 import small_agents
 from ruamel.yaml import YAML
-from small_training import TRAINED, KillError, digests, forget, rows, small_params
+from small_project import read_csv
+from small_training import TRAINED, KillError, digests, forget, small_params
 
 from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.job import Job
@@ -92,7 +93,7 @@ def test_a_killed_run_resumes_to_the_same_bytes(
     left = {path.name for path in (project / ".checkpoints").rglob("*") if path.is_file()}
     assert left == {"lock", "seed-0.finished", "seed-5.finished"}
     for seed in ("0", "5"):
-        timing = rows(project / "results" / "agents" / agent / "timing.csv")
+        timing = read_csv(project / "results" / "agents" / agent / "timing.csv")
         seconds = [float(row["seconds"]) for row in timing if row["seed"] == seed]
         assert seconds == sorted(seconds) and len(seconds) > 1
 
