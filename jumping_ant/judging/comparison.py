@@ -6,7 +6,7 @@ The statistics are those of `jumping_ant.judging.statistics`: one observation pe
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from jumping_ant.judging.statistics import (
     probability_of_improvement,
 )
 from jumping_ant.params.blocks import CompareParams
+from jumping_ant.training.curves import Unit, evaluations
 from jumping_ant.words.looks import Family, looks
 
 Array = NDArray[np.float64]
@@ -168,7 +169,7 @@ def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
         for name, agent in results.items()
         for seed, curve in agent.curves.items()
         for steps, seconds, value in zip(
-            curve.env_steps, curve.seconds, curve.evaluation_return, strict=True
+            curve["env_steps"], curve["seconds"], curve["evaluation_return_mean"], strict=True
         )
         if not np.isnan(value)
     ]
@@ -212,7 +213,7 @@ def describe(sample: Array, confidence: float) -> dict[str, float]:
 
 
 def _return_at(
-    agent: AgentResults, against: Literal["env_steps", "seconds"], place: float, confidence: float
+    agent: AgentResults, against: Unit, place: float, confidence: float
 ) -> dict[str, float] | None:
     """Return an agent's return after a given amount of training, from its learning curves.
 
@@ -225,11 +226,8 @@ def _return_at(
     Returns:
         The result of `describe`; None if a seed was first evaluated later.
     """
-    returns = []
-    for curve in agent.curves.values():
-        done = ~np.isnan(curve.evaluation_return)
-        places = getattr(curve, against)[done]
-        returns.append(np.interp(place, places, curve.evaluation_return[done], left=np.nan))
+    own = [evaluations(curve, against) for curve in agent.curves.values()]
+    returns = [np.interp(place, *evaluated, left=np.nan) for evaluated in own]
     known = not np.isnan(returns).any()
     return describe(np.array(returns), confidence) if known else None
 
@@ -255,8 +253,9 @@ def _equal_budgets(results: Mapping[str, AgentResults], confidence: float) -> di
 
 
 def _learning_curve(agent: AgentResults, confidence: float) -> LearningCurve:
-    evaluations = [curve.evaluations for curve in agent.curves.values()]
-    grid = common_grid([steps for steps, _ in evaluations])
-    clocks = [np.interp(grid, curve.env_steps, curve.seconds) for curve in agent.curves.values()]
-    returns = aggregate_curves(grid, evaluations, confidence)
+    curves = agent.curves.values()
+    evaluated = [evaluations(curve) for curve in curves]
+    grid = common_grid([steps for steps, _ in evaluated])
+    clocks = [np.interp(grid, curve["env_steps"], curve["seconds"]) for curve in curves]
+    returns = aggregate_curves(grid, evaluated, confidence)
     return LearningCurve(grid, np.mean(clocks, axis=0), returns)

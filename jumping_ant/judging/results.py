@@ -21,36 +21,7 @@ from jumping_ant.words.looks import Family
 
 Array = NDArray[np.float64]
 
-KEYS = (*episodes.EPISODE_KEYS, "variant")  # columns that are not measurements
 QUANTITIES = ("return", "peak_height", "torque_change")  # first in a summary
-
-
-@dataclass(frozen=True)
-class SeedCurve:
-    """One seed's training, row by row, all arrays of shape (num_rows,).
-
-    Attributes:
-        env_steps: Control steps simulated so far.
-        seconds: Training seconds so far.
-        evaluation_return: Mean return of the policy at that point, NaN where it was not evaluated.
-    """
-
-    env_steps: Array
-    seconds: Array
-    evaluation_return: Array
-
-    def sustained(self, threshold: float) -> int | None:
-        """Return the row of the first evaluation from which all exceed a threshold, if any."""
-        rows = np.flatnonzero(~np.isnan(self.evaluation_return))
-        failed = np.flatnonzero(~(self.evaluation_return[rows] > threshold))
-        first = failed[-1] + 1 if len(failed) else 0
-        return int(rows[first]) if first < len(rows) else None
-
-    @property
-    def evaluations(self) -> tuple[Array, Array]:
-        """Return the steps at which the policy was evaluated, and its returns there."""
-        done = ~np.isnan(self.evaluation_return)
-        return self.env_steps[done], self.evaluation_return[done]
 
 
 @dataclass(frozen=True)
@@ -62,7 +33,8 @@ class AgentResults:
         block: Its block of `params.yaml`.
         quantities: Mean over each seed's episodes, by column of `episodes.csv`, (num_seeds,); NaN
             where a seed has no episode with a value (see `Measure.can_be_empty`).
-        curves: Each seed's training, in the same order of seeds.
+        curves: What `jumping_ant.training.curves.read_timed` returns: each seed's training, in the
+            same order of seeds.
         episode_returns: Return of every held-out episode of every seed, (num_episodes,).
         variants: The same means for variants of each seed's policy, by variant and column.
         demonstrator: Name of the agent that it imitates; empty if it imitates none.
@@ -73,7 +45,7 @@ class AgentResults:
     name: str
     block: AgentBlock
     quantities: dict[str, Array]
-    curves: dict[int, SeedCurve]
+    curves: dict[int, Table]
     episode_returns: Array = field(default_factory=lambda: np.empty(0))
     variants: dict[str, dict[str, Array]] = field(default_factory=dict)
     demonstrator: str = ""
@@ -102,12 +74,12 @@ class AgentResults:
     @property
     def env_steps(self) -> Array:
         """Return each seed's training budget [control steps], (num_seeds,)."""
-        return np.array([curve.env_steps[-1] for curve in self.curves.values()])
+        return np.array([curve["env_steps"][-1] for curve in self.curves.values()])
 
     @property
     def train_seconds(self) -> Array:
         """Return each seed's training time [s], (num_seeds,)."""
-        return np.array([curve.seconds[-1] for curve in self.curves.values()])
+        return np.array([curve["seconds"][-1] for curve in self.curves.values()])
 
 
 def load(root: Path, params: Params) -> dict[str, AgentResults]:
@@ -123,19 +95,13 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
     results = {}
     for name, block in params.agents.items():
         played = episodes.read(root, params, name)
-        variants = episodes.read_variants(root, params, name)
         results[name] = AgentResults(
             name=name,
             block=block,
             quantities=_seed_means(played, params.seeds),
-            curves={
-                seed: SeedCurve(row["env_steps"], row["seconds"], row["evaluation_return_mean"])
-                for seed, row in curves.read_timed(root, params, name).items()
-            },
+            curves=curves.read_timed(root, params, name),
             episode_returns=played["return"],
-            variants={
-                variant: _seed_means(means, params.seeds) for variant, means in variants.items()
-            },
+            variants=episodes.read_variants(root, params, name),
             demonstrator=params.demonstrator(block),
             step_seconds=scaling.read(root, params, name),
         )
@@ -144,7 +110,7 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
 
 def _seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
     """Return each quantity's mean over the episodes of each seed, ignoring empty cells."""
-    others = (name for name in table if name not in KEYS + QUANTITIES)
+    others = (name for name in table if name not in (*episodes.EPISODE_KEYS, *QUANTITIES))
     return {
         name: np.array([_mean(table[name][table["seed"] == seed]) for seed in seeds])
         for name in (*QUANTITIES, *others)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -56,7 +56,7 @@ class SeedRecord:
     params: dict[str, str]
     digest: str
     colour: str
-    publish: str
+    publish: Literal["best", "final"]
 
     @property
     def paths(self) -> AgentPaths:
@@ -135,9 +135,7 @@ class SeedRecord:
         """Mean return of the published policy in validation; None if there was none yet."""
         points = self.curve.items()
         returns = [value for (name, _), value in points if name == "evaluation_return_mean"]
-        if not returns:
-            return None
-        return max(returns) if self.publish == "best" else returns[-1]
+        return curves.published_return(returns, self.publish) if returns else None
 
     def describe(self, commit: str | None) -> str:
         """Return what the policy is, how good it is and where it comes from, as Markdown.

@@ -3,7 +3,10 @@
 `jumping_ant.training.driver` writes them; whoever reads them does so here.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +17,14 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import ANY, SECONDS, SEED, Column, Table
 from jumping_ant.experiment.models import Params
 
+Array = NDArray[np.float64]
+Unit = Literal["env_steps", "seconds"]
+
 COUNT = Column(low=0, high=1e15, is_whole=True)
 COLUMNS = {
     "env_steps": COUNT,
-    "updates": Column(low=0, high=1e15, is_whole=True, can_be_empty=True),
-    "episodes": Column(low=0, high=1e15, is_whole=True, can_be_empty=True),
+    "updates": replace(COUNT, can_be_empty=True),
+    "episodes": replace(COUNT, can_be_empty=True),
     "return_mean": ANY,
     "return_std": ANY,
     "evaluation_return_mean": Column(can_be_empty=True),
@@ -88,20 +94,38 @@ def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
     return curves
 
 
-def is_evaluation(table: Table) -> NDArray[np.bool_]:
+def evaluations(curve: Table, against: Unit = "env_steps") -> tuple[Array, Array]:
+    """Return the control steps or seconds of a learning curve's evaluations, and mean returns."""
+    rows = _is_evaluation(curve)
+    return curve[against][rows], curve["evaluation_return_mean"][rows]
+
+
+def sustained(curve: Table, threshold: float) -> int | None:
+    """Return the row of the first evaluation from which all exceed a threshold, if any."""
+    rows = np.flatnonzero(_is_evaluation(curve))
+    failed = np.flatnonzero(~(curve["evaluation_return_mean"][rows] > threshold))
+    first = failed[-1] + 1 if len(failed) else 0
+    return int(rows[first]) if first < len(rows) else None
+
+
+def published_return(returns: Sequence[float], publish: Literal["best", "final"]) -> float:
+    """Return the mean return in validation of the policy that a seed publishes.
+
+    Args:
+        returns: The mean returns of its evaluations, in their order.
+        publish: Which policy is published.
+    """
+    return max(returns) if publish == "best" else returns[-1]
+
+
+def _is_evaluation(table: Table) -> NDArray[np.bool_]:
     """Return which rows of a learning curve are evaluations, shape (num_rows,)."""
     return np.asarray(~np.isnan(table["evaluation_return_mean"]))
 
 
-def evaluations(table: Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the control steps of a learning curve's evaluations, and the mean returns there."""
-    rows = is_evaluation(table)
-    return table["env_steps"][rows], table["evaluation_return_mean"][rows]
-
-
 def _check_steps(table: Table) -> None:
     """Raise a ValueError unless training and evaluations proceed from row to row."""
-    columns = (table["env_steps"], np.nan_to_num(table["updates"]), is_evaluation(table))
+    columns = (table["env_steps"], np.nan_to_num(table["updates"]), _is_evaluation(table))
     last, reached = 0.0, dict.fromkeys((True, False), (-1.0, 0.0))  # by kind of row
     for number, (steps, updates, kind) in enumerate(zip(*columns, strict=True), start=1):
         if steps < last or (steps, updates) <= reached[bool(kind)]:
@@ -116,14 +140,14 @@ def _check_steps(table: Table) -> None:
 def _check_end(table: Table, agent: AgentBlock) -> None:
     """Raise a ValueError unless the last row is the evaluation at the end of training."""
     steps, updates = table["env_steps"][-1], np.nan_to_num(table["updates"]).max()
-    if not (is_evaluation(table)[-1] and agent.has_ended(int(steps), int(updates))):
+    if not (_is_evaluation(table)[-1] and agent.has_ended(int(steps), int(updates))):
         raise ValueError(
             f"given an end after {steps:.0f} control steps and {updates:.0f} updates, allowed: an "
             "evaluation at the end of the agent's budget"
         )
 
 
-def _check_seconds(seconds: NDArray[np.float64], agent: AgentBlock) -> None:
+def _check_seconds(seconds: Array, agent: AgentBlock) -> None:
     """Raise a ValueError unless a seed's seconds grow, from the first on where it trains."""
     if (np.diff(seconds) < 0).any() or (seconds[0] == 0 and agent.max_env_steps):
         raise ValueError("given seconds that are 0 or shrink, allowed: those of a clock that runs")

@@ -77,4 +77,4 @@ def record(
 def _validated(root: Path, params: Params, agent: str, seed: int) -> float:
     """Return the return in validation of a seed's published policy."""
     _, returns = curves.evaluations(curves.read(root, params, agent, seed))
-    return float(returns.max() if params.training.publish == "best" else returns[-1])
+    return curves.published_return(returns.tolist(), params.training.publish)

@@ -7,7 +7,7 @@ from small_project import COMPARE
 
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.judging.claims import verdicts
-from jumping_ant.judging.results import AgentResults, SeedCurve
+from jumping_ant.judging.results import AgentResults
 
 LOW, MIDDLE, HIGH = (np.linspace(start, 1.1 * start, 8) for start in (300.0, 700.0, 3000.0))
 TORN = np.array([100.0, 150.0, 200.0, 290.0, 340.0, 500.0, 700.0, 900.0])  # on both sides of LOW
@@ -22,11 +22,11 @@ def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block)
     """Return an agent whose seeds all reach their return at `reached_at`, from 0 before."""
     steps = np.array([50.0, reached_at, budget])
     curves = {
-        seed: SeedCurve(
-            env_steps=steps,
-            seconds=steps * (1 + 0.001 * seed) / 1000,
-            evaluation_return=np.where(steps >= reached_at, float(value), 0.0),
-        )
+        seed: {
+            "env_steps": steps,
+            "seconds": steps * (1 + 0.001 * seed) / 1000,
+            "evaluation_return_mean": np.where(steps >= reached_at, float(value), 0.0),
+        }
         for seed, value in enumerate(returns)
     }
     if algorithm == "pgpe":

@@ -33,8 +33,8 @@ from small_field import (
 )
 
 from jumping_ant.judging.claims.field import lacks_constant, out_of_luck, robot_of
-from jumping_ant.judging.results import SeedCurve
 from jumping_ant.params.blocks import CommandParams
+from jumping_ant.training import curves
 
 
 @pytest.mark.parametrize(
@@ -178,11 +178,11 @@ def test_a_rival_that_never_learned_in_its_shorter_budget_settles_nothing():
 
 
 def test_a_return_counts_where_it_lasts():
-    luck = SeedCurve(np.arange(5.0), np.arange(5.0), np.array([9.0, np.nan, 0.0, 8.0, 9.0]))
-    assert luck.sustained(5.0) == 3
-    assert luck.sustained(8.0) == 4
-    assert luck.sustained(-1.0) == 0
-    assert luck.sustained(9.0) is None
+    luck = {"evaluation_return_mean": np.array([9.0, np.nan, 0.0, 8.0, 9.0])}
+    assert curves.sustained(luck, 5.0) == 3
+    assert curves.sustained(luck, 8.0) == 4
+    assert curves.sustained(luck, -1.0) == 0
+    assert curves.sustained(luck, 9.0) is None
 
 
 def test_random_policies_stay_below_what_counts_as_learning():

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from itertools import permutations
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from jumping_ant.judging.claims.findings import Sample
 from jumping_ant.judging.results import AgentResults
+from jumping_ant.training import curves
 
 LUCK = 5.0  # [standard errors] above the mean of random episodes, which luck does not reach
 
@@ -121,7 +122,7 @@ def out_of_luck(random: AgentResults, num_episodes: int) -> float:
     return float(returns.mean() + LUCK * returns.std() / np.sqrt(num_episodes))
 
 
-def effort(agent: AgentResults, unit: Literal["env_steps", "seconds"], threshold: float) -> Sample:
+def effort(agent: AgentResults, unit: curves.Unit, threshold: float) -> Sample:
     """Return the effort of each seed until all its evaluations exceeded a threshold.
 
     Args:
@@ -133,9 +134,9 @@ def effort(agent: AgentResults, unit: Literal["env_steps", "seconds"], threshold
         The effort up to the first of these evaluations; the whole budget, as a lower bound, if
         there is none.
     """
-    rows = [curve.sustained(threshold) for curve in agent.curves.values()]
+    rows = [curves.sustained(curve, threshold) for curve in agent.curves.values()]
     values = [
-        getattr(curve, unit)[-1 if row is None else row]
+        curve[unit][-1 if row is None else row]
         for curve, row in zip(agent.curves.values(), rows, strict=True)
     ]
     return Sample(agent.label, np.array(values), np.array([row is not None for row in rows]))
