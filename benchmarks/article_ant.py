@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.envs.mujoco.ant_v5 import AntEnv
 from numpy.typing import NDArray
 
-from benchmarks.settings import robot_xml, task
+from benchmarks.settings import default_world
 
 
 class ArticleAnt(AntEnv):
@@ -20,11 +20,12 @@ class ArticleAnt(AntEnv):
     """
 
     def __init__(self, **options: Any) -> None:
-        self._task = task()
+        world = default_world()
+        self._task = world.env
         with tempfile.NamedTemporaryFile(
             "w", encoding="utf-8", suffix=".xml"
         ) as file:  # it needs a path
-            file.write(robot_xml())
+            file.write(world.xml)
             file.flush()
             super().__init__(
                 xml_file=file.name,

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.measure import Row
-from benchmarks.settings import CORES, robot_xml, task
+from benchmarks.settings import CORES, default_world
 from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy import trainer
@@ -76,7 +76,7 @@ def _train(agent: DQNParams, seed: int, stop: threading.Event) -> Iterator[Check
         asked[0] = time.perf_counter()
         return remaining[0] < REPEATS
 
-    job = Job(robot_xml(), task(), agent, seed, is_checkpoint_due=is_checkpoint_due)
+    job = Job(default_world(), agent, seed, is_checkpoint_due=is_checkpoint_due)
     events = trainer.train(job)
     for event in events:
         if isinstance(event, Checkpoint):

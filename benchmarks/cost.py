@@ -7,7 +7,7 @@ from functools import partial
 import psutil  # type: ignore[import-untyped]
 
 from benchmarks.measure import rate
-from benchmarks.settings import CORES, robot_xml, task
+from benchmarks.settings import CORES, default_world
 from jumping_ant.sim.vector import RobotVectorEnv
 
 MIN_ENV_STEPS = 6000  # for a figure; work is repeated until there are as many
@@ -52,7 +52,7 @@ def environments(size: int) -> Callable[[], Cost]:
 
 
 def _env_steps_per_second(num_envs: int, num_threads: int) -> float:
-    envs = RobotVectorEnv(robot_xml(), task(), num_envs, num_threads)
+    envs = RobotVectorEnv(default_world(), num_envs, num_threads)
     torques = envs.action_space.sample()
     seconds, env_steps = 0.0, 0
     while env_steps < MIN_ENV_STEPS:

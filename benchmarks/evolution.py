@@ -14,7 +14,7 @@ from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.cost import MIN_ENV_STEPS, Cost, cost
 from benchmarks.measure import Row, rate
-from benchmarks.settings import CORES, article_agent, robot_xml, task
+from benchmarks.settings import CORES, article_agent, default_world
 from jumping_ant.agents.evolution import trainer
 from jumping_ant.agents.job import Job
 
@@ -35,7 +35,7 @@ def project(num_threads: int) -> Callable[[], float]:
     """
     torch.set_num_threads(1)
     agent = article_agent("pgpe")
-    events = trainer.train(Job(robot_xml(), task(), agent, seed=0, num_threads=num_threads))
+    events = trainer.train(Job(default_world(), agent, seed=0, num_threads=num_threads))
     next(events)
     return lambda: rate(lambda: list(islice(events, GENERATIONS)), GENERATIONS)
 
@@ -76,6 +76,6 @@ def _env_steps_per_second(population_size: int, num_threads: int) -> float:
     changes = {"population_size": population_size, "episode_steps": EPISODE_STEPS}
     agent = article_agent("pgpe").model_copy(update=changes)
     generations = max(1, MIN_ENV_STEPS // agent.population_size // agent.episode_steps)
-    events = trainer.train(Job(robot_xml(), task(), agent, seed=0, num_threads=num_threads))
+    events = trainer.train(Job(default_world(), agent, seed=0, num_threads=num_threads))
     env_steps = generations * population_size * EPISODE_STEPS
     return rate(lambda: list(islice(events, generations)), env_steps)

@@ -15,7 +15,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from benchmarks import evolution
 from benchmarks.article_ant import ArticleAnt
-from benchmarks.settings import article_agent, task
+from benchmarks.settings import article_agent, default_world
 from jumping_ant.actions import ActionSet
 from jumping_ant.sim.env import Decisions
 
@@ -26,7 +26,7 @@ SECONDS_TO_STAY = 3.0  # at the peak, so that it is sampled
 def main() -> None:
     """Train the three learners, and keep them in memory."""
     env = ArticleAnt()
-    actions = ActionSet.of(article_agent("dqn").actions, task().commands)
+    actions = ActionSet.of(article_agent("dqn").actions, default_world().env.commands)
     models: dict[str, OffPolicyAlgorithm] = {
         "dqn": DQN("MlpPolicy", Decisions(env, actions)),
         "sac": SAC("MlpPolicy", env),

@@ -10,7 +10,7 @@ import torch
 from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
-from benchmarks.settings import article_agent, robot_xml, task
+from benchmarks.settings import article_agent, default_world
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy import trainer
@@ -49,7 +49,7 @@ def project(algorithm: str) -> Callable[[], float]:
     if algorithm == "dqn":
         changes |= PAST_EXPLORATION
     agent = article_agent(algorithm).model_copy(update=changes)
-    events = trainer.train(Job(robot_xml(), task(), agent, seed=0))
+    events = trainer.train(Job(default_world(), agent, seed=0))
     for _ in range(WARM_UP[algorithm]):
         next(events)
     return lambda: rate(partial(next, events), steps)
@@ -71,7 +71,7 @@ def script(
     env: ArticleAnt | Decisions = ArticleAnt()
     changes: dict[str, Any] = {"policy_kwargs": {"net_arch": list(agent.net_arch)}}
     if algorithm == "dqn":
-        env = Decisions(env, ActionSet.of(agent.actions, task().commands))
+        env = Decisions(env, ActionSet.of(agent.actions, default_world().env.commands))
         changes |= {"target_update_interval": agent.target_update_interval, **PAST_EXPLORATION}
     else:
         changes |= {"ent_coef": agent.ent_coef}

@@ -6,7 +6,7 @@ The floor is `mj_step` for the same control steps, and the matrix products of th
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -16,7 +16,7 @@ from torch.profiler import ProfilerActivity, profile
 
 from benchmarks import evolution, off_policy, simulation
 from benchmarks.apart import apart
-from benchmarks.settings import article_agent, robot_xml, task
+from benchmarks.settings import article_agent, default_world
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.off_policy.lean.learners import LeanDQN, LeanSAC
 from jumping_ant.policies.linear import LinearPolicy
@@ -50,7 +50,7 @@ class Profile:
 
 def profiles() -> Iterator[Profile]:
     """Profile every kind of work, each in a process of its own."""
-    with apart(partial(simulation.raw, robot_xml(), FLOOR_ENVS, np.arange(FLOOR_ENVS))) as turn:
+    with apart(partial(simulation.raw, default_world(), FLOOR_ENVS, np.arange(FLOOR_ENVS))) as turn:
         seconds = min(turn()[0] for _ in range(3))
     mj_step = seconds * 1e6 / simulation.ENV_STEPS
     for contender in (dqn, sac, pgpe, evaluation):
@@ -82,8 +82,9 @@ def evaluation(mj_step: float) -> Callable[[], Profile]:
     weight = np.random.default_rng(0).normal(0, 0.2, (8, 27)).astype(np.float32)
     zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
     policy = LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], ActionSet())
-    env = task().model_copy(update={"max_episode_steps": EPISODE_STEPS})
-    run = partial(rollout.run, robot_xml(), env, policy, range(EPISODES))
+    whole = default_world()
+    short = whole.env.model_copy(update={"max_episode_steps": EPISODE_STEPS})
+    run = partial(rollout.run, replace(whole, env=short), policy, range(EPISODES))
     return partial(_profile, "evaluation", mj_step, run, EPISODES * EPISODE_STEPS)
 
 

@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from gymnasium.wrappers import RecordVideo
@@ -9,13 +10,13 @@ from gymnasium.wrappers import RecordVideo
 from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
-from benchmarks.settings import robot_xml, task
+from benchmarks.settings import default_world
 from jumping_ant.actions import ActionSet
 from jumping_ant.experiment import params_file
 from jumping_ant.judging import evaluation
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.showing import rendering
-from jumping_ant.sim import gl, robot, rollout
+from jumping_ant.sim import gl, rollout
 from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import frame_stride
 
@@ -33,12 +34,11 @@ def render_vs_record_video() -> Row:
 def film() -> Callable[[], float]:
     """Set up the project's film, that of the `record` stage."""
     record = params_file.load().record.model_copy(update={"width": SIZE, "height": SIZE})
-    model = robot.load(robot_xml())
-    episode = random_episode(FILM_STEPS)
-    trajectory = evaluation.replay(model, task().frame_skip, episode, "random", SEED, 0)
+    ant, episode = default_world(), random_episode(FILM_STEPS)
+    trajectory = evaluation.replay(ant, episode, "random", SEED, 0)
     stride = frame_stride(trajectory.timestep, record.fps)
     num_frames = len(trajectory.rows(stride, record.seconds))
-    return lambda: rate(partial(rendering.film, robot_xml(), trajectory, record), num_frames)
+    return lambda: rate(partial(rendering.film, ant.xml, trajectory, record), num_frames)
 
 
 def record_video() -> Callable[[], float]:
@@ -58,6 +58,7 @@ def record_video() -> Callable[[], float]:
 
 def random_episode(num_steps: int) -> Episode:
     """Return an episode of the random agent."""
-    env = task().model_copy(update={"max_episode_steps": num_steps})
-    policy = UniformPolicy(SEED, ActionSet(), len(env.commands[0]))
-    return rollout.run(robot_xml(), env, policy, [SEED])[0]
+    whole = default_world()
+    short = whole.env.model_copy(update={"max_episode_steps": num_steps})
+    policy = UniformPolicy(SEED, ActionSet(), whole.anatomy.num_motors)
+    return rollout.run(replace(whole, env=short), policy, [SEED])[0]

@@ -4,20 +4,16 @@ from typing import Any
 
 from jumping_ant.base import machine
 from jumping_ant.experiment import params_file, presets
-from jumping_ant.params.blocks import EnvParams
 from jumping_ant.sim import robot
+from jumping_ant.sim.world import World
 
 CORES = machine.num_cores()
 
 
-def robot_xml() -> str:
-    """Return the robot of `params.yaml`, whether the pipeline has built it or not."""
-    return robot.build(params_file.load().robot)
-
-
-def task() -> EnvParams:
-    """Return the task of `params.yaml`."""
-    return params_file.load().env
+def default_world() -> World:
+    """Return robot and task of `params.yaml`, whether the pipeline has built it or not."""
+    params = params_file.load()
+    return World(robot.build(params.robot), params.env)
 
 
 def article_agent(name: str) -> Any:

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from benchmarks.apart import apart, compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, compare, rate
-from benchmarks.settings import CORES, robot_xml, task
+from benchmarks.settings import CORES, default_world
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
+from jumping_ant.sim.world import World
 
 SEED = 0
 REPEATS = 5
@@ -27,9 +28,9 @@ ENV_STEPS = 64 * 120  # control steps of all environments together in a repeat
 
 def vector_env_vs_mj_step() -> Row:
     """Compare with `mj_step` alone, on all cores: the cost of MuJoCo itself."""
-    ours = partial(batched, robot_xml(), 64, CORES, AutoresetMode.DISABLED)
+    ours = partial(batched, default_world(), 64, CORES, AutoresetMode.DISABLED)
     shares = np.array_split(np.arange(64), CORES)
-    peers = [partial(raw, robot_xml(), 64, share) for share in shares]
+    peers = [partial(raw, default_world(), 64, share) for share in shares]
     with apart(ours) as own, apart(*peers) as other:
         return compare(
             "vector_env_vs_mj_step",
@@ -45,7 +46,7 @@ def vector_env_vs_async_gymnasium() -> Row:
     return compare_apart(
         "vector_env_vs_async_gymnasium",
         "env-steps/s",
-        partial(batched, robot_xml(), 8, CORES, AutoresetMode.SAME_STEP),
+        partial(batched, default_world(), 8, CORES, AutoresetMode.SAME_STEP),
         partial(asynchronous, 8),
         REPEATS,
     )
@@ -53,7 +54,7 @@ def vector_env_vs_async_gymnasium() -> Row:
 
 def vector_env_vs_envpool() -> Row:
     """Compare with EnvPool's stock Ant, on two threads."""
-    stock = robot.source_path("ant").read_text(encoding="utf-8")
+    stock = World(robot.source_path("ant").read_text(encoding="utf-8"), default_world().env)
     return compare_apart(
         "vector_env_vs_envpool",
         "env-steps/s",
@@ -64,10 +65,10 @@ def vector_env_vs_envpool() -> Row:
 
 
 def batched(
-    xml: str, num_envs: int, num_threads: int, autoreset: AutoresetMode
+    world: World, num_envs: int, num_threads: int, autoreset: AutoresetMode
 ) -> Callable[[], float]:
     """Set up the project's batched environment."""
-    envs = RobotVectorEnv(xml, task(), num_envs, num_threads, autoreset)
+    envs = RobotVectorEnv(world, num_envs, num_threads, autoreset)
     return partial(steps_per_second, partial(envs.reset, seed=SEED), envs.step, num_envs)
 
 
@@ -93,24 +94,24 @@ def pooled(num_envs: int, num_threads: int) -> Callable[[], float]:
     return partial(steps_per_second, envs.reset, envs.step, num_envs)
 
 
-def raw(xml: str, num_envs: int, share: NDArray[np.int64]) -> Callable[[], float]:
+def raw(world: World, num_envs: int, share: NDArray[np.int64]) -> Callable[[], float]:
     """Set up one process's share of the same simulations, without any environment.
 
     Args:
-        xml: The robot.
+        world: The robot and the task.
         num_envs: Number of simulations of all processes.
         share: Numbers of those in this process.
 
     Returns:
         A function that runs them, one after the other, and returns the seconds it took.
     """
-    model = robot.load(xml)
+    model = world.model
     data = mujoco.MjData(model)
-    envs = RobotVectorEnv(xml, task(), num_envs)
+    envs = RobotVectorEnv(world, num_envs)
     envs.reset(seed=SEED)
     starts = [(envs.qpos[index].copy(), envs.qvel[index].copy()) for index in share]
     controls = random_torques(num_envs).swapaxes(0, 1)[share]
-    nstep = task().frame_skip
+    nstep = world.env.frame_skip
 
     def simulate() -> None:
         for (qpos, qvel), torques in zip(starts, controls, strict=True):

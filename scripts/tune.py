@@ -31,6 +31,7 @@ from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import TUNING_EPISODES, Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
+from jumping_ant.sim.world import World
 from jumping_ant.training import demonstrating
 
 PATH = PROJECT_ROOT / "results" / "tuning.csv"
@@ -187,11 +188,12 @@ def _run(
 ) -> tuple[float, float]:
     """Return the mean return of the policy that a training ends with, and its seconds."""
     budget = {key: int(share * getattr(agent, key)) for key in BUDGETS if hasattr(agent, key)}
-    xml, started = robot.read(PROJECT_ROOT, agent.robot), time.perf_counter()
+    world = World(robot.read(PROJECT_ROOT, agent.robot), params.env)
+    started = time.perf_counter()
     block = type(agent).model_validate(agent.model_dump() | budget)
-    policy = _train_policy(Job(xml, params.env, block, seed, demonstrations=demonstrations))
+    policy = _train_policy(Job(world, block, seed, demonstrations=demonstrations))
     seconds = time.perf_counter() - started
-    episodes = rollout.run(xml, params.env, policy_file.parse(policy), EPISODES)
+    episodes = rollout.run(world, policy_file.parse(policy), EPISODES)
     return float(np.mean([episode.rewards.sum() for episode in episodes])), seconds
 
 
@@ -206,10 +208,10 @@ def _demonstrations(params: Params) -> bytes:
     """Return demonstrations by the agent of the preset, trained on another seed."""
     settings = params.demonstrations["bc"]
     agent = params.agent(settings.agent)
-    xml = robot.read(PROJECT_ROOT, agent.robot)
-    expert = _train_policy(Job(xml, params.env, agent, SEEDS[0]))
+    world = World(robot.read(PROJECT_ROOT, agent.robot), params.env)
+    expert = _train_policy(Job(world, agent, SEEDS[0]))
     other = settings.model_copy(update={"seed": EPISODES[-1] + 1})
-    return demonstrating.record(xml, params.env, expert, other).to_bytes()
+    return demonstrating.record(world, expert, other).to_bytes()
 
 
 def _changes(agent: AgentBlock, trial: AgentBlock) -> dict[str, Any]:

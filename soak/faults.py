@@ -20,6 +20,7 @@ import numpy as np
 
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
+from jumping_ant.sim.world import World
 from scripts.checkout import Checkout, copy_project
 from soak import project as projects
 from soak.injector import AGENT, TRACK, TRAIN, Injector
@@ -165,12 +166,11 @@ class Faults(Injector):
 
     def _diverging_simulation(self) -> bool:
         """Make one robot of a batch diverge; the others must not be affected."""
-        xml = robot.read(self._project.folder)
-        task = projects.settings().env
+        world = World(robot.read(self._project.folder), projects.settings().env)
         rng = np.random.default_rng(self._generator.randrange(2**31))
         victim = int(rng.integers(4))
         torques = rng.uniform(-1, 1, (20, 4, 8))
-        hurt, calm = (RobotVectorEnv(xml, task, 4, threads) for threads in (1, 2))
+        hurt, calm = (RobotVectorEnv(world, 4, threads) for threads in (1, 2))
         for envs in (hurt, calm):
             envs.reset(seed=7)
         bad = float(rng.choice([np.nan, np.inf, 1e300]))

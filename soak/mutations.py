@@ -32,6 +32,7 @@ from jumping_ant.policies import policy_file
 from jumping_ant.showing import figures, rendering
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.task import Task
+from jumping_ant.sim.world import World
 from jumping_ant.tracking import records
 from jumping_ant.training import driver
 from jumping_ant.training.checkpoints import Saved
@@ -247,7 +248,7 @@ def _build(root: Path, params: Params, source: str) -> None:
 
 def _simulate(root: Path, params: Params) -> None:
     xml = robot.read(root)
-    Task(robot.load(xml), params.env)
+    Task(World(xml, params.env))
     rendering.scene(xml, 0)
 
 

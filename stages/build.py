@@ -11,6 +11,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.trajectory import frame_stride
+from jumping_ant.sim.world import World
 
 from . import parse, run
 
@@ -19,9 +20,9 @@ def main() -> None:
     """Run the stage."""
     settings = parse(__doc__)
     xml = robot.build(settings.robot)
-    model = robot.load(xml)
-    Task(model, settings.env)  # rejects a task that does not fit the robot, before any training
-    frame_stride(float(model.opt.timestep), settings.record.fps)
+    world = World(xml, settings.env)
+    Task(world)  # rejects a task that does not fit the robot, before any training
+    frame_stride(float(world.model.opt.timestep), settings.record.fps)
     paths = Paths()
     write_all(
         {

@@ -15,6 +15,7 @@ from jumping_ant.judging import evaluation, variants
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
+from jumping_ant.sim.world import World
 
 from . import parse_agent, run
 
@@ -30,18 +31,18 @@ def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
     paths = Paths().agent(agent)
-    xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
+    world = World(robot.read(PROJECT_ROOT, settings.agent(agent).robot), settings.env)
     trained = {
         seed: policy_file.load(paths.seed(seed).policy, (agent, seed)) for seed in settings.seeds
     }
     if not settings.agent(agent).depends_on_seed:  # played once, for all seeds
         trained = dict.fromkeys(trained, trained[settings.seeds[0]])
     num_threads = machine.num_cores()
-    episodes, median = evaluation.evaluate(xml, settings, agent, trained, num_threads)
+    held_out = settings.evaluate
+    episodes, median = evaluation.evaluate(world, held_out, agent, trained, num_threads)
     others = {
         seed: variants.make(
-            xml,
-            settings.env,
+            world,
             settings.agent(agent).algorithm,
             policy,
             final_policy(paths.seed(seed), policy),
@@ -51,7 +52,7 @@ def main() -> None:
         )
         for seed, policy in trained.items()
     }
-    table = evaluation.evaluate_variants(xml, settings, (trained, episodes), others, num_threads)
+    table = evaluation.evaluate_variants(world, held_out, (trained, episodes), others, num_threads)
     means = evaluation.seed_means(episodes)
     write_all(
         {

@@ -10,6 +10,7 @@ from jumping_ant.base.files import PROJECT_ROOT, write_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.showing.recording import lineup, story
 from jumping_ant.sim import robot, trajectory
+from jumping_ant.sim.world import World
 
 from . import parse, run
 
@@ -17,8 +18,9 @@ from . import parse, run
 def main() -> None:
     """Run the stage."""
     settings = parse(__doc__)
-    robots = {
-        name: robot.read(PROJECT_ROOT, agent.robot) for name, agent in settings.agents.items()
+    worlds = {
+        name: World(robot.read(PROJECT_ROOT, agent.robot), settings.env)
+        for name, agent in settings.agents.items()
     }
     episodes = {
         agent: trajectory.load(Paths().agent(agent).trajectory) for agent in settings.agents
@@ -27,7 +29,7 @@ def main() -> None:
         agent: story.read(PROJECT_ROOT, settings, agent, episode)
         for agent, episode in episodes.items()
     }
-    write_bytes(Paths().lineup, lineup.record(robots, episodes, stories))
+    write_bytes(Paths().lineup, lineup.record(worlds, episodes, stories))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.showing import rendering
 from jumping_ant.showing.recording import episode, story
 from jumping_ant.sim import robot, trajectory
+from jumping_ant.sim.world import World
 
 from . import parse_agent, run
 
@@ -18,12 +19,12 @@ from . import parse_agent, run
 def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
-    xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
+    world = World(robot.read(PROJECT_ROOT, settings.agent(agent).robot), settings.env)
     paths = Paths().agent(agent)
     states = trajectory.load(paths.trajectory)
     told = story.read(PROJECT_ROOT, settings, agent, states)
-    film = rendering.film(xml, states, settings.record)
-    recording = episode.record(xml, states, told, film)
+    film = rendering.film(world.xml, states, settings.record)
+    recording = episode.record(world, states, told, film)
     write_all({paths.film: film, paths.recording: recording})
 
 

@@ -9,6 +9,7 @@ Writes: results/agents/AGENT/scaling.csv, without rows for an agent whose algori
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
+from jumping_ant.sim.world import World
 from jumping_ant.training import scaling
 
 from . import parse_agent, run
@@ -17,8 +18,8 @@ from . import parse_agent, run
 def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
-    xml = robot.read(PROJECT_ROOT, settings.agent(agent).robot)
-    rows = scaling.measure(xml, settings.env, settings.agent(agent), settings.seeds)
+    world = World(robot.read(PROJECT_ROOT, settings.agent(agent).robot), settings.env)
+    rows = scaling.measure(world, settings.agent(agent), settings.seeds)
     write_text(Paths().agent(agent).scaling, scaling.to_csv(agent, rows))
 
 

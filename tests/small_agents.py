@@ -8,8 +8,8 @@ from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.imitation.demonstrations import Demonstrations, play
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.experiment import presets
-from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
+from jumping_ant.sim.world import World
 
 PARAMS = presets.load("families")
 # Settings of each family, and of some algorithms, that train in a second.
@@ -66,18 +66,18 @@ def of_package(package: str) -> list[str]:
     return [name for name in agents() if ALGORITHMS[name].package == package]
 
 
-def job(xml: str, env: EnvParams, agent: AgentBlock, seed: int, **more: Any) -> Job[Any]:
+def job(world: World, agent: AgentBlock, seed: int, **more: Any) -> Job[Any]:
     """Return a training of an agent, with demonstrations if it learns from them."""
-    content = demonstrations(xml) if agent.learns_from_demonstrations else None
-    return Job(xml, env, agent, seed, demonstrations=content, **more)
+    content = demonstrations(world.xml) if agent.learns_from_demonstrations else None
+    return Job(world, agent, seed, demonstrations=content, **more)
 
 
 @cache
 def demonstrations(xml: str) -> bytes:
     """Return demonstrations of a linear policy that has hardly been trained."""
-    env, agent = PARAMS.env, agents()["ars"]
+    world, agent = World(xml, PARAMS.env), agents()["ars"]
     held = agent.model_copy(update={"actions": agents()["bc"].actions})  # type: ignore[attr-defined]
-    *_, finished = trainer_of(held)(Job(xml, env, held, seed=0))
+    *_, finished = trainer_of(held)(Job(world, held, seed=0))
     expert = policy_file.parse(finished.policy)  # type: ignore[union-attr]
-    played = play(xml, env, expert, expert, list(range(10)), 60, 0.25)
+    played = play(world, expert, expert, list(range(10)), 60, 0.25)
     return Demonstrations(played, finished.policy).to_bytes()  # type: ignore[union-attr]

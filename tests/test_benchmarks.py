@@ -13,7 +13,7 @@ from benchmarks.apart import apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.cost import Cost
 from benchmarks.measure import Row, compare, rate
-from benchmarks.settings import article_agent, robot_xml, task
+from benchmarks.settings import article_agent, default_world
 from jumping_ant.sim.env import RobotEnv
 
 ROW = Row("sac_vs_sb3", ours=1234.56, peer=0.012345, unit="env-steps/s", ratio=2.5, spread=0.125)
@@ -77,7 +77,7 @@ def test_the_article_preset_learns_as_often_as_sb3_by_default(
 
 
 def test_the_article_s_environment_is_the_project_s() -> None:
-    theirs, ours = ArticleAnt(), RobotEnv(robot_xml(), task())
+    theirs, ours = ArticleAnt(), RobotEnv(default_world())
     assert np.array_equal(theirs.reset(seed=3)[0], ours.reset(seed=3)[0])
     generator = np.random.default_rng(0)
     for _ in range(100):

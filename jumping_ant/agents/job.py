@@ -8,7 +8,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event
-from jumping_ant.params.blocks import EnvParams
+from jumping_ant.sim.world import World
 
 Settings = TypeVar("Settings", bound=AgentBlock, covariant=True)
 
@@ -22,8 +22,7 @@ class Job(Generic[Settings]):
     """A training of one seed of an agent.
 
     Attributes:
-        xml: The robot as MJCF text.
-        env: The task.
+        world: The robot and the task.
         agent: The agent's block.
         seed: Seed that determines the run.
         evaluations: Number of snapshots, spread evenly over the budget.
@@ -33,8 +32,7 @@ class Job(Generic[Settings]):
         is_checkpoint_due: Whether to yield a checkpoint; called after every round of work.
     """
 
-    xml: str
-    env: EnvParams
+    world: World
     agent: Settings
     seed: int
     evaluations: int = 1

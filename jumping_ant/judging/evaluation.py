@@ -32,70 +32,53 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from jumping_ant.experiment.models import Params
 from jumping_ant.judging import motion
 from jumping_ant.judging.episodes import EPISODE_KEYS
+from jumping_ant.params.blocks import EvaluateParams
 from jumping_ant.policies.policy import Policy
-from jumping_ant.sim import robot, rollout
-from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 from jumping_ant.words.measures import TERM
 
 
 def evaluate(
-    xml: str, params: Params, agent: str, policies: dict[int, Policy], num_threads: int = 1
+    world: World,
+    settings: EvaluateParams,
+    agent: str,
+    policies: dict[int, Policy],
+    num_threads: int = 1,
 ) -> tuple[pd.DataFrame, Trajectory]:
     """Run the held-out episodes of an agent's policies.
-
-    Args:
-        xml: The robot as MJCF text.
-        params: All parameters.
-        agent: The agent's name, stored in the trajectory.
-        policies: The policy of each seed.
-        num_threads: Threads that step the simulations; results do not depend on it.
 
     Returns:
         One row per episode (columns `seed`, `episode`, `episode_seed`, then `QUANTITIES`), and the
         trajectory of the episode of median return (the lower one of an even number).
     """
-    model = robot.load(xml)
-    table, episodes = _play(xml, model, params, policies, num_threads)
+    table, episodes = _play(world, settings, policies, num_threads)
     median = int(table["return"].argsort(kind="stable").iloc[(len(table) - 1) // 2])
     row = table.iloc[median]
-    trajectory = replay(
-        model,
-        params.env.frame_skip,
-        episodes[median],
-        agent,
-        int(row["seed"]),
-        int(row["episode"]),
-    )
-    return table, trajectory
+    played = episodes[median]
+    return table, replay(world, played, agent, int(row["seed"]), int(row["episode"]))
 
 
 def evaluate_variants(
-    xml: str,
-    params: Params,
+    world: World,
+    settings: EvaluateParams,
     published: tuple[dict[int, Policy], pd.DataFrame],
     variants: dict[int, dict[str, Policy]],
     num_threads: int = 1,
 ) -> pd.DataFrame:
-    """Run the held-out episodes of other versions of an agent's policies.
+    """Run the held-out episodes of each seed's variants (see `jumping_ant.judging.variants`).
 
-    Args:
-        xml: The robot as MJCF text.
-        params: All parameters.
-        published: The policy of each seed, and their episodes as `evaluate` returns them. A variant
-            that is the published policy itself is not run again.
-        variants: The versions of each seed's policy (see `jumping_ant.judging.variants`).
-        num_threads: Threads that step the simulations; results do not depend on it.
+    A variant that is the published policy itself is not run again: `published` has those policies,
+    and their episodes as `evaluate` returns them.
 
     Returns:
         Means over episodes: one row for each seed and variant (columns `seed`, `variant`, then
         `QUANTITIES`).
     """
-    model = robot.load(xml)
     policies, episodes = published
     rows = []
     for seed, own in variants.items():
@@ -103,28 +86,25 @@ def evaluate_variants(
             if policy is policies[seed]:
                 table = episodes[episodes["seed"] == seed]
             else:
-                table, _ = _play(xml, model, params, {seed: policy}, num_threads)
+                table, _ = _play(world, settings, {seed: policy}, num_threads)
             rows.append(seed_means(table).assign(variant=name))
     table = pd.concat(rows, ignore_index=True)
     return table[["seed", "variant", *(name for name in table if name not in ("seed", "variant"))]]
 
 
 def _play(
-    xml: str,
-    model: mujoco.MjModel,
-    params: Params,
-    policies: dict[int, Policy],
-    num_threads: int,
+    world: World, settings: EvaluateParams, policies: dict[int, Policy], num_threads: int
 ) -> tuple[pd.DataFrame, list[Episode]]:
     """Run the held-out episodes of each seed's policy, the same policy once, and measure them."""
-    episode_seeds = [params.evaluate.seed + i for i in range(params.evaluate.episodes)]
+    episode_seeds = [settings.seed + i for i in range(settings.episodes)]
     rows: list[dict[str, Any]] = []
     episodes: list[Episode] = []
     played: dict[int, tuple[list[Episode], list[dict[str, float]]]] = {}
     for seed, policy in policies.items():
         if id(policy) not in played:
-            ran = rollout.run(xml, params.env, policy, episode_seeds, num_threads)
-            played[id(policy)] = ran, [measure(model, params, episode) for episode in ran]
+            ran = rollout.run(world, policy, episode_seeds, num_threads)
+            measured = [measure(world, settings, episode) for episode in ran]
+            played[id(policy)] = ran, measured
         ran, measured = played[id(policy)]
         for number, (episode_seed, measures) in enumerate(
             zip(episode_seeds, measured, strict=True)
@@ -161,23 +141,16 @@ def summarize(table: pd.DataFrame) -> dict[str, float]:
     return {str(name): float(mean) for name, mean in means.items()}
 
 
-def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str, float]:
-    """Return the quantities of one episode (see the module's docstring).
-
-    Args:
-        model: The robot.
-        params: All parameters.
-        episode: The episode, of T control steps.
-    """
-    dt = float(model.opt.timestep) * params.env.frame_skip
+def measure(world: World, settings: EvaluateParams, episode: Episode) -> dict[str, float]:
+    """Return the quantities of one episode (see the module's docstring)."""
+    dt = world.dt
     finite = np.isfinite(episode.qpos).all(axis=1) & np.isfinite(episode.qvel).all(axis=1)
     positions = np.concatenate([episode.start_qpos[None], episode.qpos[finite]])
-    anatomy = Anatomy.of(model)
-    places = anatomy.places(positions)
+    places = world.anatomy.places(positions)
     heights = places[:, 2]
     # Contacts are not recorded at the start, which counts as on the ground.
     airborne = np.concatenate([[False], episode.airborne[finite]])
-    jumps = motion.phases(airborne, params.evaluate.min_airborne_seconds / dt)
+    jumps = motion.phases(airborne, settings.min_airborne_seconds / dt)
     change = np.diff(episode.torques, axis=0)
     return {
         "length": len(episode.rewards),
@@ -190,8 +163,8 @@ def measure(model: mujoco.MjModel, params: Params, episode: Episode) -> dict[str
         "airborne_seconds": float(airborne.sum() * dt),
         "flight": float(airborne.sum() / len(episode.rewards)),
         "torque_change": float(np.square(change).mean()) if len(change) else 0.0,
-        "fluidity": motion.fluidity(joint_angles(model, positions), dt),
-        "work": float(np.abs(motor_power(model, episode)[finite]).sum() * dt),
+        "fluidity": motion.fluidity(joint_angles(world, positions), dt),
+        "work": float(np.abs(motor_power(world, episode)[finite]).sum() * dt),
         "drift": float(np.hypot(*(places[-1, :2] - places[0, :2]))),
         "survived": int(not episode.terminated),
     }
@@ -209,55 +182,35 @@ def _returns_of_terms(episode: Episode) -> dict[str, float]:
     return {f"{TERM}{name}": float(values.sum()) for name, values in episode.terms.items()}
 
 
-def joint_angles(model: mujoco.MjModel, qpos: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the angle of every motor's joint, divided by the joint's range.
+def joint_angles(world: World, qpos: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the angle of every motor's joint over the joint's range, (num_states, num_motors).
 
-    Args:
-        model: The robot.
-        qpos: Positions, shape (num_states, num_positions).
-
-    Returns:
-        Shape (num_states, num_motors); 1 is the whole range from one end to the other, or a full
-        turn if a joint has no limits.
+    The range of a joint without limits is a full turn.
     """
-    joints = Anatomy.of(model).motor_joints
+    model, joints = world.model, world.anatomy.motor_joints
     low, high = model.jnt_range[joints].T
     ranges = np.where(model.jnt_limited[joints] == 1, high - low, 2 * np.pi)
     return np.asarray(qpos[:, model.jnt_qposadr[joints]] / ranges)
 
 
-def motor_power(model: mujoco.MjModel, episode: Episode) -> NDArray[np.float64]:
+def motor_power(world: World, episode: Episode) -> NDArray[np.float64]:
     """Return the power of every motor [W], shape (T, num_motors), at the end of each control step.
 
     The power is zero where a velocity is not finite.
     """
-    anatomy = Anatomy.of(model)
-    velocities = episode.qvel[:, model.jnt_dofadr[anatomy.motor_joints]]
+    velocities = episode.qvel[:, world.model.jnt_dofadr[world.anatomy.motor_joints]]
     velocities = np.where(np.isfinite(velocities), velocities, 0.0)
-    return episode.torques * anatomy.peak_torques * velocities
+    return episode.torques * world.anatomy.peak_torques * velocities
 
 
-def replay(
-    model: mujoco.MjModel, frame_skip: int, episode: Episode, agent: str, seed: int, number: int
-) -> Trajectory:
-    """Simulate an episode again and keep every substep.
-
-    Args:
-        model: The robot.
-        frame_skip: Substeps of a control step.
-        episode: The episode, of T control steps.
-        agent: The agent's name, stored in the trajectory.
-        seed: The agent's seed, stored in the trajectory.
-        number: The episode's number, stored in the trajectory.
-
-    Returns:
-        The trajectory, of T * frame_skip + 1 states.
-    """
-    batch = Batch(model, 1, 1)
+def replay(world: World, episode: Episode, agent: str, seed: int, number: int) -> Trajectory:
+    """Simulate an episode of T control steps again, and keep all T * frame_skip + 1 states."""
+    frame_skip = world.env.frame_skip
+    batch = Batch(world.model, 1, 1)
     batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
     batch.bind("qpos")[0], batch.bind("qvel")[0] = episode.start_qpos, episode.start_qvel
     batch.forward()
-    controls = episode.torques * Anatomy.of(model).control_limits
+    controls = episode.torques * world.anatomy.control_limits
     control = np.repeat(controls, frame_skip, axis=0)[None]
     states = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
     return Trajectory(
@@ -270,6 +223,6 @@ def replay(
         seed=seed,
         episode=number,
         episode_return=float(episode.rewards.sum()),
-        timestep=float(model.opt.timestep),
+        timestep=float(world.model.opt.timestep),
         frame_skip=frame_skip,
     )

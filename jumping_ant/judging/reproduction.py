@@ -29,12 +29,12 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
-from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
+from jumping_ant.sim.world import World
 from jumping_ant.training import curves
 
 AGENTS = ("dqn", "sac", "pgpe")
@@ -125,11 +125,11 @@ def reproduce(root: Path, params: Params) -> Reproduction:
         InputError: An agent is not in the parameters, has another algorithm, or is not trained.
     """
     dqn, _, _ = (_agent(params, name) for name in AGENTS)
-    xml = robot.read(root)
-    dqn_totals = _test(root, xml, params, "dqn", epsilon=dqn.exploration_final_eps)
-    sac_totals = _test(root, xml, params, "sac")
+    world = World(robot.read(root), params.env)
+    dqn_totals = _test(root, world, params, "dqn", epsilon=dqn.exploration_final_eps)
+    sac_totals = _test(root, world, params, "sac")
     centers = [_final_policy(root, "pgpe", seed) for seed in params.seeds]
-    returns = partial(_returns, xml, params)
+    returns = partial(_returns, world, params.seeds)
     return Reproduction(
         seeds=params.seeds,
         totals={
@@ -144,22 +144,14 @@ def reproduce(root: Path, params: Params) -> Reproduction:
 
 
 def play(
-    xml: str, env: EnvParams, act: Act, hold: int, seed: int, num_steps: int = article.TEST_STEPS
+    world: World, act: Act, hold: int, seed: int, num_steps: int = article.TEST_STEPS
 ) -> Array:
-    """Run without termination or reset, and return the reward of each control step.
+    """Run without termination or reset, and return the reward of each control step, (num_steps,).
 
-    Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        act: Chooses torques, shape (1, num_motors), given an observation.
-        hold: Control steps that a choice is held for.
-        seed: Seed of the start state.
-        num_steps: Number of control steps.
-
-    Returns:
-        Rewards, shape (num_steps,); zero from the first state on that is not finite.
+    `act` chooses torques, shape (1, num_motors), every `hold` control steps. Rewards are zero from
+    the first state on that is not finite.
     """
-    envs = RobotVectorEnv(xml, env, 1, autoreset_mode=AutoresetMode.DISABLED)
+    envs = RobotVectorEnv(world, 1, autoreset_mode=AutoresetMode.DISABLED)
     observations, _ = envs.reset(seed=[seed])
     rewards = np.zeros(num_steps)
     for step in range(num_steps):
@@ -220,32 +212,26 @@ def _agent(params: Params, name: str) -> Any:
     return agent
 
 
-def _test(root: Path, xml: str, params: Params, agent: str, **exploration: float) -> Array:
+def _test(root: Path, world: World, params: Params, agent: str, **exploration: float) -> Array:
     """Return the running totals of an agent's tests, shape (num_seeds, TEST_STEPS).
 
-    Args:
-        root: The project's folder.
-        xml: The robot as MJCF text.
-        params: All parameters.
-        agent: The agent's name.
-        exploration: Further arguments of its policy's `explore`.
+    `exploration` has further arguments of its policy's `explore`.
     """
     rewards = []
     for seed in params.seeds:
         policy = _final_policy(root, agent, seed)
         generators = [np.random.default_rng(derive(seed, "test", 1))]
         act = partial(policy.explore, generators=generators, **exploration)
-        rewards.append(play(xml, params.env, act, policy.actions.hold, derive(seed, "test")))
+        rewards.append(play(world, act, policy.actions.hold, derive(seed, "test")))
     return np.cumsum(rewards, axis=1)
 
 
-def _returns(xml: str, params: Params, centers: Sequence[Policy]) -> Array:
+def _returns(world: World, seeds: Sequence[int], centers: Sequence[Policy]) -> Array:
     """Return each policy's return over as many steps as the tests have, shape (num_seeds,)."""
-    pairs = zip(params.seeds, centers, strict=True)
     return np.array(
         [
-            play(xml, params.env, center.act, center.actions.hold, derive(seed, "test")).sum()
-            for seed, center in pairs
+            play(world, center.act, center.actions.hold, derive(seed, "test")).sum()
+            for seed, center in zip(seeds, centers, strict=True)
         ]
     )
 

@@ -21,10 +21,11 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment.models import SELECTION_EPISODES
-from jumping_ant.params.blocks import ActionParams, EnvParams
+from jumping_ant.params.blocks import ActionParams
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
+from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
 
@@ -121,8 +122,7 @@ def names_of(agent: AgentBlock) -> tuple[str, ...]:
 
 
 def make(
-    xml: str,
-    env: EnvParams,
+    world: World,
     algorithm: str,
     published: Policy,
     final: Policy,
@@ -130,30 +130,22 @@ def make(
     validation_seed: int,
     num_threads: int = 1,
 ) -> dict[str, Policy]:
-    """Return the variants of one seed's policy, by name.
+    """Return the variants of one seed's published policy, by name.
 
-    Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        algorithm: The algorithm of the agent.
-        published: The seed's policy.
-        final: The seed's last policy.
-        seed: The agent's seed, which the samples' random numbers are derived from.
-        validation_seed: Seed of the first validation episode.
-        num_threads: Threads that step the simulations; results do not depend on it.
+    Samples of the last policy's search distribution are drawn by the agent's seed, and play the
+    validation episodes, the first of which has `validation_seed`.
     """
     names = _names(algorithm, chooses_torques=published.actions.table is None)
     variants: dict[str, Policy] = {"final": final}
     if "rounded" in names:
-        commands = AMPLITUDE * np.array(env.commands, dtype=np.float64)
+        commands = AMPLITUDE * np.array(world.env.commands, dtype=np.float64)
         variants["rounded"] = RoundedPolicy(published, commands)
     if "best_sample" in names and isinstance(final, LinearPolicy):
         generator = np.random.default_rng(derive(seed, "samples"))
         samples = [final.sample(generator) for _ in range(NUM_SAMPLES)]
         episode_seeds = [validation_seed + i for i in range(SELECTION_EPISODES)]
-        episodes = rollout.run(
-            xml, env, SideBySide(samples), episode_seeds * NUM_SAMPLES, num_threads
-        )
+        seeds = episode_seeds * NUM_SAMPLES
+        episodes = rollout.run(world, SideBySide(samples), seeds, num_threads)
         returns = np.array([episode.rewards.sum() for episode in episodes])
         totals = returns.reshape(NUM_SAMPLES, SELECTION_EPISODES).sum(axis=1)
         variants["best_sample"] = samples[int(np.argmax(totals))]

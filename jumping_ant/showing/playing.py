@@ -49,5 +49,5 @@ def _play_episode(env: RobotEnv, policy: Policy, seed: int) -> Iterator[Step]:
         qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()
         observation, reward, terminated, truncated, info = env.step(torques.astype(np.float32))
         has_ended = terminated or truncated
-        terms = {name: info[PREFIX + name] for name in active(env.params.reward)}
+        terms = {name: info[PREFIX + name] for name in active(env.world.env.reward)}
         yield Step(qpos, qvel, torques, reward, terms)

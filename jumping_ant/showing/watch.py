@@ -31,6 +31,7 @@ from jumping_ant.showing.recording import server
 from jumping_ant.showing.recording.live import LiveRecording
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv
+from jumping_ant.sim.world import World
 
 
 def main() -> None:
@@ -50,8 +51,8 @@ def main() -> None:
     policy = load_policy(PROJECT_ROOT, options.agent, seed)
     name = f"{options.agent}, seed {seed}"
     show = _in_window if has_screen() else _in_browser
-    xml = robot.read(PROJECT_ROOT, settings.agent(options.agent).robot)
-    show(xml, settings, policy, name, options.episodes)
+    world = World(robot.read(PROJECT_ROOT, settings.agent(options.agent).robot), settings.env)
+    show(world, policy, name, settings.evaluate.seed, options.episodes)
 
 
 def run() -> None:
@@ -98,20 +99,20 @@ def has_screen() -> bool:
 
 
 def _in_window(
-    xml: str, settings: Params, policy: Policy, name: str, num_episodes: int | None
+    world: World, policy: Policy, name: str, first_seed: int, num_episodes: int | None
 ) -> None:
     """Play in a window; closing it also ends the program.
 
     Raises:
         InputError: No window can be opened.
     """
-    env = RobotEnv(xml, settings.env, render_mode="human")
+    env = RobotEnv(world, render_mode="human")
     warnings.simplefilter("error", glfw.GLFWError)
     try:
         env.reset()
         print(f"{name}: plays in MuJoCo's window (Ctrl-C ends it)", flush=True)
         with suppress(glfw.GLFWError):  # from drawing into a window that was closed
-            for _ in play(env, policy, settings.evaluate.seed, num_episodes):
+            for _ in play(env, policy, first_seed, num_episodes):
                 pass  # the environment draws itself
     except (glfw.GLFWError, mujoco.FatalError) as error:
         raise InputError(
@@ -123,13 +124,13 @@ def _in_window(
 
 
 def _in_browser(
-    xml: str, settings: Params, policy: Policy, name: str, num_episodes: int | None
+    world: World, policy: Policy, name: str, first_seed: int, num_episodes: int | None
 ) -> None:
-    env = RobotEnv(xml, settings.env)
+    env = RobotEnv(world)
     with server.serve(name) as (stream, feed, address):
         print(f"{name}: open {address} (Ctrl-C ends it)", flush=True)
-        recording = LiveRecording(stream, env.model, settings.env.frame_skip)
-        for step in play(env, policy, settings.evaluate.seed, num_episodes):
+        recording = LiveRecording(stream, world)
+        for step in play(env, policy, first_seed, num_episodes):
             recording.show(step)  # the first time with all that stays: shapes, styles, layout
             feed.publish()
 

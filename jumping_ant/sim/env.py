@@ -9,6 +9,7 @@ one is for interactive use and tools. Tests check that the two are bit-identical
 Observation, action and reward are described in `jumping_ant.sim.task`.
 """
 
+from copy import copy
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -19,15 +20,20 @@ from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.params import article
-from jumping_ant.params.blocks import EnvParams
 from jumping_ant.sim import gl, rewards, robot
 from jumping_ant.sim.task import Task, action_space
 from jumping_ant.sim.vector import RobotVectorEnv
+from jumping_ant.sim.world import World
 
 if TYPE_CHECKING:  # its imports are needed only for rendering
     from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 
 ENV_ID = "JumpingAnt-v0"
+
+
+def article_world() -> World:
+    """Return the article's robot and task."""
+    return World(robot.build(article.ROBOT), article.ENV)
 
 
 class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
@@ -36,13 +42,13 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
     `info` of each step holds `reward_<term>` of every term of the reward, and `torso_height` [m].
 
     Args:
-        xml: The robot as MJCF text.
-        params: The task.
+        world: The robot and the task.
         render_mode: `rgb_array`, `human` or None.
         width: Width of the rendered picture [pixels].
         height: Height of the rendered picture [pixels].
 
     Attributes:
+        model: The compiled robot, which is this environment's own.
         task: The task, with the robot's anatomy.
 
     Raises:
@@ -54,8 +60,7 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
 
     def __init__(
         self,
-        xml: str,
-        params: EnvParams,
+        world: World,
         render_mode: str | None = None,
         width: int = 480,
         height: int = 480,
@@ -65,10 +70,10 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
                 f"render_mode: given {render_mode!r}, allowed: None, "
                 f"{', '.join(map(repr, self.metadata['render_modes']))}"
             )
-        self.params = params
-        self.model = robot.load(xml)
+        self.world = world
+        self.model = copy(world.model)
         self.data = mujoco.MjData(self.model)
-        self.task = Task(self.model, params)
+        self.task = Task(world)
         self.metadata = self.metadata | {"render_fps": round(1 / self.dt)}
         self.render_mode = render_mode
         self.observation_space = self.task.observation_space
@@ -106,12 +111,13 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
         torques = np.asarray(action, dtype=np.float64)
         self.data.ctrl[:] = torques * self.task.anatomy.control_limits
         before = self._torso_x()
-        mujoco.mj_step(self.model, self.data, nstep=self.params.frame_skip)
+        mujoco.mj_step(self.model, self.data, nstep=self.world.env.frame_skip)
         self._num_steps += 1
-        travel = np.array([self._torso_x() - before])
-        outcome = self.task.judge(self.data.qpos[None], self.data.qvel[None], torques[None], travel)
+        data, travel = self.data, np.array([self._torso_x() - before])
+        contacts = np.array([data.ncon], dtype=np.int32)
+        outcome = self.task.judge(data.qpos[None], data.qvel[None], torques[None], travel, contacts)
         terminated = bool(outcome.terminated[0])
-        truncated = not terminated and self._num_steps >= self.params.max_episode_steps
+        truncated = not terminated and self._num_steps >= self.world.env.max_episode_steps
         if self.render_mode == "human":
             self.render()
         terms = {f"{rewards.PREFIX}{name}": float(each[0]) for name, each in outcome.terms.items()}
@@ -154,7 +160,7 @@ class JumpingAnt(RobotEnv):
     """
 
     def __init__(self, render_mode: str | None = None, width: int = 480, height: int = 480) -> None:
-        super().__init__(robot.build(article.ROBOT), article.ENV, render_mode, width, height)
+        super().__init__(article_world(), render_mode, width, height)
 
 
 class Decisions(gym.Wrapper):
@@ -222,8 +228,7 @@ class JumpingAntVector(RobotVectorEnv):
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode: given {render_mode!r}, allowed: None, 'rgb_array'")
-        xml = robot.build(article.ROBOT)
-        super().__init__(xml, article.ENV, num_envs, num_threads, AutoresetMode(autoreset_mode))
+        super().__init__(article_world(), num_envs, num_threads, AutoresetMode(autoreset_mode))
         self.metadata |= {"render_modes": ["rgb_array"], "render_fps": round(1 / self.dt)}
         self.render_mode = render_mode
         self._size = (width, height)
@@ -234,12 +239,12 @@ class JumpingAntVector(RobotVectorEnv):
         if self.render_mode is None:
             return None
         if self._renderer is None:
-            data = mujoco.MjData(self.model)
-            self._renderer = gl.gymnasium_renderer(self.model, data, *self._size)
+            model = self.world.model
+            self._renderer = gl.gymnasium_renderer(model, mujoco.MjData(model), *self._size)
         pictures = []
         for index in range(self.num_envs):
             self.batch.get_data(index, self._renderer.data)
-            mujoco.mj_forward(self.model, self._renderer.data)
+            mujoco.mj_forward(self.world.model, self._renderer.data)
             pictures.append(self._renderer.render("rgb_array").copy())
         return tuple(pictures)
 

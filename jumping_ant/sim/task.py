@@ -37,15 +37,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
-from jumping_ant.params.blocks import EnvParams
 from jumping_ant.sim import rewards
-from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
 
@@ -76,8 +74,7 @@ class Task:
     """The task of a robot.
 
     Args:
-        model: The robot.
-        params: The task's parameters.
+        world: The robot, and the task's parameters.
 
     Attributes:
         anatomy: Sizes and coordinates of the robot.
@@ -87,12 +84,12 @@ class Task:
         InputError: The parameters do not fit the robot.
     """
 
-    def __init__(self, model: mujoco.MjModel, params: EnvParams) -> None:
-        self.params = params
-        self.anatomy = Anatomy.of(model)
-        self.dt = float(model.opt.timestep) * params.frame_skip
-        self._start_qpos = model.qpos0.copy()
-        if (width := len(params.commands[0])) != self.anatomy.num_motors:
+    def __init__(self, world: World) -> None:
+        self.params = world.env
+        self.anatomy = world.anatomy
+        self.dt = world.dt
+        self._start_qpos = world.model.qpos0.copy()
+        if (width := len(world.env.commands[0])) != self.anatomy.num_motors:
             raise InputError(
                 f"env.commands: given rows of {width} torques, allowed: the robot's "
                 f"{self.anatomy.num_motors} motors"
@@ -148,7 +145,9 @@ class Task:
             qpos[anatomy.height_address] = self.params.drop_height - anatomy.height_offset
         return qpos, qvel
 
-    def judge(self, qpos: Array, qvel: Array, torques: Array, travel: Array) -> Outcome:
+    def judge(
+        self, qpos: Array, qvel: Array, torques: Array, travel: Array, contacts: NDArray[np.int32]
+    ) -> Outcome:
         """Return the reward of a control step and whether it ended the episode.
 
         An episode ends if the torso is too low, too high or tilted too far, or the state is not
@@ -161,6 +160,7 @@ class Task:
             qvel: Velocities after the step, shape (n, num_velocities).
             torques: Torques over peak torques held during the step, shape (n, num_motors).
             travel: Distance that the torsos moved along x [m], shape (n,).
+            contacts: Number of contacts of each robot in the last simulation step, shape (n,).
         """
         params = self.params
         heights = self.anatomy.heights(qpos)
@@ -173,7 +173,7 @@ class Task:
         if params.max_tilt is not None:
             terminated |= self.anatomy.uprightness(qpos) < np.cos(params.max_tilt)
         step = rewards.ControlStep(
-            self.anatomy, qpos, heights, travel / self.dt, torques, terminated
+            self.anatomy, qpos, qvel, heights, travel / self.dt, torques, contacts, terminated
         )
         terms = rewards.terms(step, params.reward)
         if not finite.all():

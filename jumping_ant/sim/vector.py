@@ -17,9 +17,9 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.params.blocks import EnvParams
-from jumping_ant.sim import rewards, robot
+from jumping_ant.sim import rewards
 from jumping_ant.sim.task import Outcome, Task
+from jumping_ant.sim.world import World
 
 Mask = NDArray[np.bool_]
 
@@ -37,14 +37,13 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
       then, ended environments continue to simulate.
 
     Args:
-        xml: The robot as MJCF text.
-        params: The task.
+        world: The robot and the task.
         num_envs: Number of environments.
         num_threads: Threads that step them; results do not depend on it.
         autoreset_mode: What happens after the end of an episode.
         actions: The set that a step's actions are from, and how many control steps they are held.
         episode_steps: Control steps after which each environment's episodes are truncated, shape
-            (num_envs,), infinite for never; by default `params.max_episode_steps`.
+            (num_envs,), infinite for never; by default `env.max_episode_steps`.
         tumbled_starts: Share of the episodes that start tumbled (see `Task.start_state`).
 
     Attributes:
@@ -58,8 +57,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
 
     def __init__(
         self,
-        xml: str,
-        params: EnvParams,
+        world: World,
         num_envs: int,
         num_threads: int = 1,
         autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP,
@@ -67,9 +65,8 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         episode_steps: NDArray[Any] | None = None,
         tumbled_starts: float = 0.0,
     ) -> None:
-        self.params = params
-        self.model = robot.load(xml)
-        self.task = Task(self.model, params)
+        self.world = world
+        self.task = Task(world)
         self.num_envs = num_envs
         self.metadata = {"autoreset_mode": autoreset_mode}
         self.single_observation_space = self.task.observation_space
@@ -78,7 +75,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._autoreset = autoreset_mode
-        self.batch = Batch(self.model, num_envs, num_threads)
+        self.batch = Batch(world.model, num_envs, num_threads)
         self.qpos = self.batch.bind("qpos")
         self.qvel = self.batch.bind("qvel")
         self._ctrl = self.batch.bind("ctrl")
@@ -89,7 +86,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         self._num_steps = np.zeros(num_envs, dtype=np.int64)
         self._has_ended = np.zeros(num_envs, dtype=np.bool_)
         self._tumbled_starts = tumbled_starts
-        limit = np.full(num_envs, params.max_episode_steps)
+        limit = np.full(num_envs, world.env.max_episode_steps)
         self._episode_steps = limit if episode_steps is None else episode_steps
 
     @property
@@ -245,12 +242,13 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         """Simulate one control step; return observations, the outcome and truncations."""
         before = self._last_x
         try:
-            self.batch.step(running, nstep=self.params.frame_skip)
+            self.batch.step(running, nstep=self.world.env.frame_skip)
         except SimulationError as error:  # MuJoCo failed on these: only their episodes end
             self.qpos[error.ids] = np.nan
         self._num_steps[slice(None) if running is None else running] += 1
         self._last_x = self._torso_x.copy()
-        outcome = self.task.judge(self.qpos, self.qvel, torques, self._last_x - before)
+        travel = self._last_x - before
+        outcome = self.task.judge(self.qpos, self.qvel, torques, travel, self._contacts)
         truncations = ~outcome.terminated & (self._num_steps >= self._episode_steps)
         return self.task.observe(self.qpos, self.qvel), outcome, truncations
 

@@ -15,20 +15,15 @@ from jumping_ant.agents.imitation.demonstrations import (
 from jumping_ant.base.files import read_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import EPISODES_AT_ONCE, Params
-from jumping_ant.params.blocks import DemonstrationParams, EnvParams
+from jumping_ant.params.blocks import DemonstrationParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
+from jumping_ant.sim.world import World
 from jumping_ant.training import curves
 
 
 def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1) -> Demonstrations:
-    """Return what an agent demonstrates for an algorithm.
-
-    Args:
-        root: The project's folder; the robot and the demonstrating agent's policies are read.
-        params: All parameters; `demonstrations` has an entry for the algorithm.
-        algorithm: The algorithm that needs demonstrations.
-        num_threads: Threads that step the simulations; results do not depend on it.
+    """Return what an agent demonstrates for an algorithm that has an entry in `demonstrations`.
 
     Raises:
         InputError: A file is missing or damaged.
@@ -39,29 +34,20 @@ def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1
     paths = Paths(root).agent(settings.agent).seed(best)
     content = read_bytes(paths.policy, f"train@{settings.agent}")
     policy_file.parse(content, paths.owner)
-    xml = robot.read(root, agent.robot)
-    return record(xml, params.env, content, settings, num_threads)
+    world = World(robot.read(root, agent.robot), params.env)
+    return record(world, content, settings, num_threads)
 
 
 def record(
-    xml: str, env: EnvParams, expert: bytes, settings: DemonstrationParams, num_threads: int = 1
+    world: World, expert: bytes, settings: DemonstrationParams, num_threads: int = 1
 ) -> Demonstrations:
-    """Return episodes of an expert.
-
-    Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        expert: Content of the expert's policy file.
-        settings: Which episodes.
-        num_threads: Threads that step the simulations; results do not depend on it.
-    """
+    """Return episodes of an expert, given its policy file's content."""
     policy, steps = policy_file.parse(expert), 0
     episodes: list[Labelled] = []
     while steps < settings.steps:
         first = settings.seed + EPISODES_AT_ONCE * len(episodes)
         played = play(
-            xml,
-            env,
+            world,
             policy,
             policy,
             list(range(first, first + EPISODES_AT_ONCE)),

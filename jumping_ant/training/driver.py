@@ -8,7 +8,6 @@ the same.
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from jumping_ant.base.files import read_bytes, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim import robot
+from jumping_ant.sim.world import World
 from jumping_ant.training import cluster, compute, curves, memory, seed_run
 from jumping_ant.training.checkpoint_key import checkpoint_key
 from jumping_ant.training.checkpoints import Checkpoints
@@ -48,12 +48,12 @@ def train(root: Path, params: Params, agent_name: str) -> None:
             checkpoint.
     """
     agent = params.agent(agent_name)
-    xml = robot.read(root, agent.robot)
+    world = World(robot.read(root, agent.robot), params.env)
     demonstrations = _demonstrations(root, agent)
     with ExitStack() as stack:
         display = TrainingProgress(agent_name, params.seeds, agent.max_env_steps)
         stack.enter_context(display)
-        key = checkpoint_key(xml, params, agent, demonstrations)
+        key = checkpoint_key(world, params.training, agent, demonstrations)
         checkpoints = Checkpoints(root, agent_name, key, display.say)
         stack.enter_context(checkpoints.opened(params.seeds))
         if is_forced():
@@ -66,10 +66,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
             )
             for seed in params.seeds
         }
-        job = Job(
-            xml, params.env, agent, SHARED_SEED, params.training.evaluations, 1, demonstrations
-        )
-        _run(job, params, seeds, display)
+        _run(world, params, demonstrations, seeds, display)
         if unfinished := [seed for seed in seeds.values() if not seed.is_finished]:
             places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
             raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
@@ -78,24 +75,22 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 
 
 def _run(
-    job: Job[AgentBlock], params: Params, seeds: Mapping[int, SeedFiles], display: TrainingProgress
+    world: World,
+    params: Params,
+    demonstrations: bytes | None,
+    seeds: Mapping[int, SeedFiles],
+    display: TrainingProgress,
 ) -> None:
     """Train the seeds that are not finished.
 
     A baseline runs in this process, which has all cores. If its result does not depend on the
     seed, it runs once, and all seeds take what it reports.
-
-    Args:
-        job: What is the same for all seeds.
-        params: All parameters.
-        seeds: The files of each seed.
-        display: Tells of each seed's progress.
     """
-    requested, agent = params.compute.workers, job.agent
+    requested, agent = params.compute.workers, params.agent(display.agent)
     untrained = [number for number, seed in seeds.items() if not seed.is_finished]
     workers = 1 if agent.is_baseline else compute.num_workers(requested, len(untrained))
     if untrained and not agent.is_baseline and not cluster.address():
-        memory.check(job.xml, display.agent, agent, workers, display.say)
+        memory.check(world, display.agent, agent, workers, display.say)
     while untrained:  # once, unless a checkpoint is rejected
         if agent.is_baseline:
             threads = compute.num_threads(requested, 1) * len(untrained)
@@ -106,14 +101,18 @@ def _run(
 
         def start(number: int, num_threads: dict[int, int] = num_threads) -> Work:
             saved = seeds[number].start()
+            job = Job(
+                world,
+                agent,
+                seed=number if agent.depends_on_seed else SHARED_SEED,
+                evaluations=params.training.evaluations,
+                num_threads=num_threads[number],
+                demonstrations=demonstrations,
+                checkpoint=saved.content if saved else None,
+            )
             return partial(
                 seed_run.run,
-                replace(
-                    job,
-                    seed=number if agent.depends_on_seed else SHARED_SEED,
-                    num_threads=num_threads[number],
-                    checkpoint=saved.content if saved else None,
-                ),
+                job,
                 params.training,
                 seconds=saved.seconds if saved else 0.0,
                 checkpoint_seconds=params.compute.checkpoint_seconds,

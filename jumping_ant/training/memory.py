@@ -5,28 +5,20 @@ from collections.abc import Callable
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
-from jumping_ant.sim import robot
-from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.world import World
 
 WORTH_TELLING = 2**20  # [bytes]
 
 
 def check(
-    xml: str, name: str, agent: AgentBlock, num_seeds: int, say: Callable[[str], None]
+    world: World, name: str, agent: AgentBlock, num_seeds: int, say: Callable[[str], None]
 ) -> None:
-    """Tell how much memory training needs; refuse it if this machine has less.
-
-    Args:
-        xml: The robot as MJCF text.
-        name: The agent's name.
-        agent: The agent's block.
-        num_seeds: Seeds that are trained at the same time.
-        say: Tells a line.
+    """Tell how much memory training so many seeds at a time needs; refuse it if there is less.
 
     Raises:
         InputError: There is too little memory.
     """
-    anatomy = Anatomy.of(robot.load(xml))
+    anatomy = world.anatomy
     needed = num_seeds * agent.memory(anatomy.num_observations, anatomy.num_motors)
     available = machine.available_memory()
     seeds = "1 seed" if num_seeds == 1 else f"{num_seeds} seeds"

@@ -24,7 +24,7 @@ from jumping_ant.base import machine, tables
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import SEED, Column
 from jumping_ant.experiment.models import Params
-from jumping_ant.params.blocks import EnvParams
+from jumping_ant.sim.world import World
 
 DIGITS = 6  # of the seconds
 COLUMNS = {
@@ -37,16 +37,11 @@ REPEATS = 2  # the faster one counts: disturbances only add time
 
 
 def measure(
-    xml: str, env: EnvParams, agent: AgentBlock, seeds: Sequence[int], cores: int | None = None
+    world: World, agent: AgentBlock, seeds: Sequence[int], cores: int | None = None
 ) -> list[dict[str, Any]]:
-    """Time a unit of an agent's training on one or more threads, up to all cores.
+    """Time a unit of an agent's training on one or more threads.
 
-    Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        agent: The agent's block.
-        seeds: Its seeds.
-        cores: Maximum number of threads; by default all cores that this process may use.
+    There are at most as many threads as cores, by default all that this process may use.
 
     Returns:
         Rows of `COLUMNS`: the seconds that it took with each number of threads; empty for an agent
@@ -55,7 +50,7 @@ def measure(
     timed = _timed(agent)
     if timed is None:
         return []
-    unit = partial(_time_row, xml, env, timed)
+    unit = partial(_time_row, world, timed)
     counts = list(_thread_counts(cores or machine.num_cores()))
     return [
         {"seed": seed, "threads": threads, "seconds": round(seconds, DIGITS)}
@@ -121,12 +116,12 @@ def _fastest(
     return fastest
 
 
-def _time_row(xml: str, env: EnvParams, agent: AgentBlock, seed: int, threads: int) -> float:
+def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float:
     """Return the seconds of the second row of a seed's learning curve."""
     import torch  # slow to import, and not needed for agents without a row
 
     torch.set_num_threads(threads)
-    events = trainer_of(agent)(Job(xml, env, agent, seed, num_threads=threads))
+    events = trainer_of(agent)(Job(world, agent, seed, num_threads=threads))
     rows = (event for event in events if isinstance(event, Progress))
     next(rows)  # not timed: random actions and memory allocation
     started = time.perf_counter()

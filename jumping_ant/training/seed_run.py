@@ -88,7 +88,7 @@ def run(
         report = Report(event, now - started - paused)
         if isinstance(event, Snapshot):
             policy = policy_file.parse(event.policy)
-            episodes = rollout.run(job.xml, job.env, policy, episode_seeds, job.num_threads)
+            episodes = rollout.run(job.world, policy, episode_seeds, job.num_threads)
             returns = tuple(float(episode.rewards.sum()) for episode in episodes)
             report = replace(report, returns=returns)
         elif isinstance(event, Finished):

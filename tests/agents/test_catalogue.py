@@ -15,6 +15,7 @@ from jumping_ant.agents.job import resolve, trainer_of
 from jumping_ant.base.archive import Archive
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
+from jumping_ant.sim.world import World
 from jumping_ant.words.looks import BASELINE
 
 AGENTS = small_agents.agents()
@@ -48,7 +49,7 @@ def test_baselines_are_a_family(name: str) -> None:
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> None:
-    job = small_agents.job(robot_xml, ENV, AGENTS[name], seed=0, evaluations=2)
+    job = small_agents.job(World(robot_xml, ENV), AGENTS[name], seed=0, evaluations=2)
     events = list(trainer_of(job.agent)(job))
     assert isinstance(events[-1], Finished)
     assert events[-1].env_steps <= job.agent.max_env_steps + 16  # a round may pass the mark
@@ -73,7 +74,7 @@ def test_training_uses_every_setting(name: str, robot_xml: str) -> None:
             used.add(key)
             return super().__getattribute__(key)
 
-    job = small_agents.job(robot_xml, ENV, AGENTS[name], seed=0)
+    job = small_agents.job(World(robot_xml, ENV), AGENTS[name], seed=0)
     train = trainer_of(job.agent)
     watched = Watched.model_validate(job.agent.model_dump())
     used.clear()
@@ -85,7 +86,7 @@ def test_training_uses_every_setting(name: str, robot_xml: str) -> None:
 def test_a_resumed_training_is_the_same_to_the_last_bit(name: str, robot_xml: str) -> None:
     """From every checkpoint of a run, each in a trainer of its own."""
     job = small_agents.job(
-        robot_xml, ENV, AGENTS[name], seed=3, evaluations=2, is_checkpoint_due=lambda: True
+        World(robot_xml, ENV), AGENTS[name], seed=3, evaluations=2, is_checkpoint_due=lambda: True
     )
     events = list(trainer_of(job.agent)(job))
     places = [i for i, event in enumerate(events) if isinstance(event, Checkpoint)]
@@ -100,7 +101,7 @@ def test_a_resumed_training_is_the_same_to_the_last_bit(name: str, robot_xml: st
 
 @pytest.mark.parametrize("name", LEARNERS)
 def test_rows_tell_what_the_catalogue_says(name: str, robot_xml: str) -> None:
-    job = small_agents.job(robot_xml, ENV, AGENTS[name], seed=0)
+    job = small_agents.job(World(robot_xml, ENV), AGENTS[name], seed=0)
     rows = [event for event in trainer_of(job.agent)(job) if isinstance(event, Progress)]
     logged = {key.partition("/")[2] for key in row(job.agent).logged}
     assert logged <= set(rows[-1].extra)

@@ -22,6 +22,7 @@ from jumping_ant.params.blocks import ActionParams
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.world import World
 
 PARAMS = params_file.load()
 AGENT = PARAMS.agents["pgpe"].model_copy(
@@ -46,7 +47,7 @@ def test_returns_are_those_of_gymne(
     seen = generator.normal(0.5, 2.0, (500, 27)).astype(np.float32)
     solutions = torch.from_numpy(generator.normal(0, 0.2, (6, num_outputs * 28))).float()
 
-    problem = JumpProblem(robot_xml, PARAMS.env, agent, seed=10)
+    problem = JumpProblem(Job(World(robot_xml, PARAMS.env), agent, seed=10))
     for observation in seen:
         problem.normalizer.update(observation.copy())  # it keeps the first
     batch = SolutionBatch(problem, popsize=6)
@@ -56,7 +57,7 @@ def test_returns_are_those_of_gymne(
     for index in range(6):
 
         def start_like_ours(seed: int = derive(10, "starts", index)) -> Decisions:
-            env = RobotEnv(robot_xml, task)
+            env = RobotEnv(World(robot_xml, task))
             env.reset(seed=seed)  # a batch draws one episode when it is made
             return Decisions(env, ActionSet.of(agent.actions, task.commands))
 
@@ -78,11 +79,11 @@ def test_returns_are_those_of_gymne(
 
 def test_the_policy_scores_what_the_solution_scored(robot_xml: str) -> None:
     agent = AGENT.model_copy(update={"observation_normalization": False})
-    problem = JumpProblem(robot_xml, PARAMS.env, agent, seed=0)
+    problem = JumpProblem(Job(World(robot_xml, PARAMS.env), agent, seed=0))
     batch = problem.generate_batch(6)
     problem.evaluate(batch)
     policy = problem.policy(batch[2].values, torch.zeros(8 * 28))
-    env = RobotEnv(robot_xml, PARAMS.env)
+    env = RobotEnv(World(robot_xml, PARAMS.env))
     env.reset(seed=derive(0, "starts", 2))
     observation, _ = env.reset()
     total = 0.0
@@ -95,7 +96,7 @@ def test_the_policy_scores_what_the_solution_scored(robot_xml: str) -> None:
 @pytest.mark.parametrize("name", small_agents.of_package("evolution"))
 def test_the_seed_alone_determines_the_run(robot_xml: str, name: str) -> None:
     agent: Any = small_agents.agents()[name]
-    runs = [list(train(Job(robot_xml, PARAMS.env, agent, seed, 3))) for seed in (1, 1, 2)]
+    runs = [list(train(Job(World(robot_xml, PARAMS.env), agent, seed, 3))) for seed in (1, 1, 2)]
     assert runs[0][-1].policy == runs[1][-1].policy
     assert runs[0][-1].policy != runs[2][-1].policy
 
@@ -112,7 +113,7 @@ def test_training_uses_every_setting(robot_xml: str, name: str) -> None:
 
     watched = Watched.model_validate(agent.model_dump())
     used.clear()
-    list(train(Job(robot_xml, PARAMS.env, watched, 0)))
+    list(train(Job(World(robot_xml, PARAMS.env), watched, 0)))
     elsewhere = {"trainer", "robot"}  # choose the function and the XML
     assert used >= type(agent).model_fields.keys() - elsewhere
 
@@ -126,11 +127,11 @@ def test_a_setting_that_the_learner_does_not_take_is_an_error(robot_xml: str, na
 
     misspelt = Misspelt.model_validate(agent.model_dump())
     with pytest.raises(TypeError, match="unexpected keyword argument 'stdev_intit'"):
-        make_searcher(JumpProblem(robot_xml, PARAMS.env, misspelt, seed=0), misspelt)
+        make_searcher(JumpProblem(Job(World(robot_xml, PARAMS.env), misspelt, seed=0)), misspelt)
 
 
 def test_the_policy_tells_how_wide_the_search_still_is(robot_xml: str) -> None:
-    events = list(train(Job(robot_xml, PARAMS.env, AGENT, 0)))
+    events = list(train(Job(World(robot_xml, PARAMS.env), AGENT, 0)))
     policy = policy_file.parse(events[-1].policy)
     spread = np.append(policy.weight_spread, policy.bias_spread)
     told = [event.extra["stdev_mean"] for event in events if isinstance(event, Progress)]
@@ -142,7 +143,7 @@ def test_the_policy_tells_how_wide_the_search_still_is(robot_xml: str) -> None:
 
 
 def test_events_tell_the_run(robot_xml: str) -> None:
-    events = list(train(Job(robot_xml, PARAMS.env, AGENT, 0, evaluations=3)))
+    events = list(train(Job(World(robot_xml, PARAMS.env), AGENT, 0, evaluations=3)))
     rows = [event for event in events if isinstance(event, Progress)]
     assert [row.updates for row in rows] == [1, 2, 3]
     assert [row.episodes for row in rows] == [6, 12, 18]

@@ -16,6 +16,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
+from jumping_ant.sim.world import World
 
 ENV = small_agents.PARAMS.env.model_copy(update={"max_episode_steps": 45})
 NAMES = small_agents.of_package("imitation")
@@ -34,16 +35,16 @@ def expert(demonstrations: Demonstrations) -> Policy:
 def policies(name: str, xml: str, **changes: Any) -> list[Policy]:
     """Return an agent's policy after each round."""
     agent: Any = small_agents.agents()[name].model_copy(update=changes)
-    events = train(small_agents.job(xml, ENV, agent, seed=4, evaluations=agent.rounds))
+    events = train(small_agents.job(World(xml, ENV), agent, seed=4, evaluations=agent.rounds))
     return [policy_file.parse(event.policy) for event in events if isinstance(event, Snapshot)]
 
 
 def test_an_expert_that_acts_plays_its_episodes(robot_xml: str, expert: Policy) -> None:
     """To the last bit those that an evaluation of the same start states gives."""
     seeds = [3, 5, 8]
-    played = play(robot_xml, ENV, expert, expert, seeds, ENV.max_episode_steps, 0.0)
+    played = play(World(robot_xml, ENV), expert, expert, seeds, ENV.max_episode_steps, 0.0)
     for ours, theirs in zip(
-        played.episodes(), rollout.run(robot_xml, ENV, expert, seeds), strict=True
+        played.episodes(), rollout.run(World(robot_xml, ENV), expert, seeds), strict=True
     ):
         assert ours.returns[-1] == pytest.approx(theirs.rewards.sum(), rel=1e-12)
         held = theirs.torques[:: expert.actions.hold]
@@ -52,11 +53,11 @@ def test_an_expert_that_acts_plays_its_episodes(robot_xml: str, expert: Policy) 
 
 def test_labels_are_the_experts_whoever_acts(robot_xml: str, expert: Policy) -> None:
     actor = policies("bc", robot_xml)[0]
-    played = play(robot_xml, ENV, actor, expert, [3, 5], ENV.max_episode_steps, 0.0)
+    played = play(World(robot_xml, ENV), actor, expert, [3, 5], ENV.max_episode_steps, 0.0)
     np.testing.assert_allclose(
         played.torques, expert.act(played.observations.astype(np.float64)), atol=1e-5
     )
-    own = play(robot_xml, ENV, expert, expert, [3, 5], ENV.max_episode_steps, 0.0)
+    own = play(World(robot_xml, ENV), expert, expert, [3, 5], ENV.max_episode_steps, 0.0)
     assert np.array_equal(played.observations[0], own.observations[0])
     assert not np.array_equal(played.observations[1], own.observations[1])
 
@@ -65,7 +66,7 @@ def test_labels_are_the_experts_whoever_acts(robot_xml: str, expert: Policy) -> 
 def test_it_learns_what_the_expert_does(
     name: str, robot_xml: str, demonstrations: Demonstrations, expert: Policy
 ) -> None:
-    seen = play(robot_xml, ENV, expert, expert, [90, 91], ENV.max_episode_steps, 0.0)
+    seen = play(World(robot_xml, ENV), expert, expert, [90, 91], ENV.max_episode_steps, 0.0)
     observations = seen.observations.astype(np.float64)
 
     def error(policy: Policy) -> float:
@@ -81,7 +82,7 @@ def test_it_learns_what_the_expert_does(
 @pytest.mark.parametrize("name", NAMES)
 def test_data_grow_evenly_and_count(name: str, robot_xml: str) -> None:
     agent: Any = small_agents.agents()[name]
-    *events, finished = train(small_agents.job(robot_xml, ENV, agent, seed=0))
+    *events, finished = train(small_agents.job(World(robot_xml, ENV), agent, seed=0))
     rows = [event for event in events if isinstance(event, Progress)]
     assert [row.env_steps for row in rows] == [60, 120, 180, 240]
     assert [row.updates for row in rows] == [5, 10, 15, 20]
@@ -107,7 +108,7 @@ def test_too_few_demonstrations_are_refused(
     agent: Any = small_agents.agents()[name].model_copy(update={"total_steps": 2400})
     for given, said in ((content, r"given \d+ control steps"), (None, "given none")):
         with pytest.raises(InputError, match=said):
-            list(train(Job(robot_xml, ENV, agent, 0, demonstrations=given)))
+            list(train(Job(World(robot_xml, ENV), agent, 0, demonstrations=given)))
 
 
 def test_a_file_holds_numbers_and_the_expert(demonstrations: Demonstrations) -> None:

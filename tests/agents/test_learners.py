@@ -16,12 +16,14 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy import trainer
 from jumping_ant.agents.off_policy.lean.adam import FlatAdam, denormals_flushed
 from jumping_ant.agents.off_policy.lean.mlp import MLP, Pass
 from jumping_ant.agents.off_policy.lean.replay import BatchedReplayBuffer
 from jumping_ant.agents.sb3.model import make_envs
 from jumping_ant.experiment import params_file
+from jumping_ant.sim.world import World
 
 PARAMS = params_file.load()
 ENV = PARAMS.env.model_copy(update={"max_episode_steps": 45})
@@ -32,7 +34,7 @@ def filled_model(xml: str, name: str, **changes: object) -> OffPolicyAlgorithm:
     small = {"num_envs": 4, "learning_starts": 10**6, "batch_size": 64, "net_arch": [48, 32]}
     small |= {"episode_steps": 30, "long_episodes": 0.5}  # the buffer holds ends of episodes
     agent = PARAMS.agents[name].model_copy(update=small | changes)
-    model = trainer.make_model(make_envs(xml, ENV, agent, seed=0), agent, seed=0)
+    model = trainer.make_model(make_envs(Job(World(xml, ENV), agent, seed=0)), agent, seed=0)
     model.set_logger(Logger(folder=None, output_formats=[]))
     model.learn(400)
     return model

@@ -20,6 +20,7 @@ from jumping_ant.agents.sb3.model import make_envs
 from jumping_ant.base.archive import Archive
 from jumping_ant.base.seeding import derive
 from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.world import World
 
 PARAMS = small_agents.PARAMS
 NAMES = small_agents.of_package("off_policy")
@@ -57,7 +58,7 @@ def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, hold: in
 
     def single() -> gym.Env:
         task = ENV.model_copy(update={"max_episode_steps": agent.episode_steps})
-        env: gym.Env = gym.wrappers.DtypeObservation(RobotEnv(robot_xml, task), np.float32)
+        env: gym.Env = gym.wrappers.DtypeObservation(RobotEnv(World(robot_xml, task)), np.float32)
         return Monitor(Decisions(env, ActionSet.of(agent.actions, task.commands)))
 
     torch.set_num_threads(1)
@@ -66,8 +67,8 @@ def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, hold: in
     envs.seed(derive(3, "starts"))
     reference.learn(agent.total_steps // hold)
 
-    events = list(train(Job(robot_xml, ENV, agent, seed=3, evaluations=2)))
-    ours = make_model(make_envs(robot_xml, ENV, agent, seed=4), agent, seed=4)
+    events = list(train(Job(World(robot_xml, ENV), agent, seed=3, evaluations=2)))
+    ours = make_model(make_envs(Job(World(robot_xml, ENV), agent, seed=4)), agent, seed=4)
     ours.policy.load_state_dict(read_weights(events[-1].policy))
     for theirs, mine in zip(reference.policy.parameters(), ours.policy.parameters(), strict=True):
         assert torch.equal(theirs, mine)
@@ -80,7 +81,8 @@ def read_weights(policy: bytes) -> dict:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_seed_alone_determines_the_policy(robot_xml: str, name: str) -> None:
     agent = small(name, num_envs=4)
-    runs = [list(train(Job(robot_xml, ENV, agent, seed, evaluations=2))) for seed in (1, 1, 2)]
+    world = World(robot_xml, ENV)
+    runs = [list(train(Job(world, agent, seed, evaluations=2))) for seed in (1, 1, 2)]
     assert runs[0][-1].policy == runs[1][-1].policy
     assert trained_weights(runs[0]) != trained_weights(runs[2])
 
@@ -90,7 +92,7 @@ def test_the_seed_alone_determines_the_policy(robot_xml: str, name: str) -> None
 def test_events_tell_the_run(robot_xml: str, name: str, hold: int) -> None:
     """In control steps, however long a decision lasts; rows and updates go by decisions."""
     agent = small(name, hold, num_envs=2, gradient_steps=2)
-    events = list(train(Job(robot_xml, ENV, agent, seed=0, evaluations=3)))
+    events = list(train(Job(World(robot_xml, ENV), agent, seed=0, evaluations=3)))
     rows = [event for event in events if isinstance(event, Progress)]
     evaluated = [80, 160, 240]
     logged = range(agent.log_interval * hold, 241, agent.log_interval * hold)
@@ -114,12 +116,12 @@ def test_a_setting_that_the_library_does_not_take_is_refused(
     stock = replace(ALGORITHMS["sac"], learner="stable_baselines3:TD3")
     monkeypatch.setitem(ALGORITHMS, "sac", stock)
     with pytest.raises(TypeError, match="^sac: TD3 takes no ent_coef$"):
-        next(train(Job(robot_xml, ENV, small("sac"), seed=0)))
+        next(train(Job(World(robot_xml, ENV), small("sac"), seed=0)))
 
 
 def test_truncation_is_not_taken_for_an_end(robot_xml: str) -> None:
     agent = small("sac", hold=2, num_envs=2)
-    envs = make_envs(robot_xml, ENV, agent, seed=0)
+    envs = make_envs(Job(World(robot_xml, ENV), agent, seed=0))
     envs.reset()
     for _ in range(agent.episode_steps // 2):
         observations, _, dones, infos = envs.step(np.zeros((2, 8), np.float32))
@@ -135,7 +137,7 @@ def test_sparse_rewards_come_at_the_end_of_an_episode(robot_xml: str) -> None:
     runs = []
     for sparse in (False, True):
         agent = small("sac", hold=2, num_envs=2, sparse_rewards=sparse)
-        envs = make_envs(robot_xml, ENV, agent, seed=0)
+        envs = make_envs(Job(World(robot_xml, ENV), agent, seed=0))
         envs.reset()
         actions = np.random.default_rng(0).uniform(-1, 1, (40, 2, 8)).astype(np.float32)
         runs.append(
@@ -164,7 +166,7 @@ def test_a_share_of_the_environments_has_long_episodes(
     """Long is as the task says; null cuts no episode. Nothing falls below this floor."""
     env = PARAMS.env.model_copy(update={"max_episode_steps": 10, "min_torso_height": -1.0})
     agent = small("sac", hold=1, num_envs=8, long_episodes=share, episode_steps=short)
-    envs = make_envs(robot_xml, env, agent, seed=0)
+    envs = make_envs(Job(World(robot_xml, env), agent, seed=0))
     envs.reset()
     cut = [envs.step(np.zeros((8, 8), np.float32))[2] for _ in range(40)]
     ends = [(np.flatnonzero(column) + 1).tolist() for column in np.transpose(cut)]

@@ -20,6 +20,7 @@ from jumping_ant.base.seeding import derive
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.world import World
 
 ENV = small_agents.PARAMS.env.model_copy(update={"max_episode_steps": 60})
 NAMES = small_agents.of_package("on_policy")
@@ -41,7 +42,7 @@ def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, kind: st
 
     def single() -> gym.Env:
         task = ENV.model_copy(update={"max_episode_steps": agent.episode_steps})
-        env: gym.Env = gym.wrappers.DtypeObservation(RobotEnv(robot_xml, task), np.float32)
+        env: gym.Env = gym.wrappers.DtypeObservation(RobotEnv(World(robot_xml, task)), np.float32)
         return Monitor(Decisions(env, ActionSet.of(agent.actions, task.commands)))
 
     torch.set_num_threads(1)
@@ -50,7 +51,7 @@ def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, kind: st
     envs.seed(derive(3, "starts"))
     reference.learn(agent.total_steps // agent.actions.hold)
 
-    events = list(train(Job(robot_xml, ENV, agent, seed=3, evaluations=2)))
+    events = list(train(Job(World(robot_xml, ENV), agent, seed=3, evaluations=2)))
     assert [event.env_steps for event in events if isinstance(event, Snapshot)] == [120, 240]
     ours = policy_file.parse(events[-1].policy)
     theirs = [reference.policy.mlp_extractor.policy_net[0], reference.policy.action_net]
@@ -63,10 +64,10 @@ def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, kind: st
 @pytest.mark.parametrize("name", NAMES)
 def test_policies_act_as_in_stable_baselines3(robot_xml: str, name: str, kind: str) -> None:
     agent = small(name, kind)
-    job = Job(robot_xml, ENV, agent, seed=1)
+    job = Job(World(robot_xml, ENV), agent, seed=1)
     events = list(train(job))
     policy = policy_file.parse(events[-1].policy)
-    model = make_model(make_envs(robot_xml, ENV, agent, seed=9), agent, seed=9)
+    model = make_model(make_envs(Job(World(robot_xml, ENV), agent, seed=9)), agent, seed=9)
     model.set_parameters(type(model).load(io.BytesIO(events[-1].policy)).get_parameters())
     observations = np.random.default_rng(0).normal(0, 3, (50, 27)).astype(np.float32)
     choices, _ = model.predict(observations, deterministic=True)
@@ -77,7 +78,7 @@ def test_policies_act_as_in_stable_baselines3(robot_xml: str, name: str, kind: s
 
 @pytest.mark.parametrize("name", NAMES)
 def test_rows_are_in_control_steps(robot_xml: str, name: str) -> None:
-    events = list(train(Job(robot_xml, ENV, small_agents.agents()[name], seed=0)))
+    events = list(train(Job(World(robot_xml, ENV), small_agents.agents()[name], seed=0)))
     rows = [event for event in events if isinstance(event, Progress)]
     hold = small_agents.agents()[name].actions.hold
     assert [row.env_steps for row in rows] == [40 * hold, 80 * hold]

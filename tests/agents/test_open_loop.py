@@ -12,6 +12,7 @@ from jumping_ant.base.seeding import derive_all
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
+from jumping_ant.sim.world import World
 
 AGENT = OpenLoopParams(
     robot="edited",
@@ -26,7 +27,7 @@ AGENT = OpenLoopParams(
 
 @pytest.fixture(scope="module")
 def events(robot_xml: str, known_params: Params) -> list:
-    return list(train(Job(robot_xml, known_params.env, AGENT, seed=5, evaluations=9)))
+    return list(train(Job(World(robot_xml, known_params.env), AGENT, seed=5, evaluations=9)))
 
 
 def test_the_best_rhythm_is_kept(events: list, robot_xml: str, known_params: Params) -> None:
@@ -36,7 +37,7 @@ def test_the_best_rhythm_is_kept(events: list, robot_xml: str, known_params: Par
     rows = [event for event in events if isinstance(event, Progress)]
     for row, half_period in zip(rows, AGENT.half_periods, strict=True):
         episodes = rollout.run(
-            robot_xml, env, metronome(AGENT, known_params.env, half_period), starts
+            World(robot_xml, env), metronome(AGENT, known_params.env, half_period), starts
         )
         values = np.array([episode.rewards.sum() for episode in episodes])
         assert (row.return_mean, row.return_std) == pytest.approx((values.mean(), values.std()))
@@ -57,11 +58,12 @@ def test_control_steps_are_counted(robot_xml: str, known_params: Params, events:
     assert AGENT.max_env_steps == 3 * full
     high = known_params.env.model_copy(update={"min_torso_height": 0.55})
     starts = derive_all(5, "starts", AGENT.episodes)
-    steps, expected = [event.env_steps for event in train(Job(robot_xml, high, AGENT, 5))], []
+    events, expected = train(Job(World(robot_xml, high), AGENT, 5)), []
+    steps = [event.env_steps for event in events]
     limited = high.model_copy(update={"max_episode_steps": AGENT.episode_steps})
     for half_period in AGENT.half_periods:
         episodes = rollout.run(
-            robot_xml, limited, metronome(AGENT, known_params.env, half_period), starts
+            World(robot_xml, limited), metronome(AGENT, known_params.env, half_period), starts
         )
         expected.append(sum(len(episode.rewards) for episode in episodes))
     assert steps[:3] == np.cumsum(expected).tolist()
@@ -71,7 +73,7 @@ def test_control_steps_are_counted(robot_xml: str, known_params: Params, events:
 def test_the_policy_plays_a_square_wave(events: list, robot_xml: str, known_params: Params) -> None:
     policy = policy_file.parse(events[-1].policy)
     half_period = policy.actions.hold
-    (episode,) = rollout.run(robot_xml, known_params.env, policy, [1])
+    (episode,) = rollout.run(World(robot_xml, known_params.env), policy, [1])
     down, up = 0.75 * COMMAND_SIGNS[3], 0.75 * COMMAND_SIGNS[4]
     turns = np.arange(len(episode.torques)) // half_period % 2
     np.testing.assert_array_equal(episode.torques, np.where(turns[:, None] == 0, down, up))
@@ -80,7 +82,7 @@ def test_the_policy_plays_a_square_wave(events: list, robot_xml: str, known_para
 
 def test_the_seed_alone_determines_the_run(robot_xml: str, known_params: Params) -> None:
     first, second, other = (
-        list(train(Job(robot_xml, known_params.env, AGENT, seed, 1, num_threads)))
+        list(train(Job(World(robot_xml, known_params.env), AGENT, seed, 1, num_threads)))
         for seed, num_threads in ((1, 1), (1, 2), (2, 1))
     )
     assert first == second

@@ -9,6 +9,7 @@ import small_agents
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.sim.task import Task
+from jumping_ant.sim.world import World
 
 EPISODE_STEPS, NUM_STARTS = 10, 6
 NETWORKS = {
@@ -48,7 +49,7 @@ def test_no_environment_starts_as_one_of_a_neighbouring_seed(
     starts = []
     for seed in range(4):
         drawn.clear()
-        list(trainer_of(agent)(Job(robot_xml, small_agents.PARAMS.env, agent, seed)))
+        list(trainer_of(agent)(Job(World(robot_xml, small_agents.PARAMS.env), agent, seed)))
         assert len(set(drawn[:NUM_STARTS])) == NUM_STARTS, "each environment starts otherwise"
         assert len(drawn) >= 2 * NUM_STARTS, "the next episodes are looked at, too"
         starts.append(set(drawn))

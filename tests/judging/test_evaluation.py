@@ -1,9 +1,9 @@
 """What is measured of an episode, by hand-made episodes and by real ones."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-import mujoco
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,16 +15,22 @@ from jumping_ant.judging import evaluation, motion
 from jumping_ant.judging.episodes import QUANTITIES
 from jumping_ant.judging.evaluation import measure, replay
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
-from jumping_ant.sim import robot, rollout
+from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 
 KINDS = ("hip", "ankle")
 
 
 @pytest.fixture(scope="module")
-def model(robot_xml: str) -> mujoco.MjModel:
-    return robot.load(robot_xml)
+def world(robot_xml: str, known_params: Params) -> World:
+    return World(robot_xml, known_params.env)
+
+
+@pytest.fixture(scope="module")
+def short_world(robot_xml: str, short: Params) -> World:
+    return World(robot_xml, short.env)
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +47,10 @@ def short(known_params: Params) -> Params:
 
 
 @pytest.fixture(scope="module")
-def evaluated(robot_xml: str, short: Params) -> tuple[pd.DataFrame, Trajectory]:
+def evaluated(short_world: World, short: Params) -> tuple[pd.DataFrame, Trajectory]:
     return evaluation.evaluate(
-        robot_xml,
-        short,
+        short_world,
+        short.evaluate,
         "random",
         {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)},
     )
@@ -67,7 +73,7 @@ def still_episode(steps: int = 4) -> Episode:
     )
 
 
-def test_a_robot_that_does_nothing(model: mujoco.MjModel, known_params: Params) -> None:
+def test_a_robot_that_does_nothing(world: World, known_params: Params) -> None:
     expected = {
         "length": 4,
         "return": 0,
@@ -83,16 +89,16 @@ def test_a_robot_that_does_nothing(model: mujoco.MjModel, known_params: Params) 
         "drift": 0,
         "survived": 1,
     }
-    measured = measure(model, known_params, still_episode())
+    measured = measure(world, known_params.evaluate, still_episode())
     assert measured == pytest.approx(expected, abs=0, nan_ok=True)
 
 
-def test_quantities_by_hand(model: mujoco.MjModel, known_params: Params) -> None:
+def test_quantities_by_hand(world: World, known_params: Params) -> None:
     episode = still_episode()
     episode.qpos[:, :3] = [[1, 0, 0.7], [2, 5, 1.5], [1, 1, 1.0], [3, 4, 0.8]]
     episode.torques[:, 0] = [1, -1, -1, 0]  # hip_4
     episode.torques[2:, 3] = 0.5  # ankle_1
-    joints = [model.joint(name).dofadr[0] for name in ("hip_4", "ankle_1")]
+    joints = [world.model.joint(name).dofadr[0] for name in ("hip_4", "ankle_1")]
     assert joints == [12, 7]
     episode.qvel[:, joints] = [[2, 9], [3, 9], [0, -4], [5, 1]]
     episode = replace(
@@ -104,7 +110,7 @@ def test_quantities_by_hand(model: mujoco.MjModel, known_params: Params) -> None
     )
     gear = known_params.robot.gear
     changes = [2**2, 0.5**2, 1**2]  # of any motor, from step to step
-    assert measure(model, known_params, episode) == pytest.approx(
+    assert measure(world, known_params.evaluate, episode) == pytest.approx(
         {
             "length": 4,
             "return": 6.5,
@@ -124,47 +130,43 @@ def test_quantities_by_hand(model: mujoco.MjModel, known_params: Params) -> None
     )
 
 
-def test_apexes_are_those_of_jumps_alone(model: mujoco.MjModel, known_params: Params) -> None:
+def test_apexes_are_those_of_jumps_alone(world: World, known_params: Params) -> None:
     episode = still_episode(8)
     episode.qpos[:, 2] = [0.9, 1.2, 2.0, 1.4, 1.1, 0.6, 3.0, 0.5]
     airborne = np.array([True, True, False, True, True, False, True, False])
-    measured = measure(model, known_params, replace(episode, airborne=airborne))
+    measured = measure(world, known_params.evaluate, replace(episode, airborne=airborne))
     assert measured["jumps"] == 2
     assert measured["apex"] == pytest.approx((1.2 + 1.4) / 2)
     assert measured["peak_height"] == 3.0
 
 
-def test_fluidity_is_that_of_all_driven_joints(model: mujoco.MjModel, known_params: Params) -> None:
+def test_fluidity_is_that_of_all_driven_joints(world: World, known_params: Params) -> None:
     seconds = 0.05 * np.arange(101)
     swing = 0.5 * np.sin(2 * np.pi * 2.0 * seconds)  # [ranges]
-    ranges = [np.ptp(model.joint(f"{kind}_{leg}").range) for leg in "1234" for kind in KINDS]
+    ranges = [np.ptp(world.model.joint(f"{kind}_{leg}").range) for leg in "1234" for kind in KINDS]
     states = np.concatenate([np.ones((101, 7)), np.outer(swing, ranges)], axis=1)
     episode = replace(still_episode(100), start_qpos=states[0], qpos=states[1:])
     expected = motion.fluidity(np.outer(swing, np.ones(8)), 0.05)
-    assert measure(model, known_params, episode)["fluidity"] == pytest.approx(expected)
+    assert measure(world, known_params.evaluate, episode)["fluidity"] == pytest.approx(expected)
     states[-21:] = np.nan  # the second window is whole no more
     expected = motion.fluidity(np.outer(swing[:41], np.ones(8)), 0.05)
-    assert measure(model, known_params, episode)["fluidity"] == pytest.approx(expected)
+    assert measure(world, known_params.evaluate, episode)["fluidity"] == pytest.approx(expected)
 
 
-def test_constant_torques_have_no_torque_change(
-    model: mujoco.MjModel, known_params: Params
-) -> None:
+def test_constant_torques_have_no_torque_change(world: World, known_params: Params) -> None:
     for steps in (1, 4):
         episode = still_episode(steps)
         episode.torques[:] = np.linspace(-1, 1, 8)
-        assert measure(model, known_params, episode)["torque_change"] == 0.0
+        assert measure(world, known_params.evaluate, episode)["torque_change"] == 0.0
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_a_broken_state_is_left_out(
-    model: mujoco.MjModel, known_params: Params, bad: float
-) -> None:
+def test_a_broken_state_is_left_out(world: World, known_params: Params, bad: float) -> None:
     episode = still_episode()
     episode.qpos[1] = 2.0
     episode.qpos[-1] = episode.qvel[-1] = bad
-    measured = measure(model, known_params, episode)
+    measured = measure(world, known_params.evaluate, episode)
     assert np.isnan(measured.pop("fluidity"))
     assert np.isfinite(list(measured.values())).all()
     assert measured["length"] == 4
@@ -172,12 +174,10 @@ def test_a_broken_state_is_left_out(
     assert measured["drift"] == 0.0  # to the last place there is
 
 
-def test_replay_is_the_episode_to_the_last_bit(
-    model: mujoco.MjModel, robot_xml: str, short: Params
-) -> None:
-    episode = rollout.run(robot_xml, short.env, UniformPolicy(0, ActionSet(), 8), [3, 4, 5], 2)[1]
-    skip = short.env.frame_skip
-    trajectory = replay(model, skip, episode, "sac", 0, 1)
+def test_replay_is_the_episode_to_the_last_bit(short_world: World) -> None:
+    episode = rollout.run(short_world, UniformPolicy(0, ActionSet(), 8), [3, 4, 5], 2)[1]
+    skip = short_world.env.frame_skip
+    trajectory = replay(short_world, episode, "sac", 0, 1)
     np.testing.assert_array_equal(trajectory.qpos[0], episode.start_qpos)
     np.testing.assert_array_equal(trajectory.qvel[0], episode.start_qvel)
     np.testing.assert_array_equal(trajectory.qpos[skip::skip], episode.qpos)
@@ -188,21 +188,19 @@ def test_replay_is_the_episode_to_the_last_bit(
     assert trajectory.episode_return == trajectory.rewards.sum()
 
 
-def test_replay_keeps_an_episode_that_broke_down(
-    model: mujoco.MjModel, robot_xml: str, short: Params
-) -> None:
-    wild = short.env.model_copy(update={"reset_noise_scale": 1e150})
-    episode = rollout.run(robot_xml, wild, UniformPolicy(0, ActionSet(), 8), [3])[0]
+def test_replay_keeps_an_episode_that_broke_down(robot_xml: str, short: Params) -> None:
+    wild = World(robot_xml, short.env.model_copy(update={"reset_noise_scale": 1e150}))
+    episode = rollout.run(wild, UniformPolicy(0, ActionSet(), 8), [3])[0]
     assert episode.terminated
     assert len(episode.rewards) == 1
-    assert len(replay(model, 5, episode, "sac", 0, 0).qpos) == 6
-    measured = measure(model, short, episode)
+    assert len(replay(wild, episode, "sac", 0, 0).qpos) == 6
+    measured = measure(wild, short.evaluate, episode)
     assert np.isnan(measured.pop("fluidity"))
     assert np.isfinite(list(measured.values())).all()
 
 
 def test_every_policy_meets_the_same_episodes(
-    evaluated: tuple[pd.DataFrame, Trajectory], robot_xml: str, short: Params
+    evaluated: tuple[pd.DataFrame, Trajectory], short_world: World
 ) -> None:
     table, _ = evaluated
     assert list(table.columns) == ["seed", "episode", "episode_seed", *QUANTITIES]
@@ -210,25 +208,26 @@ def test_every_policy_meets_the_same_episodes(
     assert table["episode"].tolist() == [0, 1, 2, 0, 1, 2]
     assert table["episode_seed"].tolist() == [9, 10, 11, 9, 10, 11]
     for seed in (4, 7):
-        ran = rollout.run(robot_xml, short.env, UniformPolicy(seed, ActionSet(), 8), [9, 10, 11])
+        ran = rollout.run(short_world, UniformPolicy(seed, ActionSet(), 8), [9, 10, 11])
         returns = [float(episode.rewards.sum()) for episode in ran]
         assert table.loc[table["seed"] == seed, "return"].tolist() == returns
 
 
 def test_a_policy_that_seeds_share_runs_once(
-    robot_xml: str, short: Params, monkeypatch: pytest.MonkeyPatch
+    short_world: World, short: Params, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     policy, alike = (OpenLoopPolicy(ActionSet(np.ones((2, 8)))) for _ in range(2))
-    expected, _ = evaluation.evaluate(robot_xml, short, "metronome", {4: policy, 7: alike})
+    evaluate = partial(evaluation.evaluate, short_world, short.evaluate, "metronome")
+    expected, _ = evaluate({4: policy, 7: alike})
     runs, run = [], rollout.run
     monkeypatch.setattr(rollout, "run", lambda *given: runs.append(given) or run(*given))
-    table, _ = evaluation.evaluate(robot_xml, short, "metronome", {4: policy, 7: policy})
+    table, _ = evaluate({4: policy, 7: policy})
     assert len(runs) == 1
     pd.testing.assert_frame_equal(table, expected)
 
 
 def test_the_trajectory_is_that_of_the_median_return(
-    evaluated: tuple[pd.DataFrame, Trajectory], robot_xml: str, short: Params
+    evaluated: tuple[pd.DataFrame, Trajectory], short_world: World, short: Params
 ) -> None:
     table, trajectory = evaluated
     row = table.sort_values("return").iloc[2]  # the lower one of the middle two
@@ -236,33 +235,33 @@ def test_the_trajectory_is_that_of_the_median_return(
     assert trajectory.episode_return == row["return"]
     assert (trajectory.seed, trajectory.episode) == (row["seed"], row["episode"])
     one_seed, of_three = evaluation.evaluate(
-        robot_xml, short, "random", {4: UniformPolicy(4, ActionSet(), 8)}
+        short_world, short.evaluate, "random", {4: UniformPolicy(4, ActionSet(), 8)}
     )
     assert of_three.episode_return == one_seed["return"].median()
 
 
 def test_no_number_depends_on_threads(
-    evaluated: tuple[pd.DataFrame, Trajectory], robot_xml: str, short: Params
+    evaluated: tuple[pd.DataFrame, Trajectory], short_world: World, short: Params
 ) -> None:
     policies: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
-    table, trajectory = evaluation.evaluate(robot_xml, short, "random", policies, num_threads=2)
+    table, trajectory = evaluation.evaluate(short_world, short.evaluate, "random", policies, 2)
     pd.testing.assert_frame_equal(table, evaluated[0], check_exact=True)
     np.testing.assert_array_equal(trajectory.qpos, evaluated[1].qpos)
 
 
-def test_the_terms_of_a_reward_stand_beside_their_sum(robot_xml: str, short: Params) -> None:
+def test_the_terms_of_a_reward_stand_beside_their_sum(short_world: World, short: Params) -> None:
     content = short.model_dump()
     content["env"]["reward"]["alive"] = {"weight": 2.0}
-    both = params_file.check(content)
+    both = replace(short_world, env=params_file.check(content).env)
     uniform: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
-    table, trajectory = evaluation.evaluate(robot_xml, both, "random", uniform)
+    table, trajectory = evaluation.evaluate(both, short.evaluate, "random", uniform)
     terms = table[["return_torso_height", "return_alive"]]
     np.testing.assert_allclose(terms.sum(axis=1), table["return"], rtol=1e-12)
     assert (table["return_alive"] == 2 * (table["length"] - 1 + table["survived"])).all()
     assert list(trajectory.terms) == ["torso_height", "alive"]
     np.testing.assert_allclose(sum(trajectory.terms.values()), trajectory.rewards)
     assert "return_alive" in evaluation.summarize(table)
-    alone, _ = evaluation.evaluate(robot_xml, short, "random", uniform)
+    alone, _ = evaluation.evaluate(short_world, short.evaluate, "random", uniform)
     assert not [name for name in alone if name.startswith("return_")]
 
 

@@ -9,7 +9,8 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.judging import evaluation
 from jumping_ant.judging.motion import MIN_SPEED, apex, fluidity, phases, spectral_arc_length
 from jumping_ant.policies.blind import UniformPolicy
-from jumping_ant.sim import robot, rollout
+from jumping_ant.sim import rollout
+from jumping_ant.sim.world import World
 
 DT = 0.05
 Array = NDArray[np.float64]
@@ -131,11 +132,10 @@ def test_a_whole_window_is_enough() -> None:
 def test_a_robot_that_swings_is_more_fluid_than_one_at_random(
     robot_xml: str, known_params: Params
 ) -> None:
-    model = robot.load(robot_xml)
-    task = known_params.env.model_copy(update={"max_episode_steps": 200})
+    world = World(robot_xml, known_params.env.model_copy(update={"max_episode_steps": 200}))
 
     def measured(policy) -> float:
-        (episode,) = rollout.run(robot_xml, task, policy, [3])
-        return evaluation.measure(model, known_params, episode)["fluidity"]
+        (episode,) = rollout.run(world, policy, [3])
+        return evaluation.measure(world, known_params.evaluate, episode)["fluidity"]
 
     assert measured(UniformPolicy(0, ActionSet(), 8)) < measured(Swing())

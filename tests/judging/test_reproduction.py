@@ -8,6 +8,7 @@ import torch
 from evotorch.neuroevolution import GymNE
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy.trainer import make_model
 from jumping_ant.agents.sb3.model import make_envs, policy_bytes
 from jumping_ant.experiment import params_file
@@ -18,6 +19,7 @@ from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv
+from jumping_ant.sim.world import World
 
 XML = robot.build(article.ROBOT)
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (20, 27))
@@ -64,7 +66,7 @@ def test_printed_points_meet_the_same_steps_of_ours() -> None:
 def test_a_test_goes_on_where_an_episode_would_have_ended() -> None:
     """The rewards are those of a plain loop over the single environment that ignores the ends."""
     task = article.ENV.model_copy(update={"min_torso_height": 0.6, "max_episode_steps": 50})
-    env = RobotEnv(XML, task)
+    env = RobotEnv(World(XML, task))
     observation, _ = env.reset(seed=7)
     rng = np.random.default_rng(1)
     rewards, ends = [], []
@@ -75,7 +77,7 @@ def test_a_test_goes_on_where_an_episode_would_have_ended() -> None:
     assert any(ends[:100]) and sum(rewards[100:]) > 0
 
     rng = np.random.default_rng(1)
-    ours = play(XML, task, lambda seen: rng.uniform(-1, 1, (1, 8)), 1, seed=7, num_steps=150)
+    ours = play(World(XML, task), lambda seen: rng.uniform(-1, 1, (1, 8)), 1, seed=7, num_steps=150)
     np.testing.assert_array_equal(ours, rewards)
 
 
@@ -86,9 +88,9 @@ def test_choices_are_held_and_follow_what_is_observed() -> None:
         seen.append(observations)
         return np.full((1, 8), 0.5)
 
-    play(XML, article.ENV, act, 3, seed=0, num_steps=10)
+    play(World(XML, article.ENV), act, 3, seed=0, num_steps=10)
     assert len(seen) == 4
-    env = RobotEnv(XML, article.ENV)
+    env = RobotEnv(World(XML, article.ENV))
     observation, _ = env.reset(seed=0)
     np.testing.assert_array_equal(seen[0], observation[None])
     for _ in range(3):
@@ -100,7 +102,7 @@ def test_a_state_that_is_not_finite_earns_nothing_any_more() -> None:
     xml = robot.build(article.ROBOT.model_copy(update={"gear": 1e12}))
     torques = iter(np.repeat([0.0, 1.0], [5, 55]))
     rewards = play(
-        xml, article.ENV, lambda _: np.full((1, 8), next(torques)), 1, seed=0, num_steps=60
+        World(xml, article.ENV), lambda _: np.full((1, 8), next(torques)), 1, seed=0, num_steps=60
     )
     assert (rewards[:3] > 0).all()
     assert (rewards[8:] == 0).all()
@@ -110,7 +112,7 @@ def network(algorithm: str) -> tuple[Any, Any]:
     """Return an untrained model of Stable-Baselines3 and the policy of its file."""
     update = {"net_arch": [16, 8], "buffer_size": 10, "num_envs": 1, "velocity_scale": 0.3}
     agent: Any = params_file.load().agents[algorithm].model_copy(update=update)
-    model = make_model(make_envs(XML, article.ENV, agent, seed=5), agent, seed=5)
+    model = make_model(make_envs(Job(World(XML, article.ENV), agent, seed=5)), agent, seed=5)
     if algorithm == "sac":
         with torch.no_grad():  # an untrained layer hardly varies, and clips nothing
             model.actor.log_std.weight.mul_(12.0)
@@ -197,7 +199,7 @@ def test_the_film_of_pgpe_is_that_of_a_fresh_problem() -> None:
     """EvoTorch's `visualize` is this `run`, drawn: its normaliser has seen nothing all along."""
     policy = linear_policy()
     fresh = GymNE(
-        lambda: SeededStart(XML, article.ENV),
+        lambda: SeededStart(World(XML, article.ENV)),
         "Linear(obs_length, act_length)",
         observation_normalization=True,
         decrease_rewards_by=1,
@@ -208,7 +210,7 @@ def test_the_film_of_pgpe_is_that_of_a_fresh_problem() -> None:
     assert theirs["interaction_count"] == 40
 
     def total(policy: LinearPolicy) -> float:
-        return float(play(XML, article.ENV, policy.act, 1, seed=3, num_steps=40).sum())
+        return float(play(World(XML, article.ENV), policy.act, 1, seed=3, num_steps=40).sum())
 
     film = total(reproduction.without_normalizer(policy))
     assert film == pytest.approx(theirs["cumulative_reward"] + 40, rel=1e-3)

@@ -13,6 +13,7 @@ from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import rollout
+from jumping_ant.sim.world import World
 
 VALIDATION_SEED = 2000000
 
@@ -67,13 +68,13 @@ def test_rounding_takes_the_nearest_command() -> None:
 
 def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, short: EnvParams) -> None:
     policy, uniform = linear(0.1), UniformPolicy(0, ActionSet(), 8)
-    found = variants.make(robot_xml, short, "pgpe", policy, policy, 0, VALIDATION_SEED)
+    found = variants.make(World(robot_xml, short), "pgpe", policy, policy, 0, VALIDATION_SEED)
     assert list(found) == ["final", "rounded", "best_sample"]
-    found = variants.make(robot_xml, short, "sac", policy, policy, 0, VALIDATION_SEED)
+    found = variants.make(World(robot_xml, short), "sac", policy, policy, 0, VALIDATION_SEED)
     assert list(found) == ["final", "rounded"]
-    found = variants.make(robot_xml, short, "snes", policy, policy, 0, VALIDATION_SEED)
+    found = variants.make(World(robot_xml, short), "snes", policy, policy, 0, VALIDATION_SEED)
     assert list(found) == ["final"]
-    found = variants.make(robot_xml, short, "random", uniform, uniform, 0, VALIDATION_SEED)
+    found = variants.make(World(robot_xml, short), "random", uniform, uniform, 0, VALIDATION_SEED)
     assert list(found) == ["final"]
 
 
@@ -82,9 +83,9 @@ def test_the_best_sample_is_the_best_in_validation(robot_xml: str, short: EnvPar
 
     def score(sample: LinearPolicy) -> float:
         seeds = [VALIDATION_SEED + i for i in range(SELECTION_EPISODES)]
-        return sum(e.rewards.sum() for e in rollout.run(robot_xml, short, sample, seeds))
+        return sum(e.rewards.sum() for e in rollout.run(World(robot_xml, short), sample, seeds))
 
-    best = variants.make(robot_xml, short, "pgpe", policy, policy, 7, VALIDATION_SEED)[
+    best = variants.make(World(robot_xml, short), "pgpe", policy, policy, 7, VALIDATION_SEED)[
         "best_sample"
     ]
     assert isinstance(best, LinearPolicy)
@@ -95,7 +96,7 @@ def test_the_best_sample_is_the_best_in_validation(robot_xml: str, short: EnvPar
 
 def test_without_spread_the_best_sample_is_the_center(robot_xml: str, short: EnvParams) -> None:
     policy = linear(0.0)
-    best = variants.make(robot_xml, short, "pgpe", policy, policy, 0, VALIDATION_SEED)[
+    best = variants.make(World(robot_xml, short), "pgpe", policy, policy, 0, VALIDATION_SEED)[
         "best_sample"
     ]
     assert isinstance(best, LinearPolicy)

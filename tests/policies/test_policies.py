@@ -15,7 +15,7 @@ from small_policies import NUMBERS, linear_policy
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.agents.job import resolve
+from jumping_ant.agents.job import Job, resolve
 from jumping_ant.agents.off_policy.trainer import make_model
 from jumping_ant.agents.sb3.model import make_envs, policy_bytes
 from jumping_ant.base.errors import InputError
@@ -24,6 +24,7 @@ from jumping_ant.policies import policy_file
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.world import World
 
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
 
@@ -45,7 +46,8 @@ def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params
     actions = agent.actions.model_copy(update={"amplitude": 0.75, "hold": 2})
     agent = agent.model_copy(update=small | {"actions": actions})
     chosen = ActionSet.of(actions, known_params.env.commands)
-    model = make_model(make_envs(robot_xml, known_params.env, agent, seed=5), agent, seed=5)
+    job = Job(World(robot_xml, known_params.env), agent, seed=5)
+    model = make_model(make_envs(job), agent, seed=5)
     generator = torch.Generator().manual_seed(0)
     for name, numbers in model.policy.state_dict().items():  # as if it had learned something
         if name.endswith((".weight", ".bias", ".scale", ".ra_mean", ".ra_var")):
@@ -87,7 +89,7 @@ def test_stable_baselines3_plays_a_policy_file_as_the_project_does(
         policy_file.parse(content),
         librarys_class(algorithm).load(io.BytesIO(content), device="cpu"),
     )
-    env = RobotEnv(robot_xml, known_params.env)
+    env = RobotEnv(World(robot_xml, known_params.env))
     decisions = Decisions(env, ours.actions)
     assert decisions.action_space == theirs.action_space
     played = []

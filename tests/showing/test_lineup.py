@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from recorded import Content, everything, rerun_cli, story
@@ -13,10 +12,11 @@ from small_episode import simulate
 from small_project import make_params, shown, write_project
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.experiment.models import Params
 from jumping_ant.showing.recording import about, layout, lineup
 from jumping_ant.showing.recording.story import Story, read
-from jumping_ant.sim import robot
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 from jumping_ant.words import looks
 from jumping_ant.words.looks import Family
 
@@ -24,16 +24,16 @@ ALGORITHMS = {"random": "random", "mine": "sac"}
 
 
 @pytest.fixture(scope="module")
-def model(robot_xml: str) -> mujoco.MjModel:
-    return robot.load(robot_xml)
+def world(robot_xml: str, known_params: Params) -> World:
+    return World(robot_xml, known_params.env)
 
 
 @pytest.fixture(scope="module")
-def episodes(model: mujoco.MjModel) -> dict[str, Trajectory]:
+def episodes(world: World) -> dict[str, Trajectory]:
     """One falls from low and one from high, for half a second and a second."""
     return {
-        "random": simulate(model, np.zeros((10, model.nu)), height=1.0),
-        "mine": simulate(model, np.zeros((20, model.nu)), height=1.5, upward_speed=2.0),
+        "random": simulate(world.model, np.zeros((10, 8)), height=1.0),
+        "mine": simulate(world.model, np.zeros((20, 8)), height=1.5, upward_speed=2.0),
     }
 
 
@@ -45,13 +45,13 @@ def stories() -> dict[str, Story]:
 
 @pytest.fixture(scope="module")
 def file(
-    robot_xml: str,
+    world: World,
     episodes: dict[str, Trajectory],
     stories: dict[str, Story],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
     path = tmp_path_factory.mktemp("lineup") / "lineup.rrd"
-    path.write_bytes(lineup.record(dict.fromkeys(episodes, robot_xml), episodes, stories))
+    path.write_bytes(lineup.record(dict.fromkeys(episodes, world), episodes, stories))
     return path
 
 
@@ -109,10 +109,10 @@ def test_many_learners_are_in_tabs_by_family_the_best_first() -> None:
     }
 
 
-def test_each_tab_has_the_scenes_and_heights_of_its_agents(model: mujoco.MjModel) -> None:
+def test_each_tab_has_the_scenes_and_heights_of_its_agents(world: World) -> None:
     groups = {"One": ["a"], "Two": ["b", "c"]}
     labels = {name: name.upper() for name in "abc"}
-    blueprint = layout.lineup_layout(dict.fromkeys("abc", model), labels, groups, (0, 1))
+    blueprint = layout.lineup_layout(dict.fromkeys("abc", world), labels, groups, (0, 1))
     tabs, about = blueprint.root_container.contents
     assert [tab.name for tab in tabs.contents] == ["One", "Two"]
     assert about.origin == "about"
@@ -135,21 +135,21 @@ def test_the_page_names_baselines_and_the_unedited_robot(
 
 
 def test_two_lineups_hold_the_same_data(
-    robot_xml: str,
+    world: World,
     episodes: dict[str, Trajectory],
     stories: dict[str, Story],
     file: Path,
     tmp_path: Path,
 ) -> None:
     again, other = tmp_path / "again.rrd", tmp_path / "other.rrd"
-    robots = dict.fromkeys(episodes, robot_xml)
-    again.write_bytes(lineup.record(robots, episodes, stories))
+    worlds = dict.fromkeys(episodes, world)
+    again.write_bytes(lineup.record(worlds, episodes, stories))
     assert rerun_cli("compare", file, again, home=tmp_path).returncode == 0
     assert everything(file) == everything(again)
     qpos = episodes["mine"].qpos.copy()
     qpos[10, 2] += 0.01
     changed = episodes | {"mine": dataclasses.replace(episodes["mine"], qpos=qpos)}
-    other.write_bytes(lineup.record(robots, changed, stories))
+    other.write_bytes(lineup.record(worlds, changed, stories))
     assert rerun_cli("compare", file, other, home=tmp_path).returncode == 1
 
 

@@ -21,8 +21,8 @@ from jumping_ant.showing.recording.curves import ticks
 from jumping_ant.showing.recording.parts import body_names, geom_paths
 from jumping_ant.showing.recording.scene import METRES_PER_NEWTON
 from jumping_ant.showing.recording.states import derive
-from jumping_ant.sim import robot
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 
 STEPS = 40
 ROWS = STEPS * 5 + 1
@@ -30,13 +30,18 @@ LEGS = ["front_left_leg", "front_right_leg", "back_leg", "right_back_leg"]
 FILM = film(FPS + 1)  # of the first second
 
 
-def record(xml: str, trajectory: Trajectory) -> bytes:
-    return recording.record(xml, trajectory, story(), FILM)
+def record(world: World, trajectory: Trajectory) -> bytes:
+    return recording.record(world, trajectory, story(), FILM)
 
 
 @pytest.fixture(scope="module")
-def model(robot_xml: str) -> mujoco.MjModel:
-    return robot.load(robot_xml)
+def world(robot_xml: str, known_params: Params) -> World:
+    return World(robot_xml, known_params.env)
+
+
+@pytest.fixture(scope="module")
+def model(world: World) -> mujoco.MjModel:
+    return world.model
 
 
 @pytest.fixture(scope="module")
@@ -47,9 +52,9 @@ def episode(model: mujoco.MjModel) -> Trajectory:
 
 
 @pytest.fixture(scope="module")
-def file(robot_xml: str, episode: Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(world: World, episode: Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "episode.rrd"
-    path.write_bytes(record(robot_xml, episode))
+    path.write_bytes(record(world, episode))
     return path
 
 
@@ -88,8 +93,8 @@ def test_every_body_and_every_geom_is_there(content: Content) -> None:
     assert bodies == {path.rpartition("/")[0] for path in shapes} - {"/world"}
 
 
-def test_shapes_are_those_of_the_robot(model: mujoco.MjModel, content: Content) -> None:
-    paths = geom_paths(model)
+def test_shapes_are_those_of_the_robot(world: World, content: Content) -> None:
+    model, paths = world.model, geom_paths(world)
     for index in range(model.ngeom):
         shape = content.shape(f"/{paths[index]}")
         geom = model.geom(index)
@@ -109,10 +114,10 @@ def test_shapes_are_those_of_the_robot(model: mujoco.MjModel, content: Content) 
 
 
 def test_bodies_move_as_in_the_simulation(
-    model: mujoco.MjModel, episode: Trajectory, content: Content
+    world: World, episode: Trajectory, content: Content
 ) -> None:
+    model, names = world.model, body_names(world)
     data = mujoco.MjData(model)
-    names = body_names(model)
     for row in (0, 77, ROWS - 1):
         data.qpos[:] = episode.qpos[row]
         mujoco.mj_kinematics(model, data)
@@ -181,11 +186,11 @@ def test_phases_alternate_with_the_contacts(content: Content) -> None:
 
 
 def test_contact_forces_carry_the_robot_at_rest(
-    robot_xml: str, model: mujoco.MjModel, tmp_path: Path
+    world: World, model: mujoco.MjModel, tmp_path: Path
 ) -> None:
     resting = simulate(model, np.zeros((120, model.nu)), height=0.75)
     path = tmp_path / "rest.rrd"
-    path.write_bytes(record(robot_xml, resting))
+    path.write_bytes(record(world, resting))
     content = Content(path)
     forces = [content.scalars(f"/contact_force/{name}") for name in ["torso", *LEGS]]
     assert {path for path in content.moving if path.startswith("/contact_force/")} == {
@@ -223,10 +228,10 @@ def test_arrows_are_the_contact_forces(content: Content) -> None:
     assert 0 < num_arrows.astype(bool).mean() < 1
 
 
-def test_forces_within_the_robot_cancel(model: mujoco.MjModel) -> None:
+def test_forces_within_the_robot_cancel(world: World, model: mujoco.MjModel) -> None:
     """At rest all arrows together carry the weight, whatever the limbs do to each other."""
     resting = simulate(model, np.zeros((120, model.nu)), height=0.75)
-    states = derive(model, resting, resting.rows())
+    states = derive(world, resting, resting.rows())
     weight = 9.81 * model.body_subtreemass[0]
     total = states.contact_forces[-50:].sum(axis=1).mean(axis=0)
     np.testing.assert_allclose(total, [0.0, 0.0, weight], atol=0.05 * weight)
@@ -249,9 +254,9 @@ def test_frames_of_the_film_stand_at_their_times(content: Content) -> None:
     assert bytes(video.to_record_batch().column("AssetVideo:blob").to_pylist()[0][0]) == FILM
 
 
-def test_what_is_no_film_is_refused(robot_xml: str, episode: Trajectory) -> None:
+def test_what_is_no_film_is_refused(world: World, episode: Trajectory) -> None:
     with pytest.raises(InputError, match="film: given 9 bytes that are not MP4"):
-        recording.record(robot_xml, episode, story(), b"not a film"[:9])
+        recording.record(world, episode, story(), b"not a film"[:9])
 
 
 def test_learning_curves_hold_the_evaluations(content: Content) -> None:
@@ -297,10 +302,10 @@ def test_the_page_tells_the_episode(content: Content) -> None:
     ],
 )
 def test_the_page_names_baselines_and_the_unedited_robot(
-    algorithm: str, kind: str, told: str, model: mujoco.MjModel, episode: Trajectory
+    algorithm: str, kind: str, told: str, world: World, episode: Trajectory
 ) -> None:
     about_it = story("mine", algorithm, robot=kind)
-    assert told in about.episode_page(model, episode, about_it, about.Opening(0.5, 1.0))
+    assert told in about.episode_page(world, episode, about_it, about.Opening(0.5, 1.0))
 
 
 def test_it_plays_the_highest_jump_of_the_film(file: Path, episode: Trajectory) -> None:
@@ -321,12 +326,12 @@ def test_it_plays_the_highest_jump_of_the_film(file: Path, episode: Trajectory) 
 
 
 def test_an_episode_that_broke_off_is_recorded_up_to_there(
-    robot_xml: str, episode: Trajectory, tmp_path: Path
+    world: World, episode: Trajectory, tmp_path: Path
 ) -> None:
     qpos = episode.qpos.copy()
     qpos[13:] = np.nan
     path = tmp_path / "broken.rrd"
-    path.write_bytes(record(robot_xml, dataclasses.replace(episode, qpos=qpos)))
+    path.write_bytes(record(world, dataclasses.replace(episode, qpos=qpos)))
     content = Content(path)
     assert len(content.scalars("/height/torso")) == 13
     assert len(content.scalars("/torque/hip_1")) == 3  # the third began
@@ -340,34 +345,34 @@ def test_rerun_verifies_the_file(file: Path, tmp_path: Path) -> None:
 
 
 def test_two_recordings_hold_the_same_data(
-    robot_xml: str, episode: Trajectory, file: Path, tmp_path: Path
+    world: World, episode: Trajectory, file: Path, tmp_path: Path
 ) -> None:
     again, other = tmp_path / "again.rrd", tmp_path / "other.rrd"
-    again.write_bytes(record(robot_xml, episode))
+    again.write_bytes(record(world, episode))
     assert rerun_cli("compare", file, again, home=tmp_path).returncode == 0
     assert everything(file) == everything(again)
     rewards = episode.rewards.copy()
     rewards[5] += 0.01
     changed = dataclasses.replace(episode, terms={"torso_height": rewards})
-    other.write_bytes(record(robot_xml, changed))
+    other.write_bytes(record(world, changed))
     assert rerun_cli("compare", file, other, home=tmp_path).returncode == 1
     assert everything(file) != everything(other)
 
 
-def test_recording_leaves_rerun_as_it_was(robot_xml: str, episode: Trajectory) -> None:
+def test_recording_leaves_rerun_as_it_was(world: World, episode: Trajectory) -> None:
     assert rr.strict_mode() is False
-    record(robot_xml, episode)
+    record(world, episode)
     assert rr.strict_mode() is False
     assert rr.get_recording_id() is None
 
 
-def test_shapes_that_are_not_drawn_are_refused(robot_xml: str, episode: Trajectory) -> None:
-    boxed = robot_xml.replace(
+def test_shapes_that_are_not_drawn_are_refused(world: World, episode: Trajectory) -> None:
+    boxed = world.xml.replace(
         '<geom name="torso_geom" size="0.25"/>',
         '<geom name="torso_geom" type="box" size="0.25 0.25 0.25"/>',
     )
     with pytest.raises(InputError, match="'torso_geom' is a mjGEOM_BOX; allowed: planes"):
-        record(boxed, episode)
+        record(dataclasses.replace(world, xml=boxed), episode)
 
 
 def test_no_entity_has_two_chunks_of_a_kind(content: Content) -> None:

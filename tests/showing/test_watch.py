@@ -38,6 +38,7 @@ from jumping_ant.showing.recording import server
 from jumping_ant.showing.recording.feed import Feed
 from jumping_ant.showing.recording.live import LiveRecording, Step
 from jumping_ant.sim.env import RobotEnv
+from jumping_ant.sim.world import World
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -107,7 +108,7 @@ def test_a_screen_that_is_not_there_ends_in_one_line(project: Path) -> None:
 
 def test_a_policy_plays_in_real_time(robot_xml: str, known_params: Params) -> None:
     short = known_params.env.model_copy(update={"max_episode_steps": 4})
-    env = RobotEnv(robot_xml, short)
+    env = RobotEnv(World(robot_xml, short))
     begin = time.monotonic()
     steps = list(play(env, UniformPolicy(0, ActionSet(), 8), first_seed=9, num_episodes=2))
     assert time.monotonic() - begin >= 8 * 0.05
@@ -120,12 +121,13 @@ def test_what_is_streamed_is_the_simulation(
     robot_xml: str, known_params: Params, tmp_path: Path
 ) -> None:
     """Every simulation step, the end of a control step being the start of the next."""
-    env = RobotEnv(robot_xml, known_params.env)
+    world = World(robot_xml, known_params.env)
+    env = RobotEnv(world)
     path = tmp_path / "live.rrd"
     played = []
     with rr.RecordingStream("test", send_properties=False) as stream:
         stream.save(path)
-        recording = LiveRecording(stream, env.model, known_params.env.frame_skip)
+        recording = LiveRecording(stream, world)
         env.reset(seed=3)
         for number in range(3):
             qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()

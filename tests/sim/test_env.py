@@ -22,6 +22,7 @@ from jumping_ant.params.blocks import EnvParams
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import Decisions, RobotEnv
 from jumping_ant.sim.vector import RobotVectorEnv
+from jumping_ant.sim.world import World
 
 DRAW = """
 import gymnasium, jumping_ant.sim.env
@@ -38,7 +39,7 @@ env.close()
 
 @pytest.fixture
 def env(robot_xml: str, known_params: Params) -> RobotEnv:
-    return RobotEnv(robot_xml, known_params.env)
+    return RobotEnv(World(robot_xml, known_params.env))
 
 
 def task(params: Params, **changes: Any) -> EnvParams:
@@ -69,7 +70,7 @@ def test_presets_run_is_ant_v5_to_the_last_bit() -> None:
     """Its reward and the terms of that included; contact forces cost nothing there."""
     params = presets.load("run")
     xml = robot.build(params.robot)
-    ours = RobotEnv(xml, params.env.model_copy(update={"max_episode_steps": 10**9}))
+    ours = RobotEnv(World(xml, params.env.model_copy(update={"max_episode_steps": 10**9})))
     theirs: Any = gym.make(
         "Ant-v5",
         include_cfrc_ext_in_observation=False,
@@ -96,7 +97,7 @@ def test_presets_run_is_ant_v5_to_the_last_bit() -> None:
 
 def test_termination_is_ant_v5s(source_xml: str, known_params: Params) -> None:
     """In a fall: the torso sinks through a limit on the way."""
-    ours = RobotEnv(source_xml, task(known_params, min_torso_height=0.7))
+    ours = RobotEnv(World(source_xml, task(known_params, min_torso_height=0.7)))
     theirs: Any = gym.make("Ant-v5", healthy_z_range=(0.7, np.inf))
     ended = []
     for seed in range(4):
@@ -134,14 +135,14 @@ def test_the_seed_determines_the_episodes(env: RobotEnv) -> None:
 
 
 def test_start_states_are_as_noisy_as_asked(robot_xml: str, known_params: Params) -> None:
-    still = RobotEnv(robot_xml, task(known_params, reset_noise_scale=0.0))
+    still = RobotEnv(World(robot_xml, task(known_params, reset_noise_scale=0.0)))
     observation, info = still.reset(seed=0)
     assert info["torso_height"] == observation[0] == 0.75
     np.testing.assert_array_equal(observation, [0.75, 1] + [0] * 25)
 
 
 def test_an_episode_is_cut_at_the_limit(robot_xml: str, known_params: Params) -> None:
-    env = RobotEnv(robot_xml, task(known_params, max_episode_steps=3))
+    env = RobotEnv(World(robot_xml, task(known_params, max_episode_steps=3)))
     for _ in range(2):
         env.reset(seed=0)
         assert [env.step(np.zeros(8))[2:4] for _ in range(3)] == [
@@ -152,7 +153,7 @@ def test_an_episode_is_cut_at_the_limit(robot_xml: str, known_params: Params) ->
 
 
 def test_a_fall_at_the_limit_is_a_fall(robot_xml: str, known_params: Params) -> None:
-    env = RobotEnv(robot_xml, task(known_params, max_episode_steps=1, min_torso_height=5.0))
+    env = RobotEnv(World(robot_xml, task(known_params, max_episode_steps=1, min_torso_height=5.0)))
     env.reset(seed=0)
     assert env.step(np.zeros(8))[2:4] == (True, False)
 
@@ -192,8 +193,8 @@ def test_a_decision_is_so_many_steps_of_the_same_torques(
 ) -> None:
     """With an episode cut after eight steps, too: in the middle of the third decision."""
     params = task(known_params, max_episode_steps=limit)
-    single = RobotEnv(robot_xml, params)
-    decisions = Decisions(RobotEnv(robot_xml, params), ActionSet(amplitude=0.5, hold=3))
+    single = RobotEnv(World(robot_xml, params))
+    decisions = Decisions(RobotEnv(World(robot_xml, params)), ActionSet(amplitude=0.5, hold=3))
     np.testing.assert_array_equal(decisions.reset(seed=2)[0], single.reset(seed=2)[0])
     for number, chosen in enumerate(torques(3)):
         observation, reward, terminated, truncated, info = decisions.step(chosen)
@@ -210,7 +211,7 @@ def test_a_decision_is_so_many_steps_of_the_same_torques(
 
 
 def pinned() -> RobotEnv:
-    return RobotEnv(robot.build(article.ROBOT), article.ENV)
+    return RobotEnv(World(robot.build(article.ROBOT), article.ENV))
 
 
 def test_make_gives_the_articles_robot_and_task() -> None:
@@ -244,7 +245,7 @@ def test_make_vec_gives_a_batch_that_steps_as_make_does() -> None:
 def test_the_pinned_task_has_the_articles_numbers() -> None:
     """Ant-v4's control step and noise; 0 to 10 for heights from 0.6 to 1.6 m; over below 0.2 m."""
     env = pinned()
-    assert env.dt == 0.05 and env.params.frame_skip == 5
+    assert env.dt == 0.05 and env.world.env.frame_skip == 5
     assert env.observation_space.shape == (27,) and env.action_space.shape == (8,)
     for height, reward, terminated in [
         (0.19, 0.0, True),
@@ -268,7 +269,7 @@ def test_the_pinned_task_has_the_articles_numbers() -> None:
 def test_pictures_are_shown_as_fast_as_the_robot_moves(
     robot_xml: str, known_params: Params
 ) -> None:
-    env = RobotEnv(robot_xml, task(known_params, frame_skip=4))
+    env = RobotEnv(World(robot_xml, task(known_params, frame_skip=4)))
     assert (env.dt, env.metadata["render_fps"]) == (0.04, 25)
 
 
@@ -296,6 +297,6 @@ def test_without_a_render_mode_nothing_is_drawn(env: RobotEnv) -> None:
 
 def test_other_render_modes_and_robots_are_refused(robot_xml: str, known_params: Params) -> None:
     with pytest.raises(ValueError, match="given 'ascii', allowed: None, 'human', 'rgb_array'"):
-        RobotEnv(robot_xml, known_params.env, render_mode="ascii")
+        RobotEnv(World(robot_xml, known_params.env), render_mode="ascii")
     with pytest.raises(InputError, match="not valid MJCF"):
-        RobotEnv("<mujoco", known_params.env)
+        RobotEnv(World("<mujoco", known_params.env))

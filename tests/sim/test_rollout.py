@@ -13,6 +13,7 @@ from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.rollout import Episode
+from jumping_ant.sim.world import World
 
 SEEDS = [11, 5, 8]
 
@@ -25,7 +26,7 @@ def task(known_params: Params) -> EnvParams:
 
 @pytest.fixture(scope="module")
 def episodes(robot_xml: str, task: EnvParams) -> list[Episode]:
-    return rollout.run(robot_xml, task, UniformPolicy(4, ActionSet(), 8), SEEDS)
+    return rollout.run(World(robot_xml, task), UniformPolicy(4, ActionSet(), 8), SEEDS)
 
 
 def assert_same(one: Episode, other: Episode) -> None:
@@ -40,7 +41,7 @@ def flat(episode: Episode) -> dict[str, Any]:
 def test_episodes_are_those_of_a_plain_loop(
     robot_xml: str, task: EnvParams, episodes: list[Episode]
 ) -> None:
-    env = RobotEnv(robot_xml, task)
+    env = RobotEnv(World(robot_xml, task))
     for seed, episode in zip(SEEDS, episodes, strict=True):
         policy = UniformPolicy(4, ActionSet(), 8)
         policy.start([seed])
@@ -72,7 +73,7 @@ def test_both_ends_occur(episodes: list[Episode], task: EnvParams) -> None:
 def test_nothing_depends_on_threads_or_company(
     robot_xml: str, task: EnvParams, episodes: list[Episode], seeds: list[int], num_threads: int
 ) -> None:
-    ran = rollout.run(robot_xml, task, UniformPolicy(4, ActionSet(), 8), seeds, num_threads)
+    ran = rollout.run(World(robot_xml, task), UniformPolicy(4, ActionSet(), 8), seeds, num_threads)
     expected = dict(zip(SEEDS, episodes, strict=True))
     for seed, episode in zip(seeds, ran, strict=True):
         if seed in expected:
@@ -89,7 +90,7 @@ def test_a_choice_is_held_as_long_as_the_policy_says(
     zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
     actions = ActionSet(amplitude=0.5, hold=hold)
     policy = LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], actions)
-    (episode,) = rollout.run(robot_xml, task, policy, [3])
+    (episode,) = rollout.run(World(robot_xml, task), policy, [3])
     states = np.concatenate([episode.qpos[:, 2:], episode.qvel], axis=1)
     first = np.concatenate([episode.start_qpos[2:], episode.start_qvel])
     seen = np.vstack([first, states[:-1]])

@@ -15,11 +15,12 @@ from jumping_ant.params import article
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.sim import robot
 from jumping_ant.sim.task import Task, action_space
+from jumping_ant.sim.world import World
 
 
 @pytest.fixture(scope="module")
 def task(robot_xml: str, known_params: Params) -> Task:
-    return Task(robot.load(robot_xml), known_params.env)
+    return Task(World(robot_xml, known_params.env))
 
 
 def action_set(kind: Literal["torques", "commands"], amplitude: float, hold: int = 1) -> ActionSet:
@@ -130,10 +131,11 @@ def test_observe_hides_where_the_robot_is_and_copies(task: Task) -> None:
 
 
 def test_start_states_are_as_noisy_as_told(robot_xml: str, known_params: Params) -> None:
-    model, generator = robot.load(robot_xml), np.random.default_rng(0)
-    noisy = Task(model, known_params.env.model_copy(update={"reset_noise_scale": 0.2}))
+    generator = np.random.default_rng(0)
+    world = World(robot_xml, known_params.env.model_copy(update={"reset_noise_scale": 0.2}))
+    noisy = Task(world)
     states = [noisy.start_state(generator) for _ in range(2000)]
-    offsets = np.array([qpos for qpos, _ in states]) - model.qpos0
+    offsets = np.array([qpos for qpos, _ in states]) - world.model.qpos0
     speeds = np.array([qvel for _, qvel in states])
     assert 0.19 < np.abs(offsets).max() < 0.2
     np.testing.assert_allclose(offsets.std(axis=0), 0.2 / np.sqrt(3), rtol=0.1)

@@ -11,8 +11,11 @@ from gymnasium.vector import AutoresetMode
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import RewardParams, TermParams
 from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.rewards import TERMS
 from jumping_ant.sim.vector import RobotVectorEnv
+from jumping_ant.sim.world import World
 
 STILL = np.zeros((3, 8))
 
@@ -28,8 +31,8 @@ def make(robot_xml: str, known_params: Params) -> Any:
         episode_steps: Any = None,
         **task: Any,
     ) -> RobotVectorEnv:
-        params = known_params.env.model_copy(update=task)
-        return RobotVectorEnv(xml, params, num_envs, num_threads, mode, actions, episode_steps)
+        world = World(xml, known_params.env.model_copy(update=task))
+        return RobotVectorEnv(world, num_envs, num_threads, mode, actions, episode_steps)
 
     return make_envs
 
@@ -38,14 +41,12 @@ def torques(*shape: int) -> np.ndarray:
     return np.random.default_rng(0).uniform(-1, 1, (*shape, 8)).astype(np.float32)
 
 
-def test_every_row_is_the_single_environment_to_the_last_bit(
-    make: Any, robot_xml: str, known_params: Params
-) -> None:
+def test_every_row_is_the_single_environment_to_the_last_bit(make: Any) -> None:
     task = {"max_episode_steps": 120, "min_torso_height": 0.3}
     actions = torques(1000, 2)
     batches = [make(2, threads, **task) for threads in (1, 2)]
     steps = [envs.reset(seed=7)[0] for envs in batches]
-    singles = [RobotEnv(robot_xml, batches[0].params) for _ in range(2)]
+    singles = [RobotEnv(batches[0].world) for _ in range(2)]
     for row, single in enumerate(singles):
         start = single.reset(seed=7 + row)[0]
         assert all(np.array_equal(observations[row], start) for observations in steps)
@@ -126,15 +127,11 @@ def test_a_mask_guards_the_noise_of_the_others(make: Any) -> None:
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
-def test_infos_and_resets_are_those_of_sync_vector_env(
-    make: Any, robot_xml: str, mode: AutoresetMode
-) -> None:
+def test_infos_and_resets_are_those_of_sync_vector_env(make: Any, mode: AutoresetMode) -> None:
     """To the last bit, keys and masks included, with ends of both kinds."""
     task = {"max_episode_steps": 30, "min_torso_height": 0.5}
     ours = make(4, num_threads=2, mode=mode, **task)
-    theirs = gym.vector.SyncVectorEnv(
-        [lambda: RobotEnv(robot_xml, ours.params)] * 4, autoreset_mode=mode
-    )
+    theirs = gym.vector.SyncVectorEnv([lambda: RobotEnv(ours.world)] * 4, autoreset_mode=mode)
     same(ours.reset(seed=3), theirs.reset(seed=3))
     ends = np.zeros(2, dtype=np.int64)
     for action in torques(150, 4):
@@ -336,11 +333,9 @@ def test_a_decision_is_so_many_steps_of_the_same_torques(make: Any, actions: Act
 
 
 @pytest.mark.parametrize("actions", HELD.values(), ids=HELD.keys())
-def test_single_decisions_are_those_of_the_batch(
-    make: Any, robot_xml: str, actions: ActionSet
-) -> None:
+def test_single_decisions_are_those_of_the_batch(make: Any, actions: ActionSet) -> None:
     batch = make(2, actions=actions, max_episode_steps=40, min_torso_height=0.3)
-    singles = [Decisions(RobotEnv(robot_xml, batch.params), actions) for _ in range(2)]
+    singles = [Decisions(RobotEnv(batch.world), actions) for _ in range(2)]
     batch.reset(seed=6)
     for row, single in enumerate(singles):
         single.reset(seed=6 + row)
@@ -375,9 +370,29 @@ def test_each_environment_has_an_episode_length_of_its_own(make: Any) -> None:
     assert [row.tolist() for row in ends] == [[4, 8, 12, 16, 20, 24], [6, 12, 18, 24], []]
 
 
-def test_spaces_are_those_of_the_single_environment(make: Any, robot_xml: str) -> None:
+def test_terms_see_the_same_velocities_and_contacts(
+    make: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(TERMS, "upright", lambda step, _: step.contacts + step.qvel[:, 5])
+    reward = RewardParams(upright=TermParams(weight=1.0))
+    envs = make(2, reward=reward, min_torso_height=0.0)
+    singles = [RobotEnv(envs.world) for _ in range(2)]
+    envs.reset(seed=3)
+    seen = set()
+    for row, single in enumerate(singles):
+        single.reset(seed=3 + row)
+    for action in torques(60, 2):
+        earned = envs.step(action)[1]
+        for row, single in enumerate(singles):
+            assert single.step(action[row])[1] == earned[row]
+            assert earned[row] == single.data.ncon + single.data.qvel[5]
+            seen.add(int(single.data.ncon))
+    assert len(seen) > 2
+
+
+def test_spaces_are_those_of_the_single_environment(make: Any) -> None:
     envs = make()
-    single = RobotEnv(robot_xml, envs.params)
+    single = RobotEnv(envs.world)
     assert envs.single_observation_space == single.observation_space
     assert envs.single_action_space == single.action_space
     observations, _ = envs.reset(seed=0)

@@ -26,6 +26,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
+from jumping_ant.sim.world import World
 from jumping_ant.training import compute, curves, driver, seed_run
 from jumping_ant.training.seed_files import SeedFiles
 from jumping_ant.training.seed_run import Report
@@ -39,7 +40,7 @@ def test_every_agent_reports_the_same_from_workers(robot_xml: str) -> None:
     def start(name: str) -> Work:
         agent = params.agent(name)
         shown = demonstrations if agent.learns_from_demonstrations else None
-        job = Job(robot_xml, params.env, agent, 5, params.training.evaluations, 1, shown)
+        job = Job(World(robot_xml, params.env), agent, 5, params.training.evaluations, 1, shown)
         return partial(seed_run.run, job, params.training)
 
     runs = []
@@ -150,13 +151,13 @@ def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[by
     seeds = [rules.evaluation_seed + i for i in range(rules.evaluation_episodes)]
     block = settings.agents[agent]
     events = trainer_of(block)(
-        small_agents.job(xml, settings.env, block, seed, evaluations=rules.evaluations)
+        small_agents.job(World(xml, settings.env), block, seed, evaluations=rules.evaluations)
     )
     policy_files = [event.policy for event in events if isinstance(event, Snapshot)]
     assert len(policy_files) == rules.evaluations
     means = {}
     for content in policy_files:
-        episodes = rollout.run(xml, settings.env, policy_file.parse(content), seeds)
+        episodes = rollout.run(World(xml, settings.env), policy_file.parse(content), seeds)
         published = policy_file.owned(content, (agent, seed))
         means[published] = float(np.mean([episode.rewards.sum() for episode in episodes]))
     return means

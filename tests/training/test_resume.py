@@ -28,6 +28,7 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
+from jumping_ant.sim.world import World
 from jumping_ant.training import driver, seed_run
 from jumping_ant.training.checkpoint_key import checkpoint_key
 from jumping_ant.training.checkpoints import Owner, Saved
@@ -151,7 +152,7 @@ def reports_of(
     stop, block = threading.Event(), settings.agent(agent)
     known = small_agents.demonstrations(xml) if block.learns_from_demonstrations else None
     evaluations = settings.training.evaluations
-    job = Job(xml, settings.env, block, 0, evaluations, num_threads, known, checkpoint)
+    job = Job(World(xml, settings.env), block, 0, evaluations, num_threads, known, checkpoint)
     reports = []
     for report in seed_run.run(job, settings.training, stop, seconds):
         reports.append(report)
@@ -234,15 +235,17 @@ def test_a_parent_that_only_has_the_name_forces_nothing(tmp_path: Path) -> None:
 
 def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
     settings = small_params(1)
-    agent = settings.agents["sac"]
-    key = checkpoint_key(robot_xml, settings, agent)
-    assert key == checkpoint_key(robot_xml, small_params(2), agent)
+    agent, training = settings.agents["sac"], settings.training
+    world = World(robot_xml, settings.env)
+    key = checkpoint_key(world, training, agent)
+    assert key == checkpoint_key(World(robot_xml, small_params(2).env), training, agent)
     easier = settings.env.model_copy(update={"min_torso_height": 0.1})
     changed = {
-        "robot": (robot_xml + " ", settings, agent),
-        "agent": (robot_xml, settings, agent.model_copy(update={"gamma": 0.5})),
-        "trainer": (robot_xml, settings, settings.agents["pgpe"]),
-        "task": (robot_xml, settings.model_copy(update={"env": easier}), agent),
+        "robot": (World(robot_xml + " ", settings.env), training, agent),
+        "agent": (world, training, agent.model_copy(update={"gamma": 0.5})),
+        "algorithm": (world, training, settings.agents["pgpe"]),
+        "task": (World(robot_xml, easier), training, agent),
+        "snapshots": (world, training.model_copy(update={"evaluation_seed": 1}), agent),
     }
     keys = {key} | {checkpoint_key(*what) for what in changed.values()}
     assert len(keys) == len(changed) + 1

@@ -6,6 +6,7 @@ import small_agents
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
+from jumping_ant.sim.world import World
 from jumping_ant.training import scaling
 
 SEEDS = [0, 5]
@@ -18,7 +19,7 @@ def small(known: Params) -> Params:
 
 def test_each_seed_is_timed_on_one_thread_up_to_all(known_params: Params, robot_xml: str) -> None:
     settings = small(known_params)
-    rows = scaling.measure(robot_xml, settings.env, settings.agent("pgpe"), SEEDS, cores=3)
+    rows = scaling.measure(World(robot_xml, settings.env), settings.agent("pgpe"), SEEDS, cores=3)
     assert [tuple(row) for row in rows] == [tuple(scaling.COLUMNS)] * 6
     assert [(row["seed"], row["threads"]) for row in rows] == [
         (seed, threads) for seed in SEEDS for threads in (1, 2, 3)
@@ -32,7 +33,7 @@ def test_learners_that_update_one_policy_are_timed_too(
     for name in ("dqn", "sac"):
         small_net = {"net_arch": [16], "batch_size": 8, "num_envs": 2, "gradient_steps": 64}
         agent = known_params.agent(name).model_copy(update=small_net)
-        rows = scaling.measure(robot_xml, known_params.env, agent, [3], cores=2)
+        rows = scaling.measure(World(robot_xml, known_params.env), agent, [3], cores=2)
         assert [(row["seed"], row["threads"]) for row in rows] == [(3, 1), (3, 2)]
         assert all(0 < row["seconds"] < 60 for row in rows)
 
@@ -42,12 +43,12 @@ def test_what_no_claim_compares_is_not_timed(
     known_params: Params, robot_xml: str, algorithm: str
 ) -> None:
     agent = small_agents.agents()[algorithm]
-    assert scaling.measure(robot_xml, known_params.env, agent, SEEDS) == []
+    assert scaling.measure(World(robot_xml, known_params.env), agent, SEEDS) == []
 
 
 def test_the_table_is_read_back(known_params: Params, robot_xml: str, tmp_path: Path) -> None:
     settings = small(known_params)
-    rows = scaling.measure(robot_xml, settings.env, settings.agent("pgpe"), SEEDS, cores=2)
+    rows = scaling.measure(World(robot_xml, settings.env), settings.agent("pgpe"), SEEDS, cores=2)
     write_text(Paths(tmp_path).agent("pgpe").scaling, scaling.to_csv("pgpe", rows))
     read = scaling.read(tmp_path, settings.model_copy(update={"seeds": SEEDS}), "pgpe")
     assert list(read) == [1, 2]

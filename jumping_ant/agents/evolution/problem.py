@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.agents.evolution.library import Normalizer, Problem, SolutionBatch, plain
+from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive, derive_all
-from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.sim import robot
-from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 
 Network = tuple[torch.Tensor, torch.Tensor]  # weight (outputs, observations), bias (outputs,)
@@ -38,26 +37,20 @@ class JumpProblem(Problem):
     their observations.
 
     Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        agent: The agent's block.
-        seed: Seed of the sampling and of the start states.
-        num_threads: Threads that run episodes; results do not depend on it.
+        job: What to train.
     """
 
-    def __init__(
-        self, xml: str, env: EnvParams, agent: EvolutionParams, seed: int, num_threads: int = 1
-    ) -> None:
+    def __init__(self, job: Job[EvolutionParams]) -> None:
         logging.getLogger("evotorch").setLevel(logging.WARNING)  # it logs every problem
-        anatomy = Anatomy.of(robot.load(xml))
-        self.actions = ActionSet.of(agent.actions, env.commands)
+        agent, anatomy = job.agent, job.world.anatomy
+        self.actions = ActionSet.of(agent.actions, job.world.env.commands)
         self._shape = (self.actions.num_outputs(anatomy.num_motors), anatomy.num_observations)
         super().__init__(
             "max",
             solution_length=self._shape[0] * (anatomy.num_observations + 1),
             dtype=torch.float32,
             initial_bounds=INITIAL_BOUNDS,
-            seed=derive(seed, "search", bits=32),
+            seed=derive(job.seed, "search", bits=32),
         )
         self.agent = agent
         self.normalizer = Normalizer(shape=anatomy.num_observations, dtype=torch.float32)
@@ -65,12 +58,11 @@ class JumpProblem(Problem):
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
         self.fitness: NDArray[np.float64] = np.zeros(agent.population_size)
         # Each thread runs its share of the population from start to end: no thread waits.
-        shares = np.array_split(np.arange(agent.population_size), num_threads)
+        shares = np.array_split(np.arange(agent.population_size), job.num_threads)
         self._shares = [share for share in shares if len(share)]
         self._envs = [
             RobotVectorEnv(
-                xml,
-                env,
+                job.world,
                 len(share),
                 autoreset_mode=AutoresetMode.DISABLED,
                 actions=self.actions,
@@ -78,7 +70,7 @@ class JumpProblem(Problem):
             )
             for share in self._shares
         ]
-        starts = derive_all(seed, "starts", agent.population_size)
+        starts = derive_all(job.seed, "starts", agent.population_size)
         for envs, share in zip(self._envs, self._shares, strict=True):
             envs.reset(seed=[starts[index] for index in share])
         self._pool = ThreadPoolExecutor(len(self._shares))
@@ -145,21 +137,20 @@ class JumpProblem(Problem):
         episodes = _Episodes.empty(decisions, len(networks), num_observations)
         outputs = torch.empty(len(networks), num_outputs)
         mean, stdev = self._moments()
-        episodes.observations[0], _ = envs.reset()
-        episodes.alive[0] = alive = np.ones(len(networks), dtype=np.bool_)
-        for step in range(decisions):
-            normalized = (torch.from_numpy(episodes.observations[step]) - mean) / stdev
+
+        def act(observations: NDArray[np.float64]) -> NDArray[Any]:
+            normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
             # Row by row, as GymNE does: a single product of all rows would round differently.
             for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
                 torch.addmv(bias, weight, row, out=out)
-            observations, rewards, terminated, truncated, _ = envs.step(
-                self.actions.choices(outputs.numpy())
-            )
-            episodes.observations[step + 1], episodes.alive[step + 1] = observations, alive
-            episodes.returns[:] += rewards * alive
-            alive = alive & ~(terminated | truncated)
-            if not alive.any():
-                break
+            return self.actions.choices(outputs.numpy())
+
+        start, _ = envs.reset()
+        episodes.observations[0], episodes.alive[0] = start, True
+        for number, step in enumerate(rollout.steps(envs, start, act), start=1):
+            episodes.observations[number] = step.next_observations
+            episodes.alive[number] = step.alive
+            episodes.returns[:] += step.rewards
         return episodes
 
     def _unflatten(self, solution: torch.Tensor) -> Network:

@@ -20,7 +20,7 @@ def train(job: Job[EvolutionParams]) -> Iterator[Event]:
         of the centre's policy, checkpoints when due, and finally that policy.
     """
     agent = job.agent
-    problem = JumpProblem(job.xml, job.env, agent, job.seed, job.num_threads)
+    problem = JumpProblem(job)
     searcher = make_searcher(problem, agent)
     if job.checkpoint is not None:
         state = unpack_state(job.checkpoint)

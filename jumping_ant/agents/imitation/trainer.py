@@ -29,8 +29,6 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.seeding import derive
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Interface, header_entries
-from jumping_ant.sim import robot
-from jumping_ant.sim.anatomy import Anatomy
 
 
 def train(job: Job[ImitationParams]) -> Iterator[Event]:
@@ -81,8 +79,8 @@ class _Imitator:
             raise InputError("demonstrations: given none, allowed: those of a trained agent")
         self.round = self.env_steps = self.episodes = 0
         self._job, self._agent = job, job.agent
-        self._actions = ActionSet.of(job.agent.actions, job.env.commands)
-        self._anatomy = Anatomy.of(robot.load(job.xml))
+        self._actions = ActionSet.of(job.agent.actions, job.world.env.commands)
+        self._anatomy = job.world.anatomy
         demonstrations = Demonstrations.from_bytes(job.demonstrations)
         self._expert = policy_file.parse(demonstrations.expert)
         self._generator = np.random.default_rng(derive(job.seed, "replay"))
@@ -180,8 +178,7 @@ class _Imitator:
             first = self.round * agent.total_steps + number
             seeds = [derive(self._job.seed, "starts", first + index) for index in range(count)]
             more = play(
-                self._job.xml,
-                self._job.env,
+                self._job.world,
                 actor,
                 self._expert,
                 seeds,

@@ -13,7 +13,7 @@ from jumping_ant.agents.sb3 import loop, model
 
 def train(job: Job[OnPolicyParams]) -> Iterator[Event]:
     """Train as `OnPolicyAlgorithm.learn` does; see `jumping_ant.agents.sb3.loop`."""
-    envs = model.make_envs(job.xml, job.env, job.agent, job.seed, job.num_threads)
+    envs = model.make_envs(job)
     yield from loop.run(job, model.make_model(envs, job.agent, job.seed), _learn_once)
 
 

@@ -7,14 +7,11 @@ from jumping_ant.agents.events import Event, Finished, Snapshot
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.random.algorithms import RandomAgentParams
 from jumping_ant.policies.blind import UniformPolicy
-from jumping_ant.sim import robot
-from jumping_ant.sim.anatomy import Anatomy
 
 
 def train(job: Job[RandomAgentParams]) -> Iterator[Event]:
     """Yield the policy that draws its actions at random, without any training."""
-    actions = ActionSet.of(job.agent.actions, job.env.commands)
-    num_motors = Anatomy.of(robot.load(job.xml)).num_motors
-    policy = UniformPolicy(job.seed, actions, num_motors).to_bytes()
+    actions = ActionSet.of(job.agent.actions, job.world.env.commands)
+    policy = UniformPolicy(job.seed, actions, job.world.anatomy.num_motors).to_bytes()
     yield Snapshot(0, policy)
     yield Finished(0, policy)

@@ -38,7 +38,7 @@ def run(job: Job[SB3Params], model: Any, learn_once: LearnOnce) -> Iterator[Even
     """
     agent = job.agent
     model.set_logger(Logger(folder=None, output_formats=[]))
-    actions = ActionSet.of(agent.actions, job.env.commands)
+    actions = ActionSet.of(agent.actions, job.world.env.commands)
     hold = actions.hold
     budget = -(-agent.total_steps // hold)  # in decisions, as SB3 counts
     _, callback = model._setup_learn(budget, CallbackList([]))

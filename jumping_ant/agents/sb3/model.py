@@ -15,12 +15,11 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import row
-from jumping_ant.agents.job import resolve
+from jumping_ant.agents.job import Job, resolve
 from jumping_ant.agents.sb3.settings import SB3Params
 from jumping_ant.agents.sb3.vec_env import SB3VecEnv
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.seeding import derive, derive_all
-from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.policy import Interface, header_entries
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.vector import RobotVectorEnv
@@ -122,32 +121,23 @@ def _settings_of(agent: SB3Params, learner: type[BaseAlgorithm]) -> dict[str, An
     return {name: getattr(agent, name) for name in names}
 
 
-def make_envs(
-    xml: str, env: EnvParams, agent: SB3Params, seed: int, num_threads: int = 1
-) -> VecEnv:
+def make_envs(job: Job[SB3Params]) -> VecEnv:
     """Return the environments that an agent learns in.
 
     Episodes are truncated as the agent's block specifies; learners treat this as a time limit.
-
-    Args:
-        xml: The robot as MJCF text.
-        env: The task.
-        agent: The agent's block.
-        seed: Seed of the start states.
-        num_threads: Threads that step the simulations; results do not depend on it.
     """
+    agent, env = job.agent, job.world.env
     episode_steps = np.full(agent.num_envs, agent.episode_steps or np.inf)
     episode_steps[: round(agent.long_episodes * agent.num_envs)] = env.max_episode_steps
     envs = RobotVectorEnv(
-        xml,
-        env,
+        job.world,
         agent.num_envs,
-        num_threads,
+        job.num_threads,
         actions=ActionSet.of(agent.actions, env.commands),
         episode_steps=episode_steps,
         tumbled_starts=agent.tumbled_starts,
     )
-    starts = derive_all(seed, "starts", agent.num_envs)
+    starts = derive_all(job.seed, "starts", agent.num_envs)
     return SB3VecEnv(envs, starts, agent.sparse_rewards)
 
 

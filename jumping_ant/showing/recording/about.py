@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import mujoco
 import rerun as rr
 
 from jumping_ant.agents.catalogue import ALGORITHMS
@@ -11,6 +10,7 @@ from jumping_ant.showing.recording.parts import LEG_COLORS, limb_names
 from jumping_ant.showing.recording.scene import METRES_PER_NEWTON
 from jumping_ant.showing.recording.story import Story
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 from jumping_ant.words import looks
 
 LEG_COLOR_NAMES = ("coral", "yellow", "green", "violet")  # of `LEG_COLORS`
@@ -45,17 +45,8 @@ def log_page(stream: rr.RecordingStream, text: str) -> None:
     stream.log("about", page, static=True)
 
 
-def episode_page(
-    model: mujoco.MjModel, trajectory: Trajectory, story: Story, opening: Opening
-) -> str:
-    """Describe one episode.
-
-    Args:
-        model: The robot.
-        trajectory: The episode.
-        story: What is known about it.
-        opening: The part that plays first; it ends with the film.
-    """
+def episode_page(world: World, trajectory: Trajectory, story: Story, opening: Opening) -> str:
+    """Describe one episode, whose opening ends with the film."""
     measures = story.measures
     seconds = len(trajectory.torques) * trajectory.frame_skip * trajectory.timestep
     arrow = f"{100 * METRES_PER_NEWTON:g} m for 100 N"
@@ -76,7 +67,7 @@ robot pushes off and lands, absent while it flies. The blue trail is the torso's
 {_reward(trajectory)}
 The blue learning curve is this seed's, the grey ones are the other seeds'.
 
-**Colours.** {_legend(model)}; the same for shapes, arrows, torques and forces.
+**Colours.** {_legend(world)}; the same for shapes, arrows, torques and forces.
 
 {MOVING_ABOUT}
 """
@@ -144,8 +135,8 @@ def _remark(story: Story) -> str:
     return f" ({remark})" if remark else ""
 
 
-def _legend(model: mujoco.MjModel) -> str:
-    legs = limb_names(model)[1:]
+def _legend(world: World) -> str:
+    legs = limb_names(world)[1:]
     names = [LEG_COLOR_NAMES[i % len(LEG_COLORS)] for i in range(len(legs))]
     words = [f"{leg.replace('_', ' ')} {name}" for leg, name in zip(legs, names, strict=True)]
     return ", ".join(["Torso sand", *words])

@@ -25,43 +25,39 @@ from jumping_ant.showing.recording import about, curves, film, layout, series, s
 from jumping_ant.showing.recording.file import write
 from jumping_ant.showing.recording.scene import Scene, time_of_peak
 from jumping_ant.showing.recording.story import Story
-from jumping_ant.sim import robot
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 
 
-def record(xml: str, trajectory: Trajectory, story: Story, mp4: bytes) -> bytes:
+def record(world: World, trajectory: Trajectory, story: Story, mp4: bytes) -> bytes:
     """Return an episode as the content of an `.rrd` file (see `file.write`).
 
     It loops over the highest jump of its film.
 
-    Args:
-        xml: The robot.
-        trajectory: The episode; it is recorded whole, at the simulation's rate.
-        story: What is shown about it.
-        mp4: Its film, which starts with the episode and may end before it.
+    The episode is recorded whole, at the simulation's rate. The film, `mp4`, starts with it and
+    may end before it.
 
     Raises:
         InputError: The XML is not the robot, or has an unsupported shape, or the film is not an
             MP4.
     """
-    model = robot.load(xml)
     video = film.Film(mp4)
-    found = states.derive(model, trajectory, trajectory.rows())
+    found = states.derive(world, trajectory, trajectory.rows())
     end = min(int(video.times[-1]), int(found.times[-1]))
-    peak = time_of_peak(model, found, end)
+    peak = time_of_peak(world, found, end)
 
     def log(stream: rr.RecordingStream) -> None:
-        scene = Scene(stream, model)
+        scene = Scene(stream, world)
         scene.log_shapes()
         scene.log_states(found)
-        series.log_styles(stream, model, list(series.reward_series(trajectory)))
-        series.log_states(stream, model, found)
-        series.log_control(stream, model, trajectory, len(found.rows))
+        series.log_styles(stream, world, list(series.reward_series(trajectory)))
+        series.log_states(stream, world, found)
+        series.log_control(stream, world, trajectory, len(found.rows))
         video.log(stream)
         curves.log_curves(stream, story.curves, trajectory.seed)
-        page = about.episode_page(model, trajectory, story, about.Opening(peak / 1e9, end / 1e9))
+        page = about.episode_page(world, trajectory, story, about.Opening(peak / 1e9, end / 1e9))
         about.log_page(stream, page)
 
     name = f"{story.agent}-seed-{trajectory.seed}-episode-{trajectory.episode}"
     title = f"{story.agent}, seed {trajectory.seed}"
-    return write(name, title, layout.episode_layout(model, layout.around(peak, end), end), log)
+    return write(name, title, layout.episode_layout(world, layout.around(peak, end), end), log)

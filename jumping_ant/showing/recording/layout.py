@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -10,6 +9,7 @@ import rerun.blueprint as rrb
 from jumping_ant.showing.recording import curves
 from jumping_ant.showing.recording.scene import camera_path
 from jumping_ant.showing.recording.states import TIMELINE
+from jumping_ant.sim.world import World
 
 BACKGROUND = (24, 28, 36)
 GRID_COLOR = (140, 156, 176, 90)
@@ -27,57 +27,51 @@ def around(peak: int, end: int) -> Moment:
     return max(0, peak - margin), min(end, peak + margin)
 
 
-def episode_layout(model: mujoco.MjModel, moment: Moment, film_end: int) -> rrb.Blueprint:
+def episode_layout(world: World, moment: Moment, film_end: int) -> rrb.Blueprint:
     """Arrange a recorded episode: the robot beside text, film, learning curve and series.
 
-    Args:
-        model: The robot.
-        moment: The part that plays in a loop.
-        film_end: End of its film [ns].
+    `moment` plays in a loop; the film ends at `film_end` [ns].
     """
     film = rrb.Spatial2DView(origin="film", name=f"Film of the first {film_end / 1e9:g} s")
     left = rrb.Vertical(
-        scene_view(model, "Robot"),
+        scene_view(world, "Robot"),
         rrb.Horizontal(film, curves.view(), column_shares=[2, 5]),
         row_shares=[7, 3],
     )
     about = rrb.TextDocumentView(origin="about", name="About")
-    right = rrb.Vertical(about, *_plots(model), row_shares=[10, 4, 3, 3, 7])
+    right = rrb.Vertical(about, *_plots(world), row_shares=[10, 4, 3, 3, 7])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[3, 2]), _repeat(moment), collapse_panels=True
     )
 
 
-def live_layout(model: mujoco.MjModel) -> rrb.Blueprint:
+def live_layout(world: World) -> rrb.Blueprint:
     """Arrange a live episode: the robot beside the last seconds of the series."""
     recent = rrb.TimeAxis(view_range=_around(before=10.0))
-    plots = rrb.Vertical(*_plots(model, recent), row_shares=[4, 3, 3, 7])
+    plots = rrb.Vertical(*_plots(world, recent), row_shares=[4, 3, 3, 7])
     panel = rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following")
     return rrb.Blueprint(
-        rrb.Horizontal(scene_view(model, "Robot"), plots, column_shares=[3, 2]),
+        rrb.Horizontal(scene_view(world, "Robot"), plots, column_shares=[3, 2]),
         panel,
         collapse_panels=True,
     )
 
 
 def lineup_layout(
-    models: Mapping[str, mujoco.MjModel],
+    worlds: Mapping[str, World],
     labels: Mapping[str, str],
     groups: Mapping[str, Sequence[str]],
     moment: Moment,
 ) -> rrb.Blueprint:
-    """Arrange agents side by side, with their heights and text; several groups are tabs.
+    """Arrange agents side by side, with their heights and text; `moment` plays in a loop.
 
-    Args:
-        models: Each agent's robot.
-        labels: Titles of the views, by agent.
-        groups: The agents that are seen at once, by title.
-        moment: The part that plays in a loop.
+    `labels` are the titles of the views. `groups` are the agents that are seen at once, by title;
+    several groups are tabs.
     """
     about = rrb.TextDocumentView(origin="about", name="About")
     scenes, heights = [], []
     for agents in groups.values():
-        views = [scene_view(models[agent], labels[agent], f"{agent}/") for agent in agents]
+        views = [scene_view(worlds[agent], labels[agent], f"{agent}/") for agent in agents]
         scenes.append(rrb.Grid(*views, grid_columns=int(np.ceil(np.sqrt(len(views))))))
         heights.append(_heights(agents))
     if len(groups) == 1:
@@ -102,7 +96,7 @@ def _heights(agents: Sequence[str]) -> rrb.TimeSeriesView:
     )
 
 
-def scene_view(model: mujoco.MjModel, name: str, root: str = "") -> rrb.Spatial3DView:
+def scene_view(world: World, name: str, root: str = "") -> rrb.Spatial3DView:
     """Return the view of a robot, with a camera that follows it (see `scene.Scene`)."""
     return rrb.Spatial3DView(
         origin=f"/{root}",
@@ -113,7 +107,7 @@ def scene_view(model: mujoco.MjModel, name: str, root: str = "") -> rrb.Spatial3
         eye_controls=rrb.EyeControls3D(
             position=EYE,
             look_target=LOOK_TARGET,
-            tracking_entity=f"/{root}{camera_path(model)}",
+            tracking_entity=f"/{root}{camera_path(world)}",
         ),
         overrides={
             f"/{root}trail": rrb.VisibleTimeRanges(
@@ -123,12 +117,10 @@ def scene_view(model: mujoco.MjModel, name: str, root: str = "") -> rrb.Spatial3
     )
 
 
-def _plots(
-    model: mujoco.MjModel, axis: rrb.TimeAxis | None = None
-) -> list[rrb.View | rrb.Container]:
+def _plots(world: World, axis: rrb.TimeAxis | None = None) -> list[rrb.View | rrb.Container]:
     """Return the views of the series; `axis` narrows those that show the whole episode."""
     no_legend = rrb.PlotLegend(visible=False)
-    motors = [model.actuator(motor).name for motor in range(model.nu)]
+    motors = [world.model.actuator(motor).name for motor in range(world.anatomy.num_motors)]
     kinds = dict.fromkeys(sorted((name.partition("_")[0] for name in motors), reverse=True))
     close_ups = [_close_up("Contact forces [N]", ["/contact_force/**"])] + [
         _close_up(

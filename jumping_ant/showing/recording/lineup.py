@@ -12,7 +12,6 @@ Entities, over `sim_time` [s] and `control_step`:
 
 from collections.abc import Mapping
 
-import mujoco
 import rerun as rr
 
 from jumping_ant.showing.recording import about, layout, series, states
@@ -21,8 +20,8 @@ from jumping_ant.showing.recording.parts import Color
 from jumping_ant.showing.recording.scene import Scene, time_of_peak, torso_heights
 from jumping_ant.showing.recording.states import States
 from jumping_ant.showing.recording.story import Story
-from jumping_ant.sim import robot
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 from jumping_ant.words import looks
 
 STRIDE = 2  # simulation steps between recorded states; all of them would double the file
@@ -30,7 +29,7 @@ OPENING_SECONDS = 20.0  # the highest jump up to here plays first
 
 
 def record(
-    robots: Mapping[str, str],
+    worlds: Mapping[str, World],
     trajectories: Mapping[str, Trajectory],
     stories: Mapping[str, Story],
 ) -> bytes:
@@ -38,38 +37,32 @@ def record(
 
     It loops over the highest jump of the first seconds.
 
-    Args:
-        robots: Each agent's robot, as MJCF text.
-        trajectories: An episode of each agent.
-        stories: What is shown about each.
-
     Raises:
         InputError: The XML is not the robot, or has an unsupported shape.
     """
-    models = {agent: robot.load(xml) for agent, xml in robots.items()}
     colors = _colors(stories)
     found = {
-        agent: states.derive(models[agent], trajectory, trajectory.rows(STRIDE))
+        agent: states.derive(worlds[agent], trajectory, trajectory.rows(STRIDE))
         for agent, trajectory in trajectories.items()
     }
     ends = [int(own.times[-1]) for own in found.values()]
     end = min(int(OPENING_SECONDS * 1e9), max(ends))
-    peak = _time_of_peak(models, found, end)
+    peak = _time_of_peak(worlds, found, end)
 
     def log(stream: rr.RecordingStream) -> None:
         for agent, own in found.items():
-            color, model = colors[agent], models[agent]
-            scene = Scene(stream, model, f"{agent}/", torso_color=color, trail_color=color)
+            color, world = colors[agent], worlds[agent]
+            scene = Scene(stream, world, f"{agent}/", torso_color=color, trail_color=color)
             scene.log_shapes()
             scene.log_states(own)
             series.log_style(stream, f"height/{agent}", stories[agent].label, color)
-            series.log_line(stream, f"height/{agent}", own, torso_heights(model, own))
+            series.log_line(stream, f"height/{agent}", own, torso_heights(world, own))
         opening = about.Opening(peak / 1e9, end / 1e9)
         about.log_page(stream, about.lineup_page(stories, trajectories, opening))
 
     labels = {agent: story.label for agent, story in stories.items()}
     moment = layout.around(peak, end)
-    opened = layout.lineup_layout(models, labels, _groups(stories), moment)
+    opened = layout.lineup_layout(worlds, labels, _groups(stories), moment)
     return write("lineup", "All agents", opened, log)
 
 
@@ -86,14 +79,12 @@ def _groups(stories: Mapping[str, Story]) -> dict[str, list[str]]:
     }
 
 
-def _time_of_peak(
-    models: Mapping[str, mujoco.MjModel], episodes: Mapping[str, States], until: int
-) -> int:
+def _time_of_peak(worlds: Mapping[str, World], episodes: Mapping[str, States], until: int) -> int:
     """Return the time of the highest point of any torso [ns], up to a time [ns]."""
     peaks = []
     for agent, own in episodes.items():
-        time = time_of_peak(models[agent], own, until)
-        peaks.append((float(torso_heights(models[agent], own)[own.times == time][0]), time))
+        time = time_of_peak(worlds[agent], own, until)
+        peaks.append((float(torso_heights(worlds[agent], own)[own.times == time][0]), time))
     return max(peaks)[1]
 
 

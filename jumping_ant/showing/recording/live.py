@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from jumping_ant.showing.recording import layout, series, states
 from jumping_ant.showing.recording.scene import Scene
-from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,18 +37,12 @@ class Step:
 
 
 class LiveRecording:
-    """A recording that grows by one control step at a time.
+    """A recording that grows by one control step at a time."""
 
-    Args:
-        stream: The stream to log to.
-        model: The robot.
-        frame_skip: Simulation steps per control step.
-    """
-
-    def __init__(self, stream: rr.RecordingStream, model: mujoco.MjModel, frame_skip: int) -> None:
-        self._stream, self._model, self._frame_skip = stream, model, frame_skip
-        self._scene = Scene(stream, model)
-        self._data = mujoco.MjData(model)
+    def __init__(self, stream: rr.RecordingStream, world: World) -> None:
+        self._stream, self._world = stream, world
+        self._scene = Scene(stream, world)
+        self._data = mujoco.MjData(world.model)
         self._num_steps = 0
         self._scene.log_shapes()
 
@@ -58,23 +52,23 @@ class LiveRecording:
         rows, first = trajectory.rows(), self._num_steps
         self._num_steps += 1
         if len(rows) == len(trajectory.qpos):
-            found = states.derive(self._model, trajectory, rows, first)
+            found = states.derive(self._world, trajectory, rows, first)
             self._scene.log_states(found)
-            series.log_states(self._stream, self._model, found)
-            series.log_control(self._stream, self._model, trajectory, len(rows), first)
+            series.log_states(self._stream, self._world, found)
+            series.log_control(self._stream, self._world, trajectory, len(rows), first)
         if first == 0:
-            series.log_styles(self._stream, self._model, list(series.reward_series(trajectory)))
+            series.log_styles(self._stream, self._world, list(series.reward_series(trajectory)))
             # Not earlier: a camera can only follow an entity that exists.
             self._stream.flush()
-            self._stream.send_blueprint(layout.live_layout(self._model))
+            self._stream.send_blueprint(layout.live_layout(self._world))
 
     def _simulate(self, step: Step) -> Trajectory:
         """Return the control step with all its simulation steps."""
-        data, positions, velocities = self._data, [step.qpos], [step.qvel]
+        world, data, positions, velocities = self._world, self._data, [step.qpos], [step.qvel]
         data.qpos[:], data.qvel[:] = step.qpos, step.qvel
-        data.ctrl[:] = step.torques * Anatomy.of(self._model).control_limits
-        for _ in range(self._frame_skip):
-            mujoco.mj_step(self._model, data)
+        data.ctrl[:] = step.torques * world.anatomy.control_limits
+        for _ in range(world.env.frame_skip):
+            mujoco.mj_step(world.model, data)
             positions.append(data.qpos.copy())
             velocities.append(data.qvel.copy())
         return Trajectory(
@@ -87,6 +81,6 @@ class LiveRecording:
             seed=0,
             episode=0,
             episode_return=step.reward,
-            timestep=float(self._model.opt.timestep),
-            frame_skip=self._frame_skip,
+            timestep=float(world.model.opt.timestep),
+            frame_skip=world.env.frame_skip,
         )

@@ -1,10 +1,9 @@
 """The robot's parts in a recording: their names, limbs and colours."""
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.world import World
 
 Color = tuple[int, ...]
 
@@ -14,8 +13,9 @@ TORSO_COLOR: Color = (232, 222, 204)
 LEG_COLORS: tuple[Color, ...] = ((240, 120, 90), (250, 195, 80), (90, 190, 170), (130, 140, 245))
 
 
-def body_names(model: mujoco.MjModel) -> list[str]:
+def body_names(world: World) -> list[str]:
     """Return the bodies' names; an unnamed one, the tip of a leg, is its parent's foot."""
+    model = world.model
     names = [model.body(index).name for index in range(model.nbody)]
     for index, name in enumerate(names):
         if not name:
@@ -23,9 +23,9 @@ def body_names(model: mujoco.MjModel) -> list[str]:
     return names
 
 
-def geom_paths(model: mujoco.MjModel) -> list[str]:
+def geom_paths(world: World) -> list[str]:
     """Return the entity path of every geom; an unnamed one is numbered."""
-    bodies = body_names(model)
+    model, bodies = world.model, body_names(world)
     paths = []
     for index in range(model.ngeom):
         name = model.geom(index).name or f"geom_{index}"
@@ -34,10 +34,10 @@ def geom_paths(model: mujoco.MjModel) -> list[str]:
     return paths
 
 
-def limb_names(model: mujoco.MjModel) -> list[str]:
+def limb_names(world: World) -> list[str]:
     """Return the names of the limbs: the torso and the legs that begin at it."""
-    names = body_names(model)
-    return [names[body] for body in _limb_roots(model)]
+    names = body_names(world)
+    return [names[body] for body in _limb_roots(world)]
 
 
 def limb_color(limb: int) -> Color:
@@ -45,21 +45,20 @@ def limb_color(limb: int) -> Color:
     return TORSO_COLOR if limb == 0 else LEG_COLORS[(limb - 1) % len(LEG_COLORS)]
 
 
-def limbs_of_bodies(model: mujoco.MjModel) -> NDArray[np.int64]:
+def limbs_of_bodies(world: World) -> NDArray[np.int64]:
     """Return the number of each body's limb, -1 for the world, shape (num_bodies,)."""
-    roots = _limb_roots(model)
+    model, roots = world.model, _limb_roots(world)
     limbs = np.full(model.nbody, -1)
     for body in range(1, model.nbody):  # a parent comes before its children
         limbs[body] = roots.index(body) if body in roots else limbs[model.body_parentid[body]]
     return limbs
 
 
-def limbs_of_motors(model: mujoco.MjModel) -> NDArray[np.int64]:
+def limbs_of_motors(world: World) -> NDArray[np.int64]:
     """Return the number of the limb that each motor moves, shape (num_motors,)."""
-    joints = model.actuator_trnid[:, 0]
-    return limbs_of_bodies(model)[model.jnt_bodyid[joints]]
+    return limbs_of_bodies(world)[world.model.jnt_bodyid[world.anatomy.motor_joints]]
 
 
-def _limb_roots(model: mujoco.MjModel) -> list[int]:
-    torso = Anatomy.of(model).torso
-    return [torso, *np.flatnonzero(model.body_parentid == torso).tolist()]
+def _limb_roots(world: World) -> list[int]:
+    torso = world.anatomy.torso
+    return [torso, *np.flatnonzero(world.model.body_parentid == torso).tolist()]

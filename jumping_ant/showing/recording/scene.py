@@ -19,7 +19,7 @@ from jumping_ant.showing.recording.parts import (
     limbs_of_bodies,
 )
 from jumping_ant.showing.recording.states import States, indexes
-from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.world import World
 
 TRAIL_COLOR: Color = (120, 200, 255)
 CAMERA_REACH = 1.4  # [m] from the torso's centre, which the camera should show
@@ -32,14 +32,14 @@ class Scene:
 
     Attributes:
         stream: The recording.
-        model: The robot.
+        world: The robot and the task.
         root: Prefix of its entity paths: empty, or a name and a slash.
         torso_color: Colour of the torso's shape and arrow.
         trail_color: Colour of the torso's trail.
     """
 
     stream: rr.RecordingStream
-    model: mujoco.MjModel
+    world: World
     root: str = ""
     torso_color: Color = TORSO_COLOR
     trail_color: Color = TRAIL_COLOR
@@ -51,24 +51,24 @@ class Scene:
             InputError: The robot has an unsupported shape.
         """
         self.stream.log(self.root or "/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        limbs = limbs_of_bodies(self.model)[self.model.geom_bodyid]
-        for geom, path in enumerate(geom_paths(self.model)):
+        limbs = limbs_of_bodies(self.world)[self.world.model.geom_bodyid]
+        for geom, path in enumerate(geom_paths(self.world)):
             color = FLOOR_COLOR if limbs[geom] < 0 else self._color(limbs[geom])
-            self.stream.log(self.root + path, _shape(self.model, geom, color), static=True)
+            self.stream.log(self.root + path, _shape(self.world.model, geom, color), static=True)
         # A camera follows a drawn entity, at a distance that shows all of it: points of zero size.
         reach = [[-CAMERA_REACH] * 3, [CAMERA_REACH] * 3]
         points = rr.Points3D(reach, radii=rr.Radius.ui_points(0.0))
-        self.stream.log(self.root + camera_path(self.model), points, static=True)
+        self.stream.log(self.root + camera_path(self.world), points, static=True)
         trail = rr.LineStrips3D.from_fields(colors=[self.trail_color], radii=[0.012])
         self.stream.log(f"{self.root}trail", trail, static=True)
-        for limb, name in enumerate(limb_names(self.model)):
+        for limb, name in enumerate(limb_names(self.world)):
             arrow = rr.Arrows3D.from_fields(colors=[self._color(limb)], radii=[0.03])
             self.stream.log(f"{self.root}contact_arrow/{name}", arrow, static=True)
 
     def log_states(self, states: States) -> None:
         """Log the poses of all bodies, the torso's trail, and the contact forces as arrows."""
         columns = indexes(states.times, states.steps)
-        for body, name in enumerate(body_names(self.model)):
+        for body, name in enumerate(body_names(self.world)):
             if body == 0:
                 continue
             poses = rr.Transform3D.columns(
@@ -76,7 +76,7 @@ class Scene:
             )
             self.stream.send_columns(f"{self.root}world/{name}", columns, poses)
         self._log_trail(states)
-        for limb, name in enumerate(limb_names(self.model)):
+        for limb, name in enumerate(limb_names(self.world)):
             # A row without contact has no arrow, which clears the last one.
             touches = states.limb_contacts[:, limb] > 0
             arrows = rr.Arrows3D.columns(
@@ -87,7 +87,7 @@ class Scene:
 
     def _log_trail(self, states: States) -> None:
         """Log the torso's path from each state to the next, at the latter's time."""
-        torso = states.positions[:, Anatomy.of(self.model).torso]
+        torso = states.positions[:, self.world.anatomy.torso]
         ways = np.stack([torso[:-1], torso[1:]], axis=1).astype(np.float32)
         columns = indexes(states.times[1:], states.steps[1:])
         self.stream.send_columns(f"{self.root}trail", columns, rr.LineStrips3D.columns(strips=ways))
@@ -96,20 +96,20 @@ class Scene:
         return self.torso_color if limb == 0 else limb_color(limb)
 
 
-def camera_path(model: mujoco.MjModel) -> str:
+def camera_path(world: World) -> str:
     """Return the path of the entity that the camera follows."""
-    return f"world/{body_names(model)[Anatomy.of(model).torso]}/camera"
+    return f"world/{body_names(world)[world.anatomy.torso]}/camera"
 
 
-def torso_heights(model: mujoco.MjModel, states: States) -> NDArray[np.float64]:
+def torso_heights(world: World, states: States) -> NDArray[np.float64]:
     """Return the height of the torso's centre in each state [m], shape (num_rows,)."""
-    heights: NDArray[np.float64] = states.positions[:, Anatomy.of(model).torso, 2]
+    heights: NDArray[np.float64] = states.positions[:, world.anatomy.torso, 2]
     return heights
 
 
-def time_of_peak(model: mujoco.MjModel, states: States, until: int) -> int:
+def time_of_peak(world: World, states: States, until: int) -> int:
     """Return when the torso is highest [ns], up to a time [ns]."""
-    heights = torso_heights(model, states)[states.times <= until]
+    heights = torso_heights(world, states)[states.times <= until]
     return int(states.times[np.argmax(heights)])
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
@@ -16,8 +15,8 @@ from jumping_ant.showing.recording.parts import (
 )
 from jumping_ant.showing.recording.scene import TRAIL_COLOR, torso_heights
 from jumping_ant.showing.recording.states import States, indexes
-from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 
 HEIGHT_COLOR: Color = TRAIL_COLOR
 REWARD_COLOR: Color = (160, 225, 140)
@@ -25,23 +24,17 @@ CONTACTS_COLOR: Color = (140, 156, 176)
 PHASE_COLORS: dict[str, Color] = {"airborne": TRAIL_COLOR, "grounded": LEG_COLORS[1]}
 
 
-def log_styles(stream: rr.RecordingStream, model: mujoco.MjModel, rewards: Sequence[str]) -> None:
-    """Log the name and colour of every series.
-
-    Args:
-        stream: The recording.
-        model: The robot.
-        rewards: Names of `reward_series`.
-    """
+def log_styles(stream: rr.RecordingStream, world: World, rewards: Sequence[str]) -> None:
+    """Log the name and colour of every series; `rewards` are the names of `reward_series`."""
     log_style(stream, "height/torso", "torso height [m]", HEIGHT_COLOR)
     log_style(stream, "contacts", "contacts", CONTACTS_COLOR)
     for number, name in enumerate(rewards):
         color = (REWARD_COLOR, *LEG_COLORS)[number % (1 + len(LEG_COLORS))]
         log_style(stream, f"reward/{name}", name.replace("_", " "), color)
-    for limb, name in enumerate(limb_names(model)):
+    for limb, name in enumerate(limb_names(world)):
         log_style(stream, f"contact_force/{name}", name.replace("_", " "), limb_color(limb))
-    for motor, limb in enumerate(limbs_of_motors(model)):
-        name = model.actuator(motor).name
+    for motor, limb in enumerate(limbs_of_motors(world)):
+        name = world.model.actuator(motor).name
         log_style(stream, f"torque/{name}", name, limb_color(limb), steps=True)
     phases = rr.StateConfiguration(values=list(PHASE_COLORS), colors=list(PHASE_COLORS.values()))
     stream.log("phase", phases, static=True)
@@ -56,11 +49,11 @@ def log_style(
     stream.log(path, style, static=True)
 
 
-def log_states(stream: rr.RecordingStream, model: mujoco.MjModel, states: States) -> None:
+def log_states(stream: rr.RecordingStream, world: World, states: States) -> None:
     """Log the series that have a value in every state: height and contacts."""
-    log_line(stream, "height/torso", states, torso_heights(model, states))
+    log_line(stream, "height/torso", states, torso_heights(world, states))
     log_line(stream, "contacts", states, states.contacts)
-    for limb, name in enumerate(limb_names(model)):
+    for limb, name in enumerate(limb_names(world)):
         log_line(stream, f"contact_force/{name}", states, states.normal_forces[:, limb])
     _log_phases(stream, states)
 
@@ -78,19 +71,15 @@ def log_line(
 
 def log_control(
     stream: rr.RecordingStream,
-    model: mujoco.MjModel,
+    world: World,
     trajectory: Trajectory,
     num_rows: int,
     first_step: int = 0,
 ) -> None:
     """Log the series with a value per control step: torques at its start, reward at its end.
 
-    Args:
-        stream: The recording.
-        model: The robot.
-        trajectory: The episode, or a part of one.
-        num_rows: Number of its recorded states; a step that they do not complete has no reward.
-        first_step: Number of the trajectory's first control step in the recording.
+    The trajectory is an episode, or a part from `first_step` on. A step that the `num_rows`
+    recorded states do not complete has no reward.
     """
     skip, last = trajectory.frame_skip, num_rows - 1
     begun, ended = -(-last // skip), last // skip
@@ -99,11 +88,11 @@ def log_control(
         np.arange(first_step, first_step + begun + 1) * skip * trajectory.timestep * 1e9
     )
     times = times.astype(np.int64)
-    torques = trajectory.torques[:begun] * Anatomy.of(model).peak_torques
+    torques = trajectory.torques[:begun] * world.anatomy.peak_torques
     columns = indexes(times[:-1], steps)
-    for motor in range(model.nu):
+    for motor in range(world.anatomy.num_motors):
         values = rr.Scalars.columns(scalars=torques[:, motor])
-        stream.send_columns(f"torque/{model.actuator(motor).name}", columns, values)
+        stream.send_columns(f"torque/{world.model.actuator(motor).name}", columns, values)
     columns = indexes(times[1 : ended + 1], steps[:ended])
     for name, earned in reward_series(trajectory).items():
         stream.send_columns(f"reward/{name}", columns, rr.Scalars.columns(scalars=earned[:ended]))

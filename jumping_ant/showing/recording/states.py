@@ -8,8 +8,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from jumping_ant.showing.recording.parts import limb_names, limbs_of_bodies
-from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
 
 TIMELINE = "sim_time"
 
@@ -45,22 +45,17 @@ class States:
 
 
 def derive(
-    model: mujoco.MjModel, trajectory: Trajectory, rows: NDArray[np.int64], first_step: int = 0
+    world: World, trajectory: Trajectory, rows: NDArray[np.int64], first_step: int = 0
 ) -> States:
-    """Compute poses and contacts.
-
-    Args:
-        model: The robot.
-        trajectory: The episode, or a part of one.
-        rows: Row numbers of its states.
-        first_step: Number of the trajectory's first control step in the recording.
+    """Compute poses and contacts in some rows of an episode, or of a part from `first_step` on.
 
     Raises:
         InputError: The trajectory belongs to another robot.
     """
+    model = world.model
     trajectory.check(model)
     skip, num_rows = trajectory.frame_skip, len(rows)
-    num_limbs = len(limb_names(model))
+    num_limbs = len(limb_names(world))
     steps = np.minimum(rows // skip, len(trajectory.torques) - 1)
     states = States(
         rows=rows,
@@ -74,8 +69,8 @@ def derive(
         limb_contacts=np.zeros((num_rows, num_limbs), dtype=np.int64),
         contacts=np.empty(num_rows, dtype=np.int64),
     )
-    data, limbs = mujoco.MjData(model), limbs_of_bodies(model)[model.geom_bodyid]
-    controls = trajectory.torques * Anatomy.of(model).control_limits
+    data, limbs = mujoco.MjData(model), limbs_of_bodies(world)[model.geom_bodyid]
+    controls = trajectory.torques * world.anatomy.control_limits
     for index, row in enumerate(rows):
         data.qpos[:], data.qvel[:] = trajectory.qpos[row], trajectory.qvel[row]
         data.ctrl[:] = controls[steps[index]]
