@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import small_agents
 from small_project import COMPARE
 
-from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.judging.results import AgentResults
 
@@ -16,6 +16,7 @@ STIFF, SLOW, BETTER = "make movements less fluid", "more time to train", "much b
 ROUNDED, ROBUST, HEAVY = "Discrete actions are inefficient", "is robust", "is computationally heavy"
 CENTRE, CONSTANT, PARALLEL = "its best policy", "A constant off the reward", "parallelises"
 LIGHTER = "A lighter body"
+COMMANDS = {"kind": "commands", "amplitude": 0.5, "hold": 3}
 
 
 def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block):
@@ -29,9 +30,8 @@ def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block)
         }
         for seed, value in enumerate(returns)
     }
-    if algorithm == "pgpe":
-        block = {"population_size": 20, "decrease_rewards_by": 1.0} | block
-    settings = ALGORITHMS[algorithm].settings.model_construct(algorithm=algorithm, **block)
+    whole = small_agents.agents()[algorithm]
+    settings = type(whole).model_validate(whole.model_dump() | block)
     quantities = dict.fromkeys(("flight", "apex", "fluidity"), np.linspace(1.0, 1.2, len(returns)))
     quantities |= {"return": np.array(returns, dtype=float)}
     return AgentResults(name, settings, quantities, curves, episode_returns=LOW)

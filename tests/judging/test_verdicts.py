@@ -97,7 +97,7 @@ def test_seeds_that_all_agree_are_a_constant():
 
 
 def test_two_agents_without_spread_are_not_tested():
-    edited = having(agent("edited", "open_loop", robot="edited"), apex=[2.0] * 8)
+    edited = having(agent("edited", "open_loop"), apex=[2.0] * 8)
     plain = having(agent("plain", "open_loop", robot="unedited"), apex=[1.0] * 8)
     claim = the_claim(LIGHTER, edited, plain)
     assert (claim["verdict"], claim["p"], claim["seeds_needed"]) == ("inconclusive", 1.0, None)

@@ -13,7 +13,7 @@ from reported import AGENTS, SEEDS, charts
 from small_project import make_params, shown, write_project
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT, digest, write_bytes, write_json
+from jumping_ant.base.files import digest, write_bytes, write_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
@@ -130,15 +130,6 @@ def test_claims_are_grouped_by_statement_and_counted() -> None:
         {"refuted": 1}, {"supported": 2, "refuted": 1}, {"supported": 1},
     ]  # fmt: skip
     assert [claim["index"] for statement in read for claim in statement.claims] == [0, 2, 3, 4, 1]
-
-
-def test_every_statement_of_the_article_has_a_title() -> None:
-    rows = re.findall(
-        r"^\| (\d+)[ab]? \|",
-        (PROJECT_ROOT / "docs" / "claims.md").read_text(encoding="utf-8"),
-        re.M,
-    )
-    assert sorted(statements.STATEMENTS) == sorted(set(map(int, rows)))
 
 
 def test_a_claims_chart_shows_every_seed(html: str, project: Path) -> None:

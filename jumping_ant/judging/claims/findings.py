@@ -41,28 +41,16 @@ UNDECIDED = Significance("none", 1.0, 1.0)
 
 @dataclass(frozen=True)
 class Finding:
-    """An effect, its significance, and the data to plot.
+    """An effect, its significance, and the data to plot."""
 
-    Attributes:
-        evidence: The numbers, as text.
-        name: Description of the effect.
-        effect: The effect with its interval; None if there is nothing to compare.
-        no_effect: Value at which the claim would be neither right nor wrong; it is right above.
-        tested: The test of no effect.
-        num_seeds: Seeds of the smaller sample.
-        seeds_needed: Returns the number of seeds that decide the claim at a level and power; None
-            if it is too large.
-        plot: `axis`, what is measured, and `values`, a list of one number per seed by label.
-    """
-
-    evidence: str
-    name: str
-    effect: Estimate | None
-    no_effect: float
-    tested: Significance
-    num_seeds: int
-    seeds_needed: Callable[[float, float], int | None]
-    plot: Mapping[str, Any]
+    evidence: str  # the numbers, as text
+    name: str  # description of the effect
+    effect: Estimate | None  # with its interval; None if there is nothing to compare
+    no_effect: float  # where the claim would be neither right nor wrong; it is right above
+    tested: Significance  # the test of no effect
+    num_seeds: int  # of the smaller sample
+    seeds_needed: Callable[[float, float], int | None]  # at a level and power; None: too many
+    plot: Mapping[str, Any]  # `axis` and, by label, `values`: one number per seed
 
     @property
     def side(self) -> float:
@@ -72,17 +60,11 @@ class Finding:
 
 @dataclass(frozen=True)
 class Sample:
-    """One number per seed, and the label of the agent.
-
-    Attributes:
-        label: Label of the agent, or of the version of its policy.
-        values: Shape (num_seeds,); NaN where a seed has none.
-        is_exact: Whether each is a value rather than a lower bound, (num_seeds,); None if all are.
-    """
+    """One number per seed, and the label of the agent, or of the version of its policy."""
 
     label: str
-    values: Array
-    is_exact: NDArray[np.bool_] | None = None
+    values: Array  # shape (num_seeds,); NaN where a seed has none
+    is_exact: NDArray[np.bool_] | bool = True  # whether each is a value, no lower bound
 
     @property
     def known(self) -> Array:
@@ -103,7 +85,7 @@ def independent(
     if not (len(x) and len(y)):
         return _nothing(quantity, plot)
     if len(x) > 1 and (np.ptp(x) == 0 or np.ptp(y) == 0):
-        return _with_a_constant(quantity, (first, x), (second, y), params)
+        return _with_a_constant(quantity, first, second, factor, params)
     effect = mean_pair_score(pair_scores(np.sort(x), np.sort(y)), params)
     times = f"{factor:g} times " if factor != 1 else ""
     evidence = (
@@ -148,17 +130,17 @@ def paired(quantity: str, first: Sample, second: Sample, params: CompareParams) 
 
 
 def _with_a_constant(
-    quantity: str, one: tuple[Sample, Array], other: tuple[Sample, Array], params: CompareParams
+    quantity: str, first: Sample, second: Sample, factor: float, params: CompareParams
 ) -> Finding:
     """Compare two agents of which at least one has the same value in every seed."""
-    (first, x), (second, y) = one, other
-    varies = [values for values in (x, y) if np.ptp(values) > 0]
+    x, y = first.known, factor * second.known
+    alike = [own.label for own in (first, second) if np.ptp(own.known) == 0]
+    varies = len(alike) == 1
     differences = x - y[0] if np.ptp(y) == 0 else x[0] - y
     effect = estimate_mean(differences, params.confidence)
-    alike = " and ".join(own.label for own, values in (one, other) if np.ptp(values) == 0)
     evidence = (
         f"{quantity}: {_iqm(first, params)}, {_iqm(second, params)}; mean difference "
-        f"{_show(effect, len(differences))}; all seeds of {alike} are the same policy"
+        f"{_show(effect, len(differences))}; all seeds of {' and '.join(alike)} are the same policy"
     )
     return Finding(
         evidence,
@@ -205,10 +187,8 @@ def less_spread(quantity: str, first: Sample, second: Sample, params: ComparePar
 
 def more_effort(quantity: str, first: Sample, second: Sample, params: CompareParams) -> Finding:
     """Compare efforts of which some are lower bounds: does a seed of the first need more?"""
-    (x, x_exact), (y, y_exact) = (
-        (sample.values, np.ones(len(sample.values), bool) if exact is None else exact)
-        for sample, exact in ((first, first.is_exact), (second, second.is_exact))
-    )
+    x, y = first.values, second.values
+    x_exact, y_exact = (np.full(own.values.shape, own.is_exact) for own in (first, second))
     effect = mean_pair_score(bounded_pair_scores(x, x_exact, y, y_exact), params)
     efforts = ", ".join(
         f"{sample.label} {number(np.median(sample.values))} "

@@ -9,12 +9,14 @@ the other side, and *inconclusive* otherwise. docs/claims.md has the claims.
 from collections.abc import Mapping
 from typing import Any
 
+from jumping_ant.judging.claims.field import Field
 from jumping_ant.judging.claims.findings import Finding
-from jumping_ant.judging.claims.statements import Claim, Field, claims
+from jumping_ant.judging.claims.statements import Claim, claims
 from jumping_ant.judging.hypothesis_tests import holm
 from jumping_ant.judging.results import AgentResults
 from jumping_ant.judging.sample_sizes import MOST_SEEDS
 from jumping_ant.params.blocks import CompareParams
+from jumping_ant.words.wording import p_value
 
 ROUNDING = 1e-12  # 1 - 0.95 is a little more than 0.05
 
@@ -34,28 +36,22 @@ def check(
         (supported, refuted or inconclusive), `evidence`, `effect`, `test`, `p`, `p_holm`,
         `seeds_needed` (only of inconclusive claims) and `plot`.
     """
-    asked = list(claims(Field(list(results.values()), evaluation_episodes)))
-    found = [claim.find(params) for claim in asked]
-    corrected = holm([finding.tested.p for finding in found])
+    field = Field(list(results.values()), evaluation_episodes)
+    judged = list(claims(field, params))
+    corrected = holm([claim.finding.tested.p for claim in judged])
     verdicts = [
-        verdict(finding.side, p_holm, params.confidence)
-        for finding, p_holm in zip(found, corrected, strict=True)
+        verdict(claim.finding.side, p_holm, params.confidence)
+        for claim, p_holm in zip(judged, corrected, strict=True)
     ]
     num_open = verdicts.count("inconclusive")
     return [
-        _entry(*parts, len(asked), num_open, params)
-        for parts in zip(asked, found, corrected, verdicts, strict=True)
+        _entry(*parts, len(judged), num_open, params)
+        for parts in zip(judged, corrected, verdicts, strict=True)
     ]
 
 
 def verdict(side: float, p_holm: float, confidence: float) -> str:
-    """Return the verdict on a claim.
-
-    Args:
-        side: Above 0 if the effect lies on the claimed side, below 0 if on the other.
-        p_holm: The corrected p value.
-        confidence: 1 minus the level of the test.
-    """
+    """Return the verdict on an effect above 0 (as claimed) or below, from its corrected p value."""
     if p_holm > 1 - confidence + ROUNDING or side == 0:
         return "inconclusive"
     return "supported" if side > 0 else "refuted"
@@ -63,16 +59,16 @@ def verdict(side: float, p_holm: float, confidence: float) -> str:
 
 def _entry(
     claim: Claim,
-    finding: Finding,
     p_holm: float,
     outcome: str,
     num_claims: int,
     num_open: int,
     params: CompareParams,
 ) -> dict[str, Any]:
-    tested = finding.tested
+    finding, tested = claim.finding, claim.finding.tested
     seeds = "1 seed" if finding.num_seeds == 1 else f"{finding.num_seeds} seeds"
-    basis = f"{tested.test}, {seeds}: p = {_p(tested.p)}, {_p(p_holm)} among {num_claims} claims"
+    p_values = f"p = {p_value(tested.p)}, {p_value(p_holm)} among {num_claims} claims"
+    basis = f"{tested.test}, {seeds}: {p_values}"
     needed = {}
     if outcome == "inconclusive":
         level = (1 - params.confidence) / num_open
@@ -106,7 +102,3 @@ def _effect(finding: Finding) -> dict[str, Any]:
     if finding.effect is None:
         return {"name": finding.name, "value": None, "low": None, "high": None}
     return {"name": finding.name, **finding.effect.as_dict("value")}
-
-
-def _p(value: float) -> str:
-    return f"{value:.2g}"

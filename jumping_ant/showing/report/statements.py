@@ -5,53 +5,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from jumping_ant.judging.claims.statements import STATEMENTS
 from jumping_ant.words.wording import estimate, p_value
 
 SIGNS = {"supported": "\u2713", "refuted": "\u2717", "inconclusive": "?"}
-STATEMENTS = {  # the article's, in our words (docs/claims.md)
-    1: "DQN finds out that jumping is best",
-    2: "DQN's movements are not fluid, because its actions are discrete",
-    3: "SAC takes more time to train",
-    4: "SAC's results are much better",
-    5: "Actor-critic methods suit continuous problems; discretising is inefficient",
-    6: "PPO and SAC are steadier and more efficient than A2C",
-    7: "The more complex the model, the harder the training",
-    8: "A second critic helps",
-    9: "Evolution is robust",
-    10: "Evolution is computationally heavy",
-    11: "Evolution is an alternative where rewards are sparse",
-    12: "PGPE is the best evolutionary algorithm",
-    13: "The centre of PGPE's search is its best policy",
-    14: "A constant off the reward stabilises PGPE",
-    15: "A population runs in parallel, the others update one policy",
-    16: "Imitation skips exploration",
-    17: "A lighter body and stronger legs jump higher",
-}
 SCEPTIC = "A sceptic's questions"  # claims that test no statement of the article
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement and its claims.
-
-    Attributes:
-        title: The statement.
-        counts: Number of claims, by verdict.
-        claims: The claims in words, each with its `index` in `results/comparison.json`.
-    """
+    """A statement and its claims."""
 
     title: str
-    counts: Mapping[str, int]
-    claims: Sequence[Mapping[str, Any]]
+    counts: Mapping[str, int]  # number of claims by verdict
+    claims: Sequence[Mapping[str, Any]]  # in words, each with its `index` among all claims
 
 
 def read(entries: Sequence[Mapping[str, Any]], num_seeds: int) -> list[Statement]:
-    """Return the statements that were tested, in the article's order, those of sceptics last.
-
-    Args:
-        entries: `claims` of `results/comparison.json`.
-        num_seeds: Number of seeds of each agent.
-    """
+    """Return the statements that were tested, in the article's order, those of sceptics last."""
     tested = {entry["statement"] for entry in entries}
     return [
         Statement(
