@@ -49,17 +49,11 @@ class Estimate:
         return {name: float(self.value), "low": float(self.low), "high": float(self.high)}
 
 
-def interquartile_mean(sample: Array, axis: int = -1) -> Array:
-    """Return the mean of the middle half: a quarter of the sample is left out at either end.
+def estimate_iqm(samples: Array, confidence: float) -> Estimate:
+    """Return the interquartile mean with a t interval on its exact bootstrap standard error.
 
     Whole observations are left out, `n // 4` at each end, as in the reference implementation of
     Agarwal et al.: of four seeds the best and the worst, of one to three seeds none.
-    """
-    return np.asarray(stats.trim_mean(sample, QUARTER, axis=axis))
-
-
-def estimate_iqm(samples: Array, confidence: float) -> Estimate:
-    """Return the interquartile mean with a t interval on its exact bootstrap standard error.
 
     The interval is `iqm -+ t * se`: t is the quantile of Student's distribution with n - 1 degrees
     of freedom, and se the standard deviation of the interquartile mean over all n^n resamples,
