@@ -14,6 +14,7 @@ from jumping_ant.words.looks import Look
 from jumping_ant.words.wording import percent, percents
 
 CLAIM_HEIGHT = 215  # [pixels]
+NARROW = 27  # [pixels] side of a cell of the matrix that shows no interval
 PAIR = "#B0B4BC"  # colour of the lines between values of the same seed
 
 
@@ -48,12 +49,12 @@ def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any])
     )
     figure.update_xaxes(title="… than this one", side="top", showgrid=False, tickangle=-90)
     figure.update_yaxes(title="this one returns more …", autorange="reversed", showgrid=False)
-    return finish(figure, 180 + (44 if has_room else 27) * len(ranked))
+    return finish(figure, 180 + (44 if has_room else NARROW) * len(ranked))
 
 
 def improvement_width(num_agents: int) -> int:
     """Return the least width of the matrix with so many agents [pixels]."""
-    return 160 + (52 if num_agents <= looks.MOST_IN_A_WIDE_MATRIX else 27) * num_agents
+    return 160 + (52 if num_agents <= looks.MOST_IN_A_WIDE_MATRIX else NARROW) * num_agents
 
 
 def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
