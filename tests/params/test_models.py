@@ -5,6 +5,7 @@ import functools
 import operator
 import re
 import shutil
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -318,19 +319,26 @@ def test_long_names_are_refused_before_the_file_system_does() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("-S 'seeds=[1]", "not overrides: No closing quotation"),
-        ("-S seeds=[1", "not overrides: while parsing a flow sequence"),
-        ("-S +seeds.x=1", "given +seeds.x, allowed: the keys of params.yaml"),
-        ("--single-item -S seeds=[1]", "given --single-item, allowed: the keys of params.yaml"),
-        ("-S +agents.x;id={a:1}", "agents.x;id.algorithm: missing"),
+        ("-S seeds=[1", "no viable alternative at input '[1'"),
+        ("-S +seeds.x=1", "Error merging override +seeds.x=1"),
+        ("-S seeds.x=1", "invalid literal for int"),
+        ("--single-item -S seeds=[1]", "LexerNoViableAltException: --single-item"),
+        ("-S agents.dqn.gama=0.5", "Could not override 'agents.dqn.gama'."),
     ],
 )
 def test_presets_are_nothing_but_overrides(tmp_path: Path, text: str, said: str) -> None:
     shutil.copy(PROJECT_ROOT / "params.yaml", tmp_path)
     (tmp_path / "presets").mkdir()
     (tmp_path / "presets" / "mine").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=re.escape(f"presets/mine: {said}")):
+    told = f"presets/mine: not overrides of params.yaml: {said}"
+    with pytest.raises(InputError, match=re.escape(told)):
         presets.load("mine", tmp_path)
+
+
+def test_presets_need_dvc(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "dvc.utils.hydra", None)
+    with pytest.raises(InputError, match="install the package's extra `track`"):
+        presets.load("smoke")
 
 
 @pytest.mark.parametrize("name", sorted(models.RESERVED_NAMES))
