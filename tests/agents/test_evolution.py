@@ -101,24 +101,7 @@ def test_the_seed_alone_determines_the_run(robot_xml: str, name: str) -> None:
     assert runs[0][-1].policy != runs[2][-1].policy
 
 
-@pytest.mark.parametrize("name", small_agents.of_family("evolution"))
-def test_training_uses_every_setting(robot_xml: str, name: str) -> None:
-    agent: Any = small_agents.agents()[name]
-    used = set()
-
-    class Watched(type(agent)):
-        def __getattribute__(self, key: str) -> Any:
-            used.add(key)
-            return super().__getattribute__(key)
-
-    watched = Watched.model_validate(agent.model_dump())
-    used.clear()
-    list(train(Job(World(robot_xml, PARAMS.env), watched, 0)))
-    elsewhere = {"trainer", "robot"}  # choose the function and the XML
-    assert used >= type(agent).model_fields.keys() - elsewhere
-
-
-@pytest.mark.parametrize("name", small_agents.of_family("evolution"))
+@pytest.mark.parametrize("name", small_agents.of_package("evolution"))
 def test_a_setting_that_the_learner_does_not_take_is_an_error(robot_xml: str, name: str) -> None:
     agent: Any = small_agents.agents()[name]
 
