@@ -15,24 +15,9 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.judging import variants
 from jumping_ant.sim import rewards
 from jumping_ant.sim.trajectory import Trajectory
-from jumping_ant.words import measures
-from jumping_ant.words.measures import TERM
+from jumping_ant.words.measures import MEASURES, TERM
 
-QUANTITIES = (
-    "length",
-    "return",
-    "peak_height",
-    "apex",
-    "mean_height",
-    "jumps",
-    "airborne_seconds",
-    "flight",
-    "torque_change",
-    "fluidity",
-    "work",
-    "drift",
-    "survived",
-)
+QUANTITIES = ("length", *MEASURES, "survived")
 EPISODE_KEYS = {"seed": SEED, "episode": SEED, "episode_seed": SEED}
 """What identifies an episode among those of its agent."""
 
@@ -40,14 +25,9 @@ EPISODE_KEYS = {"seed": SEED, "episode": SEED, "episode_seed": SEED}
 def read(root: Path, params: Params, agent: str) -> Table:
     """Read an agent's held-out episodes.
 
-    Args:
-        root: The project folder.
-        params: All parameters.
-        agent: The agent's name.
-
     Returns:
         The columns of its `episodes.csv`, (num_episodes,) each, seed by seed as in `params.yaml`.
-        NaN stands for the empty cells that `Measure.can_be_empty` allows.
+        NaN stands for the empty cells that `Column.can_be_empty` allows.
 
     Raises:
         InputError: The file is missing, malformed, or does not have each episode once.
@@ -62,11 +42,6 @@ def read(root: Path, params: Params, agent: str) -> Table:
 
 def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
     """Read the means over episodes of each variant of an agent's policies.
-
-    Args:
-        root: The project folder.
-        params: All parameters.
-        agent: The agent's name.
 
     Returns:
         The columns of each variant, (num_seeds,) each, in the order of `params.yaml`.
@@ -89,11 +64,6 @@ def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
 
 def read_means(root: Path, params: Params, agent: str) -> Table:
     """Read the means of each seed that an agent was evaluated with.
-
-    Args:
-        root: The project folder.
-        params: All parameters.
-        agent: The agent's name.
 
     Returns:
         The columns of its `seeds.csv`, (num_seeds,) each.
@@ -138,18 +108,12 @@ def find(table: Table, agent: str, trajectory: Trajectory, path: Path) -> dict[s
 def _quantities(params: Params, are_means: bool = False) -> dict[str, Column]:
     """Return the columns of what is measured of an episode, or of the means over episodes."""
     terms = [TERM + name for name in rewards.active(params.env.reward)]
-    columns = {
-        "length": Column(low=1, high=params.env.max_episode_steps, is_whole=not are_means),
+    columns = {name: measure.column for name, measure in MEASURES.items()}
+    longest = params.env.max_episode_steps
+    return {
+        "length": Column(low=1, high=longest, is_whole=not are_means),
+        "return": columns.pop("return"),
+        **dict.fromkeys(terms if len(terms) > 1 else (), Column()),
+        **columns,
         "survived": Column(low=0, high=1, is_whole=not are_means),
     }
-    place = QUANTITIES.index("return") + 1
-    names = (*QUANTITIES[:place], *(terms if len(terms) > 1 else ()), *QUANTITIES[place:])
-    return {name: columns.get(name) or _column(name) for name in names}
-
-
-def _column(name: str) -> Column:
-    """Return the column of a measure."""
-    measure = measures.of_column(name)
-    if measure is None:
-        return Column()
-    return Column(low=measure.low, high=measure.high, can_be_empty=measure.can_be_empty)

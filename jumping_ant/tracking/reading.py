@@ -19,11 +19,6 @@ Point = tuple[str, int]
 def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:
     """Read a learning curve, also one that is being written.
 
-    Args:
-        root: The project folder.
-        agent: The agent's name.
-        seed: The seed.
-
     Returns:
         Values by column and control steps; empty cells are left out. Empty if there is no such
         file.

@@ -42,12 +42,6 @@ def owner(agent: str, seed: int) -> dict[str, str | int]:
 def read(root: Path, params: Params, agent: str, seed: int) -> Table:
     """Read the learning curve of a seed that is trained.
 
-    Args:
-        root: The project folder.
-        params: All parameters.
-        agent: The agent's name.
-        seed: The seed.
-
     Returns:
         Its columns, (num_rows,) each; a row is of training or of an evaluation, and has NaN in the
         columns of the other.
@@ -65,11 +59,6 @@ def read(root: Path, params: Params, agent: str, seed: int) -> Table:
 
 def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
     """Read the learning curves of all seeds of an agent, with the seconds of their rows.
-
-    Args:
-        root: The project folder.
-        params: All parameters.
-        agent: The agent's name.
 
     Returns:
         For each seed what `read` returns, and `seconds`: training seconds so far.

@@ -67,11 +67,6 @@ def to_csv(agent: str, rows: Sequence[dict[str, Any]]) -> str:
 def read(root: Path, params: Params, agent: str) -> dict[int, NDArray[np.float64]]:
     """Read the seconds of each seed's unit of training, by number of threads.
 
-    Args:
-        root: The project folder.
-        params: All parameters.
-        agent: The agent's name.
-
     Returns:
         Seconds of shape (num_seeds,) for each number of threads, from 1 on; empty for an agent
         whose algorithm's speed-up no claim compares.

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from jumping_ant.base.tables import LARGEST
+from jumping_ant.base.tables import Column
 
 
 @dataclass(frozen=True)
@@ -14,18 +14,14 @@ class Measure:
         unit: Its unit, empty for pure numbers.
         about: What it is, in a sentence.
         is_better: 1 where more is better, -1 where less is, 0 where neither.
-        low: Its smallest possible value.
-        high: Its largest possible value.
-        can_be_empty: Whether an episode may have no value; its cell is then empty.
+        column: The values that it may have; a cell is empty where an episode has none.
     """
 
     label: str
     unit: str
     about: str
     is_better: int
-    low: float = -LARGEST
-    high: float = LARGEST
-    can_be_empty: bool = False
+    column: Column = Column()
 
     @property
     def axis(self) -> str:
@@ -38,30 +34,34 @@ MEASURES = {
     "peak_height": Measure("Peak height", "m", "Greatest height of the torso's centre.", 1),
     "apex": Measure("Apex", "m", "Mean over jumps of the torso centre's greatest height.", 1),
     "mean_height": Measure("Mean height", "m", "Mean height of the torso's centre.", 1),
-    "jumps": Measure("Jumps", "", "Number of times off the ground for long enough.", 0, low=0),
-    "airborne_seconds": Measure("Airborne", "s", "Time without any contact.", 1, low=0),
+    "jumps": Measure(
+        "Jumps", "", "Number of times off the ground for long enough.", 0, Column(low=0)
+    ),
+    "airborne_seconds": Measure("Airborne", "s", "Time without any contact.", 1, Column(low=0)),
     "flight": Measure(
-        "Flight", "", "Share of the control steps that end without any contact.", 1, low=0, high=1
+        "Flight",
+        "",
+        "Share of the control steps that end without any contact.",
+        1,
+        Column(low=0, high=1),
     ),
     "torque_change": Measure(
         "Torque change",
         "",
         "Mean squared change of torque over peak torque from step to step; 0 at rest.",
         -1,
-        low=0,
-        high=4,
+        Column(low=0, high=4),
     ),
     "fluidity": Measure(
         "Fluidity",
         "",
         "Spectral arc length of the joints' velocities while they move: closer to 0 is more fluid.",
         1,
-        high=0,
-        can_be_empty=True,
+        Column(high=0, can_be_empty=True),
     ),
-    "work": Measure("Work", "J", "Mechanical work of the motors.", -1, low=0),
+    "work": Measure("Work", "J", "Mechanical work of the motors.", -1, Column(low=0)),
     "drift": Measure(
-        "Drift", "m", "Distance of the torso's end from its start, on the floor.", 0, low=0
+        "Drift", "m", "Distance of the torso's end from its start, on the floor.", 0, Column(low=0)
     ),
 }
 
