@@ -32,10 +32,10 @@ class AgentResults:
         name: The agent's name in `params.yaml`.
         block: Its block of `params.yaml`.
         quantities: Mean over each seed's episodes, by column of `episodes.csv`, (num_seeds,); NaN
-            where a seed has no episode with a value (see `Measure.can_be_empty`).
+            where a seed has no episode with a value (see `Column.can_be_empty`).
         curves: What `jumping_ant.training.curves.read_timed` returns: each seed's training, in the
             same order of seeds.
-        episode_returns: Return of every held-out episode of every seed, (num_episodes,).
+        episodes: What `jumping_ant.judging.episodes.read` returns: every held-out episode.
         variants: The same means for variants of each seed's policy, by variant and column.
         demonstrator: Name of the agent that it imitates; empty if it imitates none.
         step_seconds: Time of a unit of training for each seed [s], (num_seeds,), by number of
@@ -46,7 +46,7 @@ class AgentResults:
     block: AgentBlock
     quantities: dict[str, Array]
     curves: dict[int, Table]
-    episode_returns: Array = field(default_factory=lambda: np.empty(0))
+    episodes: Table = field(default_factory=dict)
     variants: dict[str, dict[str, Array]] = field(default_factory=dict)
     demonstrator: str = ""
     step_seconds: dict[int, Array] = field(default_factory=dict)
@@ -85,10 +85,6 @@ class AgentResults:
 def load(root: Path, params: Params) -> dict[str, AgentResults]:
     """Read the results of all agents, in the order of `params.yaml`.
 
-    Args:
-        root: The project folder.
-        params: Its parameters, which determine the results that must exist.
-
     Raises:
         InputError: A file is missing, malformed, or has other rows; the message says what to run.
     """
@@ -100,7 +96,7 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
             block=block,
             quantities=_seed_means(played, params.seeds),
             curves=curves.read_timed(root, params, name),
-            episode_returns=played["return"],
+            episodes=played,
             variants=episodes.read_variants(root, params, name),
             demonstrator=params.demonstrator(block),
             step_seconds=scaling.read(root, params, name),

@@ -34,7 +34,7 @@ def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block)
     settings = type(whole).model_validate(whole.model_dump() | block)
     quantities = dict.fromkeys(("flight", "apex", "fluidity"), np.linspace(1.0, 1.2, len(returns)))
     quantities |= {"return": np.array(returns, dtype=float)}
-    return AgentResults(name, settings, quantities, curves, episode_returns=LOW)
+    return AgentResults(name, settings, quantities, curves, episodes={"return": LOW})
 
 
 def having(one, variants=None, **quantities):

@@ -185,7 +185,7 @@ def test_a_return_counts_where_it_lasts():
 def test_random_policies_stay_below_what_counts_as_learning():
     generator = np.random.default_rng(0)
     returns = generator.gamma(2.0, 200.0, 1000)  # skewed, as theirs are
-    threshold = out_of_luck(replace(RANDOM, episode_returns=returns), 5)
+    threshold = out_of_luck(replace(RANDOM, episodes={"return": returns}), 5)
     assert threshold == pytest.approx(returns.mean() + 5 * returns.std() / np.sqrt(5))
     assert np.mean(generator.gamma(2.0, 200.0, (20_000, 5)).mean(axis=1) > threshold) < 0.001
 

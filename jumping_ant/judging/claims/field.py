@@ -109,7 +109,7 @@ def settings(agent: AgentResults) -> dict[str, Any]:
 
 def out_of_luck(random: AgentResults, num_episodes: int) -> float:
     """Return the mean return over `num_episodes` that a random policy does not reach by luck."""
-    returns = random.episode_returns
+    returns = random.episodes["return"]
     return float(returns.mean() + LUCK * returns.std() / np.sqrt(num_episodes))
 
 

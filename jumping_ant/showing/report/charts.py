@@ -98,26 +98,21 @@ def learning(
     return finish(figure, 380, hovermode="x unified")
 
 
-def episodes(
-    results: Mapping[str, AgentResults],
-    tables: Mapping[str, Mapping[str, Array]],
-    drawn: Mapping[str, Look],
-) -> go.Figure:
+def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> go.Figure:
     """Draw every held-out episode, one measure at a time, chosen from a menu.
 
     Args:
         results: What `results.load` returns.
-        tables: Columns of each agent's `episodes.csv`, (num_episodes,) each.
         drawn: Each agent's look.
     """
     figure = go.Figure()
-    first, *others = tables.values()
+    first, *others = (agent.episodes for agent in results.values())
     columns = [name for name in first if all(name in table for table in others)]
     measured = {name: measures.of_column(name) for name in columns}
     shown = {name: measure for name, measure in measured.items() if measure}
     for measure in shown:
         for name, agent in results.items():
-            table = tables[name]
+            table = agent.episodes
             figure.add_box(
                 x=table[measure].tolist(),
                 name=agent.label,

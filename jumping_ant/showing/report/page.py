@@ -58,7 +58,7 @@ def build(root: Path, params: Params) -> str:
     drawn = looks.looks(families)
     results = {name: loaded[name] for name in _order(families, summary["agents"])}
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
-    films = {name: _filmed(root, params, name) for name in results}
+    films = {name: _filmed(root, params, agent) for name, agent in results.items()}
     plotly, script = get_plotlyjs(), (FOLDER / "script.js").read_text(encoding="utf-8")
     context = {
         "security_policy": _security_policy(plotly, script),
@@ -129,12 +129,11 @@ def _charts(
     drawn: Mapping[str, Look],
 ) -> dict[str, Any]:
     """Return each chart's JSON by its place in the template, which skips missing charts."""
-    tables = {name: episodes.read(root, params, name) for name in results}
     model = robot.load(robot.read(root))
     motors = [model.actuator(index).name for index in range(model.nu)]
     figures = {
         "ranking": standings.ranking(results, summary["agents"], drawn),
-        "episodes": charts.episodes(results, tables, drawn),
+        "episodes": charts.episodes(results, drawn),
         "heights": charts.heights(results, films, drawn, _leaders(results)),
     }
     figures |= {f"torques_{name}": charts.torques(film, motors) for name, film in films.items()}
@@ -330,13 +329,13 @@ def _params_text(params: Params) -> str:
     return text.getvalue()
 
 
-def _filmed(root: Path, params: Params, name: str) -> FilmedEpisode:
+def _filmed(root: Path, params: Params, agent: AgentResults) -> FilmedEpisode:
     """Return the content of an agent's film."""
-    path = Paths(root).agent(name).trajectory
+    path = Paths(root).agent(agent.name).trajectory
     episode = trajectory.load(path)
-    episodes.find(episodes.read(root, params, name), name, episode, path)
+    episodes.find(agent.episodes, agent.name, episode, path)
     rows = episode.rows(seconds=params.record.seconds)
-    model = robot.load(robot.read(root, params.agent(name).robot))
+    model = robot.load(robot.read(root, agent.block.robot))
     return FilmedEpisode(
         seed=episode.seed,
         episode=episode.episode,
