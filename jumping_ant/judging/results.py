@@ -105,7 +105,10 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
 
 
 def _seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
-    """Return each quantity's mean over the episodes of each seed, ignoring empty cells."""
+    """Return each quantity's mean over the episodes of each seed, ignoring empty cells.
+
+    Not those of `seeds.csv`: pandas sums in another order, so that last digits differ.
+    """
     others = (name for name in table if name not in (*episodes.EPISODE_KEYS, *QUANTITIES))
     return {
         name: np.array([_mean(table[name][table["seed"] == seed]) for seed in seeds])

@@ -4,8 +4,6 @@ import math
 from pathlib import Path
 from zipfile import BadZipFile
 
-import numpy as np
-
 from jumping_ant.base import tables
 from jumping_ant.base.archive import Archive, to_array
 from jumping_ant.base.errors import InputError
@@ -29,12 +27,12 @@ def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:
     path = Paths(root).agent(agent).seed(seed).curve
     owner, steps = curves.owner(agent, seed), {"env_steps": curves.COUNT}
     table = tables.read_growing(path, f"train@{agent}", owner, steps)
-    points = {
+    return {
         (name, int(step)): float(column[row])
-        for row, step in enumerate(table.pop("env_steps", np.empty(0)))
+        for row, step in enumerate(table.pop("env_steps", ()))
         for name, column in table.items()
+        if math.isfinite(column[row])
     }
-    return {point: value for point, value in points.items() if math.isfinite(value)}
 
 
 def filmed_seed(root: Path, agent: str) -> int | None:

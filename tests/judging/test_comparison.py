@@ -313,23 +313,12 @@ def test_dvc_plots_take_each_agents_look_by_name(project):
         ("models/dqn/seed-7/curve.csv", "train@dqn"),
     ],
 )
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (None, "No such file"),
-        ("", "no column"),
-        ("a,b\n1,2\n", "no column"),
-    ],
-)
-def test_missing_and_empty_files_name_the_stage_to_run(project, path, stage, content, said):
-    if content is None:
-        (project / path).unlink()
-    else:
-        (project / path).write_text(content, encoding="utf-8")
-    with pytest.raises(InputError, match=said) as error:
+def test_a_missing_file_names_the_stage_to_run(project, path, stage):
+    (project / path).unlink()
+    with pytest.raises(InputError, match="No such file") as error:
         load(project, PARAMS)
     assert path in str(error.value)
-    assert f"dvc repro {stage}" in str(error.value).replace("--force ", "")
+    assert f"dvc repro {stage}" in str(error.value)
 
 
 def empty_fluidity(project, seed_episodes):
