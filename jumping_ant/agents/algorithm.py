@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, Self, get_args
 
 from jumping_ant.params.blocks import Block, EnvParams
 from jumping_ant.policies.policy_file import KINDS
-from jumping_ant.words.looks import Family
+from jumping_ant.words.naming import Family
 
 
 class AgentBlock(Block):

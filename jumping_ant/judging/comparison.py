@@ -21,7 +21,8 @@ from jumping_ant.judging.statistics import (
 )
 from jumping_ant.params.blocks import CompareParams
 from jumping_ant.training.curves import Unit, evaluations
-from jumping_ant.words.looks import Family, looks
+from jumping_ant.words.looks import looks
+from jumping_ant.words.naming import Family
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from jumping_ant.base.tables import Table
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import episodes
 from jumping_ant.training import curves, scaling
-from jumping_ant.words.looks import Family
+from jumping_ant.words.naming import Family
 
 Array = NDArray[np.float64]
 

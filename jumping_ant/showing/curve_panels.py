@@ -7,8 +7,7 @@ from matplotlib.figure import Figure
 
 from jumping_ant.judging.comparison import LearningCurve
 from jumping_ant.judging.results import AgentResults
-from jumping_ant.showing import scales
-from jumping_ant.words import looks
+from jumping_ant.showing import charting, panels, scales
 from jumping_ant.words.looks import Look
 
 
@@ -19,20 +18,12 @@ def draw(
     reference: str | None,
     title: str,
 ) -> Figure:
-    """Draw the returns while learning, against control steps and against seconds.
-
-    Args:
-        results: What `results.load` returns.
-        curves: What `comparison.learning_curves` returns.
-        drawn: Each agent's look.
-        reference: The baseline that each family's panel names.
-        title: The figure's title.
-    """
-    panels = looks.panels({name: results[name].family for name in curves})
-    height = 4 if len(panels) == 1 else 0.9 + 2.2 * len(panels)
+    """Draw the returns while learning; each family's panel names the baseline `reference`."""
+    grouped = panels.panels({name: results[name].family for name in curves})
+    height = 4 if len(grouped) == 1 else 0.9 + 2.2 * len(grouped)
     figure = Figure(figsize=(9, height), layout="constrained")
-    rows = figure.subplots(len(panels), 2, sharex="col", sharey=True, squeeze=False)
-    for row, (family, names) in zip(rows, panels.items(), strict=True):
+    rows = figure.subplots(len(grouped), 2, sharex="col", sharey=True, squeeze=False)
+    for row, (family, names) in zip(rows, grouped.items(), strict=True):
         if family:
             _draw_family(row, {name: results[name] for name in names}, curves, drawn, reference)
             row[0].set_title(family.capitalize())
@@ -42,13 +33,11 @@ def draw(
                 _draw_curve(row, results[name], curves[name], drawn[name])
             handles, labels = row[0].get_legend_handles_labels()
             figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
-        row[0].set_ylabel("Return per evaluation episode" if len(panels) == 1 else "Return")
-    left, right = rows[-1]
-    scales.fit_time(left, [curve.env_steps for curve in curves.values()])
-    scales.fit_time(right, [curve.seconds for curve in curves.values()])
-    left.set(xlabel="Training budget [control steps]")
-    right.set(xlabel="Training time per seed [s]")
-    left.set_ylim(bottom=0)
+        row[0].set_ylabel(charting.LEARNING if len(grouped) == 1 else "Return")
+    for axes, (time, label) in zip(rows[-1], charting.TIMES.items(), strict=True):
+        scales.fit_time(axes, [getattr(curve, time) for curve in curves.values()])
+        axes.set_xlabel(label)
+    rows[-1][0].set_ylim(bottom=0)
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 

@@ -17,10 +17,18 @@ from matplotlib.lines import Line2D
 from jumping_ant.judging import comparison
 from jumping_ant.judging.comparison import LearningCurve
 from jumping_ant.judging.results import AgentResults
-from jumping_ant.showing import claim_panels, cost_panels, curve_panels, pair_matrix, scales
+from jumping_ant.showing import (
+    charting,
+    claim_panels,
+    cost_panels,
+    curve_panels,
+    pair_matrix,
+    scales,
+)
 from jumping_ant.words import looks
-from jumping_ant.words.looks import INK, Family, Look
+from jumping_ant.words.looks import INK, Look
 from jumping_ant.words.measures import MEASURES
+from jumping_ant.words.naming import Family, by_family
 from jumping_ant.words.wording import number
 
 STYLE: Any = {  # matplotlib types it by each key's name
@@ -47,14 +55,6 @@ BAND: Any = {"linewidth": 7, "alpha": 0.25, "solid_capstyle": "butt"}
 BAR: Any = {"linestyle": "", "marker": "|", "markersize": 16, "markeredgewidth": 2.5}
 MEAN: Any = {"linestyle": "", "marker": "D", "markersize": 5, "markerfacecolor": "white"}
 RING: Any = {"linestyle": "", "marker": "o", "markersize": 10, "markerfacecolor": "none"}
-
-RETURN = {"return": "Return per held-out episode"}
-BEHAVIOUR = {  # axis labels of the quantities drawn, where they were measured
-    "apex": "Apex of a jump [m]",
-    "flight": "Share of time in flight",
-    "fluidity": "Fluidity (closer to 0 is more fluid)",
-    "jumps": "Jumps per episode",
-}
 
 MOST_IN_TWO_ROWS = 12  # agents; more of them have all panels side by side
 
@@ -83,7 +83,7 @@ def draw(
     Returns:
         Figures by file name, without its extension.
     """
-    drawn = looks.looks({name: agent.family for name, agent in results.items()})
+    drawn = looks.looks(charting.families(results))
     ranked = {name: results[name] for name in comparison.ranking(summary["agents"])}
     reference = comparison.best_baseline(results, summary["agents"])
     percent = f"{100 * confidence:g} %"
@@ -98,13 +98,17 @@ def draw(
                 f"Return while learning: interquartile mean over seeds,\n{interval}",
             ),
             "final_return": _draw_quantities(
-                ranked, summary, drawn, RETURN, f"Return of the published policies, {interval}"
+                ranked,
+                summary,
+                drawn,
+                {"return": charting.RETURN},
+                f"Return of the published policies, {interval}",
             ),
             "behaviour": _draw_quantities(
-                ranked, summary, drawn, BEHAVIOUR, f"How they jump, {interval}"
+                ranked, summary, drawn, charting.BEHAVIOUR, f"How they jump, {interval}"
             ),
         }
-        if not all(agent.is_baseline for agent in results.values()):
+        if charting.learners(results):
             figures["efficiency"] = cost_panels.draw(
                 results,
                 summary,
@@ -164,7 +168,7 @@ def _draw_quantities(
         scales.anchor_at_zero(axes, values[~np.isnan(values)])
     _name_rows(panels[0], [agent.label for agent in results.values()])
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    handles = _legend(looks.by_family({name: agent.family for name, agent in results.items()}))
+    handles = _legend(by_family(charting.families(results)))
     figure.legend(handles=handles, loc="outside lower left", ncols=5, fontsize=9)
     return figure
 

@@ -6,20 +6,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import EngFormatter, NullFormatter
 
-from jumping_ant.words import looks
-
-FAR = 10.0  # ratio of budgets above which their axis is logarithmic
+from jumping_ant.showing import charting
 
 
 def fit(axes: Axes, values: np.ndarray) -> None:
-    """Make the x axis logarithmic if values are far apart, otherwise let it include zero.
-
-    Args:
-        axes: The axes.
-        values: All values on the axis; NaN where there is none.
-    """
+    """Make the x axis logarithmic if values are far apart, otherwise let it include zero."""
     known = values[~np.isnan(values)]
-    if looks.is_long(known.tolist()):
+    if charting.is_long(known.tolist()):
         axes.set_xscale("log")
         axes.xaxis.set_minor_formatter(NullFormatter())  # its numbers would overlap
     else:
@@ -35,32 +28,17 @@ def anchor_at_zero(axes: Axes, values: np.ndarray) -> None:
 
 
 def fit_costs(axes: Axes, costs: Sequence[float]) -> None:
-    """Make the x axis logarithmic if costs differ more than tenfold, otherwise let it begin at 0.
-
-    Args:
-        axes: The axes.
-        costs: All values on the axis, with room for names beside them.
-    """
-    if max(costs) > FAR * min(costs) > 0:
-        axes.set_xscale("log")
+    """Fit the x axis to costs, with room for names beside them on a logarithmic one."""
+    fit(axes, np.array(costs))
+    if axes.get_xscale() == "log":
         axes.margins(x=0.25)
-    else:
-        axes.set_xlim(left=0)
     axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def fit_time(axes: Axes, times: Sequence[np.ndarray]) -> None:
-    """Use a logarithmic x axis if budgets differ more than tenfold, otherwise a linear one.
-
-    Args:
-        axes: The axes.
-        times: Times of each curve's points, the last of which is its budget.
-    """
-    lasts = [float(own[-1]) for own in times if own[-1] > 0]
-    axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-    if lasts and max(lasts) > FAR * min(lasts):
+    """Make the x axis logarithmic if budgets, the last of each curve's times, are far apart."""
+    ends = charting.log_ends(times)
+    if ends:
         axes.set_xscale("log", nonpositive="clip")
-        axes.xaxis.set_major_formatter(EngFormatter(sep=""))
-        firsts = [float(own[own > 0][0]) for own in times if (own > 0).any()]
-        axes.set_xlim(0.8 * min(firsts), 1.2 * max(lasts))
+        axes.set_xlim(ends)
+    axes.xaxis.set_major_formatter(EngFormatter(sep=""))

@@ -25,7 +25,8 @@ from jumping_ant.policies import policy_file
 from jumping_ant.tracking import descriptions
 from jumping_ant.tracking.reading import Point, filmed_seed, read_curve
 from jumping_ant.training import curves
-from jumping_ant.words.looks import looks, remark
+from jumping_ant.words.looks import looks
+from jumping_ant.words.naming import remark
 
 TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which was chosen by it

@@ -1,24 +1,16 @@
-"""Colours, markers and line styles of agents, the same in all output.
+"""Colours, markers and line styles of agents, and the charts' other colours.
 
 The colours are those of Okabe and Ito, "Color Universal Design", 2008, which people with any colour
 vision can tell apart. Each family of algorithms has one of them; its members differ in shade,
 marker and line style. Baselines are grey and differ in line style.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
-Family = Literal[
-    "value-based",
-    "off-policy actor-critic",
-    "on-policy actor-critic",
-    "evolution",
-    "imitation",
-    "baseline",
-]
-BASELINE: Family = "baseline"
-COLOURS: dict[Family, str] = {  # in the order in which families are shown
+from jumping_ant.words.naming import BASELINE, Family, by_family
+
+COLOURS: dict[Family, str] = {
     "value-based": "#0072B2",
     "off-policy actor-critic": "#D55E00",
     "on-policy actor-critic": "#CC79A7",
@@ -35,10 +27,8 @@ SHADES_PER_LINE = 3
 GREYS = (COLOURS[BASELINE], "#ABABAB")
 DASHES = ("--", ":", "-.")
 INK = "#333333"
-MOST_IN_A_PANEL = 6  # learners whose curves one panel can show
+PAIR = "#B0B0B0"  # of the lines between values of the same seed
 CHANCES = ("#F4A582", "#F7F7F7", "#7FB6E0")  # of winning: from never to always
-MOST_IN_A_WIDE_MATRIX = 8  # agents whose pairs have room for their intervals
-LONG_AXIS = 30.0  # values that differ by more than this factor get a logarithmic axis
 VERDICTS = {"supported": "#00795A", "refuted": "#B4461B", "inconclusive": "#6B7280"}
 
 
@@ -67,59 +57,9 @@ def looks(families: Mapping[str, Family]) -> dict[str, Look]:
     return {name: drawn[name] for name in families}
 
 
-def by_family(families: Mapping[str, Family]) -> dict[Family, list[str]]:
-    """Return the members of each family that has any, baselines last.
-
-    Args:
-        families: Each agent's family, by name; members keep this order.
-    """
-    members = {
-        family: [name for name, own in families.items() if own == family] for family in COLOURS
-    }
-    return {family: names for family, names in members.items() if names}
-
-
-def is_crowded(families: Mapping[str, Family]) -> bool:
-    """Return whether there are too many learners for one panel, so that families are apart."""
-    return sum(family != BASELINE for family in families.values()) > MOST_IN_A_PANEL
-
-
-def panels(families: Mapping[str, Family]) -> dict[str, list[str]]:
-    """Return the agents of each panel of curves, by its title.
-
-    Args:
-        families: Each agent's family, by name.
-
-    Returns:
-        One untitled panel of all agents; if there are many learners, a panel for each family, which
-        all baselines share.
-    """
-    if not is_crowded(families):
-        return {"": list(families)}
-    grouped = by_family(families)
-    baselines = grouped.pop(BASELINE, [])
-    return {family: [*baselines, *members] for family, members in grouped.items()}
-
-
 def of_sample(label: str, drawn: Mapping[str, Look]) -> Look:
-    """Return the look of a sample in a claim: an agent, or a version of its policies.
-
-    Args:
-        label: `SAC`, or `SAC, rounded`.
-        drawn: Looks by agent label.
-    """
+    """Return the look of a claim's sample, `SAC` or `SAC, rounded`, from those by agent label."""
     return drawn[label.partition(", ")[0]]
-
-
-def is_long(values: Sequence[float]) -> bool:
-    """Return whether values are all at least 1 and too far apart for a linear axis."""
-    return bool(values) and min(values) >= 1 and max(values) > LONG_AXIS * min(values)
-
-
-def remark(is_baseline: bool, robot: str) -> str:
-    """Return how an agent differs from those that learn on the edited robot, if it does."""
-    parts = ["baseline"] if is_baseline else []
-    return ", ".join([*parts, *(["unedited robot"] if robot == "unedited" else [])])
 
 
 def _baseline(place: int) -> Look:

@@ -18,7 +18,7 @@ from jumping_ant.showing.recording.story import Story, read
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 from jumping_ant.words import looks
-from jumping_ant.words.looks import Family
+from jumping_ant.words.naming import Family
 
 ALGORITHMS = {"random": "random", "mine": "sac"}
 

@@ -1,7 +1,5 @@
-import pytest
-
 from jumping_ant.words import looks
-from jumping_ant.words.looks import Family
+from jumping_ant.words.naming import Family
 
 FEW: dict[str, Family] = {
     "random": "baseline",
@@ -37,38 +35,3 @@ def test_many_baselines_keep_apart_by_grey_and_dashes() -> None:
     found = looks.looks(families)
     assert len({(look.colour, look.line) for look in found.values()}) == 6
     assert all(look.line != "-" for look in found.values())
-
-
-def test_families_stand_in_one_order_and_baselines_last() -> None:
-    families: dict[str, Family] = {"random": "baseline", "b": "evolution", "a": "evolution"}
-    grouped = looks.by_family(families | {"dqn": "value-based"})
-    assert grouped == {"value-based": ["dqn"], "evolution": ["b", "a"], "baseline": ["random"]}
-    assert list(grouped) == ["value-based", "evolution", "baseline"]
-
-
-@pytest.mark.parametrize("num_learners", [3, 4])
-def test_many_learners_have_a_panel_for_each_family(num_learners: int) -> None:
-    more: dict[str, Family] = {f"agent-{i}": "evolution" for i in range(num_learners)}
-    families = FEW | more
-    if num_learners == 3:  # six in all
-        assert looks.panels(families) == {"": list(families)}
-    else:
-        assert looks.panels(families) == {
-            "value-based": ["random", "dqn"],
-            "off-policy actor-critic": ["random", "sac"],
-            "evolution": ["random", "pgpe", *more],
-        }
-
-
-@pytest.mark.parametrize(
-    ("values", "expected"),
-    [
-        ([1.0, 31.0], True),
-        ([1.0, 30.0], False),
-        ([0.01, 0.9], False),
-        ([-1.0, 99.0], False),
-        ([], False),
-    ],
-)
-def test_long_axes_are_logarithmic(values: list[float], expected: bool) -> None:
-    assert looks.is_long(values) == expected

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import rerun as rr
 
 from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.showing import panels
 from jumping_ant.showing.recording.parts import LEG_COLORS, limb_names
 from jumping_ant.showing.recording.scene import METRES_PER_NEWTON
 from jumping_ant.showing.recording.story import Story
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
-from jumping_ant.words import looks
+from jumping_ant.words import naming
 
 LEG_COLOR_NAMES = ("coral", "yellow", "green", "violet")  # of `LEG_COLORS`
 
@@ -84,7 +85,7 @@ def lineup_page(
         opening: The part that plays first.
     """
     ranked = sorted(stories.items(), key=lambda item: -item[1].mean_return)
-    is_crowded = looks.is_crowded({agent: story.family for agent, story in ranked})
+    is_crowded = panels.is_crowded({agent: story.family for agent, story in ranked})
     tabs = "\nThe tabs show the best agent of each family, and each family." if is_crowded else ""
     rows = "\n".join(
         f"| **{story.label}**{_remark(story)} | {trajectories[agent].seed} | "
@@ -131,7 +132,7 @@ def _reward(trajectory: Trajectory) -> str:
 
 def _remark(story: Story) -> str:
     """Return what sets an agent apart from learners on the edited robot, in brackets."""
-    remark = looks.remark(story.is_baseline, story.robot)
+    remark = naming.remark(story.is_baseline, story.robot)
     return f" ({remark})" if remark else ""
 
 

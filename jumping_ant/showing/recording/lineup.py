@@ -14,6 +14,7 @@ from collections.abc import Mapping
 
 import rerun as rr
 
+from jumping_ant.showing import panels
 from jumping_ant.showing.recording import about, layout, series, states
 from jumping_ant.showing.recording.file import write
 from jumping_ant.showing.recording.parts import Color
@@ -23,6 +24,7 @@ from jumping_ant.showing.recording.story import Story
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 from jumping_ant.words import looks
+from jumping_ant.words.naming import by_family
 
 STRIDE = 2  # simulation steps between recorded states; all of them would double the file
 OPENING_SECONDS = 20.0  # the highest jump up to here plays first
@@ -70,9 +72,9 @@ def _groups(stories: Mapping[str, Story]) -> dict[str, list[str]]:
     """Return the agents that are seen at once, by title: all, or of many learners each family."""
     ranked = sorted(stories, key=lambda agent: -stories[agent].mean_return)
     families = {agent: stories[agent].family for agent in ranked}
-    if not looks.is_crowded(families):
+    if not panels.is_crowded(families):
         return {"All agents": list(stories)}
-    grouped = looks.by_family(families)
+    grouped = by_family(families)
     leaders = [members[0] for members in grouped.values()]
     return {"Best of each family": leaders} | {
         family.capitalize(): members for family, members in grouped.items()

@@ -13,8 +13,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.judging import episodes
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.training import curves
-from jumping_ant.words import looks
-from jumping_ant.words.looks import Family
+from jumping_ant.words.naming import BASELINE, Family
 
 Array = NDArray[np.float64]
 
@@ -47,7 +46,7 @@ class Story:
     @property
     def is_baseline(self) -> bool:
         """Return whether the agent learns nothing."""
-        return self.family == looks.BASELINE
+        return self.family == BASELINE
 
     @property
     def label(self) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.judging.comparison import LearningCurve
 from jumping_ant.judging.results import AgentResults
+from jumping_ant.showing import charting
 from jumping_ant.words import measures
 from jumping_ant.words.looks import INK, Look
 
@@ -75,8 +76,8 @@ def learning(
 
     Args:
         results: The agents of this chart.
-        curves: What `comparison.learning_curves` returns; all charts of these share their axes.
-        against: `env_steps` or `seconds`.
+        curves: All agents' learning curves, whose charts share their axes.
+        against: A key of `charting.TIMES`.
         drawn: Each agent's look.
         reference: If given, baselines are thin lines, and only this one has a name.
     """
@@ -86,15 +87,11 @@ def learning(
             _add_level(figure, agent, curves[name], against, drawn[name], name == reference)
         else:
             _add_curve(figure, agent, curves[name], against, drawn[name])
-    title = {"env_steps": "control steps", "seconds": "training time of a seed [s]"}[against]
-    places = np.concatenate([getattr(curve, against) for curve in curves.values()])
-    ends = np.log10([places[places > 0].min(), places.max()])
+    places = [getattr(curve, against) for curve in curves.values()]
     highest = max(curve.returns.high.max() for curve in curves.values())
     lowest = min(curve.returns.low.min() for curve in curves.values())
-    margin = 0.04 * (ends[1] - ends[0] or 1)
-    x_range, y_range = [ends[0] - margin, ends[1] + margin], [min(0, lowest), 1.05 * highest]
-    figure.update_xaxes(title=title, hoverformat=",.3~s", range=x_range, **LOG_AXIS)
-    figure.update_yaxes(title="return of an evaluation episode", range=y_range)
+    figure.update_xaxes(title=charting.TIMES[against], hoverformat=",.3~s", **_time_axis(places))
+    figure.update_yaxes(title=charting.LEARNING, range=[min(0, lowest), 1.05 * highest])
     return finish(figure, 380, hovermode="x unified")
 
 
@@ -251,6 +248,14 @@ def _add_band(figure: go.Figure, x: Array, low: Array, high: Array, look: Look, 
         legendgroup=group,
         showlegend=False,
     )
+
+
+def _time_axis(times: Sequence[Array]) -> dict[str, Any]:
+    """Return an axis on which all curves' times have room."""
+    ends = charting.log_ends(times)
+    if ends:
+        return LOG_AXIS | {"range": np.log10(ends).tolist()}
+    return {"range": [0, 1.04 * max(float(own[-1]) for own in times)], "tickformat": "~s"}
 
 
 def _around_highest(film: FilmedEpisode) -> NDArray[np.int64]:

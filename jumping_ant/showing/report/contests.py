@@ -6,37 +6,28 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults
+from jumping_ant.showing import charting
+from jumping_ant.showing.charting import chance_text
 from jumping_ant.showing.report.charts import LOG_AXIS, SYMBOLS, finish
 from jumping_ant.words import looks
 from jumping_ant.words.looks import Look
-from jumping_ant.words.wording import percent, percents
 
 CLAIM_HEIGHT = 215  # [pixels]
 NARROW = 27  # [pixels] side of a cell of the matrix that shows no interval
-PAIR = "#B0B4BC"  # colour of the lines between values of the same seed
 
 
 def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> go.Figure:
-    """Draw the probability that a seed of one agent returns more than one of another.
-
-    Args:
-        results: What `results.load` returns.
-        summary: The content of `results/comparison.json`.
-    """
-    pairs = summary["probability_of_improvement"]
-    ranked = comparison.ranking(summary["agents"])
-    labels = [results[name].label for name in ranked]
-    chances = [[pairs.get(f"{one}>{other}") for other in ranked] for one in ranked]
-    has_room = len(ranked) <= looks.MOST_IN_A_WIDE_MATRIX
+    """Draw the probability that a seed of one agent returns more than one of another."""
+    labels, chances = charting.duels(results, summary)
+    has_room = len(labels) <= charting.MOST_IN_A_WIDE_MATRIX
     figure = go.Figure()
     figure.add_heatmap(
         x=labels,
         y=labels,
-        z=[[pair["p"] if pair else None for pair in row] for row in chances],
-        text=[[_show_chance(pair, has_room) for pair in row] for row in chances],
-        customdata=[[_show_chance(pair, True, " %, interval ") for pair in row] for row in chances],
+        z=[[one["p"] if one else None for one in row] for row in chances],
+        text=[[chance_text(one, has_room, "<br>") for one in row] for row in chances],
+        customdata=[[chance_text(one, True, " %, interval ") for one in row] for row in chances],
         texttemplate="%{text}",
         textfont={"size": 11},
         zmin=0,
@@ -47,14 +38,14 @@ def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any])
         ygap=2,
         hovertemplate="%{y} returns more than %{x}: %{customdata} %<extra></extra>",
     )
-    figure.update_xaxes(title="… than this one", side="top", showgrid=False, tickangle=-90)
-    figure.update_yaxes(title="this one returns more …", autorange="reversed", showgrid=False)
-    return finish(figure, 180 + (44 if has_room else NARROW) * len(ranked))
+    figure.update_xaxes(title=charting.LOSER, side="top", showgrid=False, tickangle=-90)
+    figure.update_yaxes(title=charting.WINNER, autorange="reversed", showgrid=False)
+    return finish(figure, 180 + (44 if has_room else NARROW) * len(labels))
 
 
 def improvement_width(num_agents: int) -> int:
     """Return the least width of the matrix with so many agents [pixels]."""
-    return 160 + (52 if num_agents <= looks.MOST_IN_A_WIDE_MATRIX else NARROW) * num_agents
+    return 160 + (52 if num_agents <= charting.MOST_IN_A_WIDE_MATRIX else NARROW) * num_agents
 
 
 def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
@@ -74,28 +65,28 @@ def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[i
             x=list(chain(*pairs)),
             y=labels * len(pairs),
             mode="lines",
-            line={"color": PAIR, "width": 1},
+            line={"color": looks.PAIR, "width": 1},
             hoverinfo="skip",
         )
-    for label, values in plot["values"].items():
-        reached = plot.get("reached", {}).get(label, [True] * len(values))
+    for sample in charting.samples(plot):
+        look = looks.of_sample(sample.label, drawn)
         figure.add_scatter(
-            x=values,
-            y=[label] * len(values),
+            x=sample.values,
+            y=[sample.label] * len(sample.values),
             mode="markers",
             marker={
-                "color": looks.of_sample(label, drawn).colour,
-                "symbol": _symbols(looks.of_sample(label, drawn), reached),
+                "color": look.colour,
+                "symbol": _symbols(look, sample.reached),
                 "size": 9,
                 "opacity": 0.75,
             },
-            text=[_show_seed(seed, there) for seed, there in zip(seeds, reached, strict=True)],
+            text=list(map(_show_seed, seeds, sample.reached)),
             hovertemplate="%{text}: %{x:,.4~g}<extra></extra>",
         )
     known = [value for values in plot["values"].values() for value in values if value is not None]
     figure.update_xaxes(
         title={"text": plot["axis"], "font": {"size": 12}},
-        **(LOG_AXIS if looks.is_long(known) else {"rangemode": "tozero"}),
+        **(LOG_AXIS if charting.is_long(known) else {"rangemode": "tozero"}),
     )
     figure.update_yaxes(autorange="reversed", type="category", showgrid=False)
     return finish(figure, CLAIM_HEIGHT, showlegend=False)
@@ -110,13 +101,3 @@ def _symbols(look: Look, reached: Sequence[bool]) -> list[str]:
 
 def _show_seed(seed: int, reached: bool) -> str:
     return f"seed {seed}" if reached else f"seed {seed}, which never got there"
-
-
-def _show_chance(
-    pair: Mapping[str, float] | None, with_interval: bool, separator: str = "<br>"
-) -> str:
-    if pair is None:
-        return ""
-    if not with_interval or pair["low"] == pair["high"]:
-        return percent(pair["p"])
-    return f"{percent(pair['p'])}{separator}{percents(pair['low'], pair['high'])}"

@@ -6,13 +6,12 @@ from typing import Any
 
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults
-from jumping_ant.words import looks
+from jumping_ant.showing.charting import BEHAVIOUR, COSTS
+from jumping_ant.words import naming
 from jumping_ant.words.measures import MEASURES, TERM
 from jumping_ant.words.wording import interval, number
 
-BEHAVIOUR = ("apex", "flight", "fluidity", "jumps")
 BUDGETS = ("return_at_equal_steps", "return_at_equal_seconds")
-COSTS = ("env_steps", "train_seconds")
 
 
 @dataclass(frozen=True)
@@ -96,11 +95,11 @@ def terms(
 
 def remark(agent: AgentResults) -> str:
     """Return what sets an agent apart from those that learn on the edited robot, if anything."""
-    return looks.remark(agent.is_baseline, agent.block.robot)
+    return naming.remark(agent.is_baseline, agent.block.robot)
 
 
 def _row(agent: AgentResults, cells: Sequence[Cell]) -> Row:
-    return Row(agent.label, agent.family, looks.remark(False, agent.block.robot), cells)
+    return Row(agent.label, agent.family, naming.remark(False, agent.block.robot), cells)
 
 
 def _estimate(entry: Mapping[str, float] | None, num_seeds: int, is_best: bool = False) -> Cell:

@@ -24,14 +24,16 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import comparison, episodes
 from jumping_ant.judging.results import AgentResults, load
+from jumping_ant.showing import charting, panels
 from jumping_ant.showing.report import charts, contests, outcomes, pictures, standings, statements
 from jumping_ant.showing.report.charts import FilmedEpisode
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.rewards import active
 from jumping_ant.words import looks
-from jumping_ant.words.looks import Family, Look
+from jumping_ant.words.looks import Look
 from jumping_ant.words.measures import MEASURES
+from jumping_ant.words.naming import Family, by_family
 from jumping_ant.words.wording import estimate, number
 
 FOLDER = Path(__file__).parent
@@ -54,7 +56,7 @@ def build(root: Path, params: Params) -> str:
     """
     summary = read_json(Paths(root).comparison, "compare")
     loaded = load(root, params)
-    families = {name: agent.family for name, agent in loaded.items()}
+    families = charting.families(loaded)
     drawn = looks.looks(families)
     results = {name: loaded[name] for name in _order(families, summary["agents"])}
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
@@ -64,13 +66,13 @@ def build(root: Path, params: Params) -> str:
         "security_policy": _security_policy(plotly, script),
         "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
         "title": _title(params, results),
-        "families": list(looks.by_family(families)) if looks.is_crowded(families) else [""],
-        "panels": list(looks.panels(families)),
+        "families": list(by_family(families)) if panels.is_crowded(families) else [""],
+        "panels": list(panels.panels(families)),
         "agents": _agents(root, results, films, drawn),
         "lead": _lead(results, summary),
         "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
         "behaviour": outcomes.behaviour(results, summary["agents"]),
-        "behaviour_measures": [MEASURES[name] for name in outcomes.BEHAVIOUR],
+        "behaviour_measures": [MEASURES[name] for name in charting.BEHAVIOUR],
         "reward_terms": reward_terms,
         "of_terms": of_terms,
         "equal_steps": _budget(summary["equal_steps"]),
@@ -117,7 +119,7 @@ def _security_policy(*scripts: str) -> str:
 def _order(families: Mapping[str, Family], agents: Mapping[str, Any]) -> list[str]:
     """Return the agents' names by family, in each of them the best first."""
     ranked = {name: families[name] for name in comparison.ranking(agents)}
-    return [name for members in looks.by_family(ranked).values() for name in members]
+    return [name for members in by_family(ranked).values() for name in members]
 
 
 def _charts(
@@ -139,9 +141,9 @@ def _charts(
     figures |= {f"torques_{name}": charts.torques(film, motors) for name, film in films.items()}
     if len(results) > 1:
         figures["improvement"] = contests.improvement(results, summary)
-    if _learners(results):
+    if charting.learners(results):
         figures |= _learning(params, results, summary, drawn)
-        for against in standings.COSTS:
+        for against in charting.COSTS:
             figures[f"cost_{against}"] = standings.cost(results, summary, against, drawn)
     by_label = {agent.label: drawn[name] for name, agent in results.items()}
     for index, entry in enumerate(summary["claims"]):
@@ -157,22 +159,22 @@ def _learning(
 ) -> dict[str, go.Figure]:
     """Return the charts of learning curves: a pair of them, or of many learners one a family."""
     curves = comparison.learning_curves(results, params.compare)
-    panels = looks.panels({name: agent.family for name, agent in results.items()})
-    named = comparison.best_baseline(results, summary["agents"]) if len(panels) > 1 else None
+    grouped = panels.panels(charting.families(results))
+    named = comparison.best_baseline(results, summary["agents"]) if len(grouped) > 1 else None
     return {
         f"learning_{against}_{number}": charts.learning(
             {name: results[name] for name in names}, curves, against, drawn, named
         )
-        for number, names in enumerate(panels.values())
-        for against in ("env_steps", "seconds")
+        for number, names in enumerate(grouped.values())
+        for against in charting.TIMES
     }
 
 
 def _leaders(results: Mapping[str, AgentResults]) -> list[str]:
     """Return all agents, or of many learners the best of each family, which comes first."""
-    families = {name: agent.family for name, agent in results.items()}
-    grouped = looks.by_family(families)
-    return [own[0] for own in grouped.values()] if looks.is_crowded(families) else list(families)
+    families = charting.families(results)
+    grouped = by_family(families)
+    return [own[0] for own in grouped.values()] if panels.is_crowded(families) else list(families)
 
 
 def _agents(
@@ -205,10 +207,6 @@ def _agents(
     return shown
 
 
-def _learners(results: Mapping[str, AgentResults]) -> list[str]:
-    return [name for name, agent in results.items() if not agent.is_baseline]
-
-
 def _robot_name(params: Params) -> str:
     """Return the robot's display name: Ant, Half cheetah, or the name of its file."""
     return Path(params.robot.source).stem.replace("_", " ").capitalize()
@@ -222,9 +220,9 @@ def _aim(params: Params) -> str:
 
 def _title(params: Params, results: Mapping[str, AgentResults]) -> str:
     """Return the page's title: it names the learners, or all agents if none learns, or counts."""
-    families = {name: results[name].family for name in _learners(results)}
-    if looks.is_crowded(families):
-        groups = looks.by_family(families)
+    families = {name: results[name].family for name in charting.learners(results)}
+    if panels.is_crowded(families):
+        groups = by_family(families)
         return (
             f"{_robot_name(params)}: {len(families)} learners of {len(groups)} families compared"
             if len(groups) > 1

@@ -8,28 +8,17 @@ import plotly.graph_objects as go
 
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults
+from jumping_ant.showing import charting, panels
 from jumping_ant.showing.report.charts import LOG_AXIS, ROW, SYMBOLS, finish
-from jumping_ant.words import looks
-from jumping_ant.words.looks import INK, Look
+from jumping_ant.words.looks import COLOURS, INK, Look
+from jumping_ant.words.naming import by_family
 from jumping_ant.words.wording import estimate
-
-COSTS = {  # keys of an agent's cost, and the axis's label
-    "env_steps": "control steps",
-    "train_seconds": "training time of a seed [s]",
-}
-LEAST_SPAN = 0.3  # decades between the least and the greatest cost that the axis has room for
 
 
 def ranking(
     results: Mapping[str, AgentResults], summary: Mapping[str, Any], drawn: Mapping[str, Look]
 ) -> go.Figure:
-    """Draw the agents' returns with their intervals, the best on top, and every seed as a point.
-
-    Args:
-        results: What `results.load` returns.
-        summary: `agents` of `results/comparison.json`.
-        drawn: Each agent's look.
-    """
+    """Draw the agents' returns with their intervals, the best on top, and every seed as a point."""
     figure = go.Figure()
     ranked = comparison.ranking(summary)
     for name in ranked:
@@ -54,7 +43,7 @@ def ranking(
             showlegend=False,
         )
     _name_families(figure, results)
-    figure.update_xaxes(title="return of a held-out episode", rangemode="tozero")
+    figure.update_xaxes(title=charting.RETURN, rangemode="tozero")
     labels = [results[name].label for name in ranked]
     figure.update_yaxes(categoryorder="array", categoryarray=labels, autorange="reversed")
     finish(figure, 110 + ROW * len(ranked), top=40)
@@ -69,20 +58,13 @@ def cost(
 ) -> go.Figure:
     """Draw the learners' returns against their cost, with the Pareto front and the baselines.
 
-    Of many learners only those on the front are named.
-
-    Args:
-        results: What `results.load` returns, with a learner at least.
-        summary: The content of `results/comparison.json`.
-        against: A key of `COSTS`.
-        drawn: Each agent's look.
+    Of many learners only those on the front are named. `against` is a key of `charting.COSTS`.
     """
     figure = go.Figure()
-    agents, front = summary["agents"], summary[comparison.FRONTS[against]]
-    learners = [name for name, agent in results.items() if not agent.is_baseline]
-    is_crowded = looks.is_crowded({name: results[name].family for name in learners})
-    named = front if is_crowded else learners
-    _add_front(figure, agents, against, front, learners)
+    agents, learners = summary["agents"], charting.learners(results)
+    is_crowded = panels.is_crowded(charting.families(results))
+    named = summary[comparison.FRONTS[against]] if is_crowded else learners
+    _add_front(figure, *charting.front(results, summary, against))
     for name in learners:
         label = results[name].label
         figure.add_scatter(
@@ -91,6 +73,7 @@ def cost(
             mode="markers+text",
             text=[label if name in named else ""],
             textposition="top left",
+            cliponaxis=False,
             marker=_marker(drawn[name]),
             error_y=_error(agents[name]["return"], drawn[name]),
             hovertemplate=f"{label}: {_estimate(agents[name])} for %{{x:,.4~g}}<extra></extra>",
@@ -106,30 +89,25 @@ def cost(
             showlegend=name == best,
         )
     _name_families(figure, {name: results[name] for name in learners})
-    figure.update_xaxes(title=COSTS[against], range=_range(agents, against, learners), **LOG_AXIS)
-    figure.update_yaxes(title="return of a held-out episode", rangemode="tozero")
+    costs = [agents[name][against] for name in learners]
+    figure.update_xaxes(title=charting.COSTS[against], **_cost_axis(costs))
+    figure.update_yaxes(title=charting.RETURN, rangemode="tozero")
     return finish(figure, 460)
 
 
-def _range(agents: Mapping[str, Any], against: str, learners: Sequence[str]) -> list[float]:
-    """Return the ends of the logarithmic axis of costs, with room for names on the left."""
-    costs = np.log10([agents[name][against] for name in learners])
-    span = max(float(np.ptp(costs)), LEAST_SPAN)
-    return [float(costs.min()) - 0.35 * span, float(costs.max()) + 0.1 * span]
+def _cost_axis(costs: Sequence[float]) -> dict[str, Any]:
+    """Return an axis on which names have room on the left of the costs."""
+    if not charting.is_long(costs):
+        return {"rangemode": "tozero", "tickformat": "~s"}
+    low, high = np.log10([min(costs), max(costs)])
+    return LOG_AXIS | {"range": [1.35 * low - 0.35 * high, 1.1 * high - 0.1 * low]}
 
 
-def _add_front(
-    figure: go.Figure,
-    agents: Mapping[str, Any],
-    against: str,
-    front: Sequence[str],
-    learners: Sequence[str],
-) -> None:
+def _add_front(figure: go.Figure, costs: Sequence[float], returns: Sequence[float]) -> None:
     """Add the greatest return at each cost, up to the greatest cost."""
-    returns = [agents[name]["return"]["iqm"] for name in front]
     figure.add_scatter(
-        x=[*(agents[name][against] for name in front), max(agents[n][against] for n in learners)],
-        y=[*returns, returns[-1]],
+        x=costs,
+        y=returns,
         name="Pareto front",
         mode="lines",
         line={"color": INK, "width": 1.5, "shape": "hv"},
@@ -139,13 +117,13 @@ def _add_front(
 
 def _name_families(figure: go.Figure, results: Mapping[str, AgentResults]) -> None:
     """Add the families' colours to the legend."""
-    for family in looks.by_family({name: agent.family for name, agent in results.items()}):
+    for family in by_family(charting.families(results)):
         figure.add_scatter(
             x=[None],
             y=[None],
             name=family,
             mode="markers",
-            marker={"color": looks.COLOURS[family], "size": 10, "symbol": "square"},
+            marker={"color": COLOURS[family], "size": 10, "symbol": "square"},
         )
 
 
