@@ -107,12 +107,12 @@ def test_variants_are_measured_on_the_held_out_episodes(
     robot_xml: str, known_params: Params, short: EnvParams
 ) -> None:
     evaluate = known_params.evaluate.model_copy(update={"episodes": 2})
-    params = known_params.model_copy(update={"env": short, "evaluate": evaluate})
+    world = World(robot_xml, short)
     policies = {4: linear(0.0), 9: replace(linear(0.0), bias=np.ones(8, np.float32))}
     again = {seed: replace(policy) for seed, policy in policies.items()}
     others = {seed: {"final": policies[seed], "again": again[seed]} for seed in policies}
-    episodes, _ = evaluation.evaluate(robot_xml, params, "pgpe", policies)
-    table = evaluation.evaluate_variants(robot_xml, params, (policies, episodes), others)
+    episodes, _ = evaluation.evaluate(world, evaluate, "pgpe", policies)
+    table = evaluation.evaluate_variants(world, evaluate, (policies, episodes), others)
     assert table[["seed", "variant"]].values.tolist() == [
         [4, "final"],
         [4, "again"],
