@@ -1,3 +1,4 @@
+import io
 import pickle
 import zipfile
 
@@ -35,9 +36,14 @@ def test_a_state_comes_back() -> None:
 def test_objects_are_neither_written_nor_read() -> None:
     with pytest.raises(ValueError, match="allow_pickle"):
         archive.pack_state({"a": np.array([object()], dtype=object)})
-    for payload in (pickle.dumps([1]), pickle.dumps(np.arange(3))):
-        with pytest.raises(ValueError, match="magic string"):
-            archive.to_array(payload)
+    objects = io.BytesIO()
+    np.save(objects, np.array([[1]], dtype=object), allow_pickle=True)
+    pickles = (pickle.dumps([1]), pickle.dumps(np.arange(3)), objects.getvalue())
+    for content, said in zip(pickles, ("magic string", "magic string", "objects"), strict=True):
+        with pytest.raises(ValueError, match=said):
+            archive.to_array(content)
+        with pytest.raises(ValueError, match=said):
+            archive.unpack_state(archive.pack({"values.json": b"{}", "state/a.npy": content}))
 
 
 def test_a_damaged_entry_is_found() -> None:

@@ -8,6 +8,7 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from small_disk import small_disk
 from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
@@ -172,3 +173,11 @@ def test_a_film_plays_and_is_the_same_however_it_is_drawn(
     assert np.abs(pictures.astype(int) - drawn).mean() < 5  # the colours survive
     assert pictures.std(axis=(1, 2, 3)).min() > 10
     assert (pictures[1:] != pictures[:-1]).any(axis=(1, 2, 3)).all()
+
+
+def test_a_film_that_is_cut_short_is_none() -> None:
+    """As the encoder, a process of its own, leaves it on a full disk."""
+    noise = np.random.default_rng(0).integers(256, size=(40, 96, 128, 3), dtype=np.uint8)
+    whole = rendering.encode(noise, 50)
+    with small_disk(len(whole) // 2), pytest.raises(OSError, match="is the disk full"):
+        rendering.encode(noise, 50)

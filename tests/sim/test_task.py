@@ -10,6 +10,7 @@ from commands import COMMAND_SIGNS
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.base.errors import InputError
 from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
 from jumping_ant.params.blocks import ActionParams
@@ -113,6 +114,12 @@ def test_the_same_torque_on_all_tilts_the_body(robot_xml: str) -> None:
     fall, tilt = feet_under(1, robot_xml)
     assert (fall[:2] > 0.01).all() and (fall[2:] < -0.01).all()
     assert tilt > 2 * tilt_of_3
+
+
+def test_commands_are_for_all_motors(known_params: Params) -> None:
+    hopper = robot.source_path("hopper").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="given rows of 8 torques, allowed: the robot's 3 motors"):
+        Task(World(hopper, known_params.env))
 
 
 def test_observe_shows_zero_for_what_is_not_finite(task: Task) -> None:

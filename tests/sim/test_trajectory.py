@@ -8,7 +8,7 @@ import pytest
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_bytes
-from jumping_ant.sim import trajectory
+from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.trajectory import Trajectory
 
 
@@ -135,3 +135,10 @@ def test_rows_end_before_the_first_state_that_is_not_finite() -> None:
     episode.qpos[0, 0] = np.inf
     with pytest.raises(InputError, match="nothing to show"):
         episode.rows()
+
+
+def test_an_episode_of_another_robot_is_refused(robot_xml: str) -> None:
+    make().check(robot.load(robot_xml))
+    hopper = robot.source_path("hopper").read_text(encoding="utf-8")
+    with pytest.raises(InputError, match="given states of 15 positions and 14 velocities and 8 t"):
+        make().check(robot.load(hopper))

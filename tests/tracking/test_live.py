@@ -190,6 +190,8 @@ def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project:
     first.kill()
     first.communicate()
     assert runs(bare_project, "sac%") == {"sac-seed-0": "RUNNING"}
+    tracked(bare_project)  # which closes what a dead process left, or another follower does
+    assert runs(bare_project, "sac%") == {"sac-seed-0": "KILLED"}
     second = start()
     train(bare_project, "sac", 0)
     assert second.communicate(timeout=60)[1] == ""  # closes the pipe

@@ -6,15 +6,15 @@ import pytest
 import small_agents
 
 from jumping_ant.agents.catalogue import demonstrated
-from jumping_ant.base.files import write_bytes
+from jumping_ant.base.files import write_bytes, write_text
 from jumping_ant.base.paths import Paths
 
 
 @pytest.fixture
 def project(tmp_path: Path, robot_xml: str) -> Path:
-    (tmp_path / "assets").mkdir()
-    (tmp_path / "assets" / "edited.xml").write_text(robot_xml, encoding="utf-8")
+    folder = tmp_path / "a ?#% 'folder' \"x\""  # any name will do
+    write_text(folder / "assets" / "edited.xml", robot_xml)
     for algorithm in demonstrated():
-        path = Paths(tmp_path).demonstrations(algorithm)
+        path = Paths(folder).demonstrations(algorithm)
         write_bytes(path, small_agents.demonstrations(robot_xml))
-    return tmp_path
+    return folder

@@ -1,5 +1,4 @@
 import os
-import resource
 import shutil
 import subprocess
 import sys
@@ -8,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from small_disk import small_disk
 
 from jumping_ant.training import checkpoints
 from jumping_ant.training.checkpoints import Checkpoints, Owner, Saved
@@ -119,17 +119,11 @@ def test_a_file_in_the_place_of_another_is_not_used(
 
 
 def test_a_disk_that_is_full_damages_nothing(tmp_path: Path, said: Lines) -> None:
-    """A limit on the size of files ends a write half way, as a full disk does."""
     stored = store(tmp_path, said)
     stored.save(0, SAVED)
     before = files(tmp_path)
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    try:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, limits[1]))
-        with pytest.raises(OSError, match="File too large"):
-            stored.save(0, replace(SAVED, env_steps=200, content=os.urandom(300_000)))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with small_disk(200_000), pytest.raises(OSError, match="File too large"):
+        stored.save(0, replace(SAVED, env_steps=200, content=os.urandom(300_000)))
     assert files(tmp_path) == before
     assert stored.load(0) == SAVED
 
@@ -141,6 +135,9 @@ def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: Lines) -> Non
     stored.finish(0, POLICY)
     assert stored.finished(0) == POLICY and stored.load(0) is None
     assert files(tmp_path) == ["sac/key/seed-0.finished"]
+    damage(tmp_path / ".checkpoints/sac/key/seed-0.finished", "torn")
+    assert stored.finished(0) is None
+    assert said == ["seed-0.finished is damaged (the digest does not match) and is not used"]
 
 
 def test_an_interrupted_training_keeps_its_seeds(tmp_path: Path, said: Lines) -> None:

@@ -17,6 +17,7 @@ import psutil
 import pytest
 import small_agents
 from ruamel.yaml import YAML
+from small_disk import small_disk
 from small_project import read_csv
 from small_training import TRAINED, KillError, digests, forget, small_params
 
@@ -123,6 +124,18 @@ def test_a_checkpoint_of_wrong_content_gives_way_to_the_one_before(
     assert "seed-5.2.checkpoint cannot be resumed from (KeyError" in said
     assert "seed 0: trained before, but not used (policy file: given" in said
     assert said.count("seed 5: resumes from") == 2
+    assert digests(project / "models") == expected
+
+
+def test_a_full_disk_ends_training_and_the_next_run_completes_it(project: Path) -> None:
+    driver.train(project, small_params(1), "pgpe")
+    expected = digests(project / "models")
+    forget(project)
+    often = with_many_checkpoints()
+    room_for_a_curve = small_disk(2_000)
+    with room_for_a_curve, pytest.raises(OSError, match="File too large"):
+        driver.train(project, often, "pgpe")
+    driver.train(project, often, "pgpe")
     assert digests(project / "models") == expected
 
 
