@@ -1,11 +1,11 @@
-"""Flipped bytes in every kind of file that the project reads, and faults of its tables.
+"""Flipped bytes, and code, in every kind of file that the project reads.
 
 Usage: python -m soak.mutations FOLDER [--seed SEED] [--each COUNT]
 
 The folder is the project that this process runs from, in which `AGENTS` are trained. A changed file
 may still be read, or is refused as bad input; nothing else may happen. The stage `compare` runs
-with each changed table: after a fault of the table's structure it must refuse it, or write the same
-comparison as before. Each reading has limits of time and memory. The counts are printed as JSON.
+with each changed table, and draws it. Each reading has limits of time and memory. The counts are
+printed as JSON.
 """
 
 import argparse
@@ -16,12 +16,12 @@ import random
 import resource
 import signal
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from unittest.mock import patch
 
 from jumping_ant.agents.imitation.demonstrations import Demonstrations
 from jumping_ant.base.errors import InputError
@@ -29,7 +29,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
-from jumping_ant.showing import figures, rendering
+from jumping_ant.showing import rendering
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World
@@ -37,19 +37,18 @@ from jumping_ant.tracking import records
 from jumping_ant.training import driver
 from jumping_ant.training.checkpoints import Saved
 from scripts.checkout import Checkout
+from soak import payloads
 from soak.project import owner_of
-from soak.table_faults import NUMBERS, STRUCTURE, faults
 
 AGENTS = ("dqn", "sac", "pgpe")
 EVALUATED = "pgpe"
 MOST_FLIPS = 8  # in one file
-FEWER = 15  # times as few of those with which `compare` may draw its pictures, which takes seconds
+FEWER = 15  # times as few of those that `compare` draws, which takes seconds
+EXTREMES = ("", "0", "-1", "1e-30", "1e+30", "-1e+308")  # of a table's cells
 SECONDS = 60  # drawing takes 5, and longer beside other work
 BYTES = 2 * 2**30
 
 Read = Callable[[], object]
-Change = tuple[str, bytes]
-"""What is changed in a file, and its content."""
 
 
 @dataclass
@@ -72,17 +71,19 @@ def main() -> None:
     for stage, agent in itertools.product(("evaluate", "scaling"), AGENTS):
         run_stage(stage, agent)
     counts: dict[str, Count] = {}
-    for path, read in readers(arguments.folder):
-        changes = flips(path.read_bytes(), generator, arguments.each)
-        mutate(path, read, changes, _count(counts, arguments.folder, path))
-    expected = compare(arguments.folder)
+    planted = payloads.Count()
+    with tempfile.TemporaryDirectory() as folder:
+        for path, read in readers(arguments.folder):
+            changes = flips(path.read_bytes(), generator, arguments.each)
+            read_changed(path, read, changes, _count(counts, arguments.folder, path))
+            payloads.plant(path, read, Path(folder) / "executed", planted)
     for path in compared(arguments.folder):
-        few, of_structure = _table_changes(path.read_bytes(), generator, arguments.each)
-        count = _count(counts, arguments.folder, path)
-        mutate(path, partial(compare, arguments.folder), few, count)
-        numbers = partial(compare, arguments.folder, is_drawn=False)
-        mutate(path, numbers, of_structure, count, expected)
-    print(json.dumps({name: asdict(count) for name, count in counts.items()}))
+        content, few = path.read_bytes(), -(-arguments.each // FEWER)
+        changes = itertools.chain(flips(content, generator, few), extremes(content, generator))
+        compare = partial(run_stage, "compare")
+        read_changed(path, compare, changes, _count(counts, arguments.folder, path))
+    found = {name: asdict(count) for name, count in counts.items()}
+    print(json.dumps({"mutations": found, "payloads": asdict(planted)}))
 
 
 def _count(counts: dict[str, Count], folder: Path, path: Path) -> Count:
@@ -90,18 +91,6 @@ def _count(counts: dict[str, Count], folder: Path, path: Path) -> Count:
     name = str(path.relative_to(folder))
     print(name, file=sys.stderr)
     return counts.setdefault(name, Count())
-
-
-def _table_changes(
-    content: bytes, generator: random.Random, each: int
-) -> tuple[list[Change], list[Change]]:
-    """Return a few changes of a table that may change numbers, and all those of its structure."""
-    found: dict[str, list[Change]] = {STRUCTURE: [], NUMBERS: []}
-    for kind, name, changed in faults(content, generator):
-        found[kind].append((name, changed))
-    few = -(-each // FEWER)
-    numbers = generator.sample(found[NUMBERS], min(few, len(found[NUMBERS])))
-    return [*flips(content, generator, few), *numbers], found[STRUCTURE]
 
 
 def run_stage(stage: str, *arguments: str) -> None:
@@ -113,13 +102,6 @@ def run_stage(stage: str, *arguments: str) -> None:
         module.main()
     finally:
         sys.argv = before
-
-
-def compare(root: Path, is_drawn: bool = True) -> bytes:
-    """Return the comparison that the stage writes, with its pictures or without them."""
-    with nullcontext() if is_drawn else patch.object(figures, "files", return_value={}):
-        run_stage("compare")
-    return Paths(root).comparison.read_bytes()
 
 
 def prepare(project: Checkout) -> None:
@@ -159,9 +141,7 @@ def compared(root: Path) -> Iterator[Path]:
     yield from (evaluated.timing, evaluated.scaling, evaluated.episodes, evaluated.variants)
 
 
-def mutate(
-    path: Path, read: Read, changes: Iterable[Change], count: Count, expected: object = None
-) -> None:
+def read_changed(path: Path, read: Read, changes: Iterable[bytes], count: Count) -> None:
     """Read changed versions of a file, and put it back.
 
     Args:
@@ -169,26 +149,25 @@ def mutate(
         read: What reads it.
         changes: The versions.
         count: Counts them.
-        expected: What reading a version may return, besides refusing it; None for anything.
     """
     content = path.read_bytes()
     try:
-        for name, changed in changes:
+        for changed in changes:
             path.unlink()  # DVC may have linked it
             path.write_bytes(changed)
-            trouble = _trouble(read, expected)
+            trouble = _trouble(read)
             count.tried += 1
             count.clear += not trouble
-            count.troubles += [f"{name}: {trouble}"] if trouble else []
+            count.troubles += [trouble] if trouble else []
     finally:
         path.write_bytes(content)
 
 
-def _trouble(read: Read, expected: object) -> str:
+def _trouble(read: Read) -> str:
     """Return what is wrong with how a changed file is read, nothing if it is as it should be."""
     try:
         with _limited():
-            found = read()
+            read()
     except InputError as error:
         # Of params.yaml, there is a line for each fault.
         lines = {line.partition(":")[0] for line in str(error).splitlines()}
@@ -196,13 +175,22 @@ def _trouble(read: Read, expected: object) -> str:
         return "" if is_clear else f"{len(str(error))} characters: {str(error)[:200]!r}"
     except BaseException as error:  # whatever it is, it is no clear line
         return f"{type(error).__name__}: {str(error)[:200]}"
-    return "" if expected in (None, found) else "other results, in silence"
+    return ""
 
 
-def flips(content: bytes, generator: random.Random, count: int) -> Iterator[Change]:
+def flips(content: bytes, generator: random.Random, count: int) -> Iterator[bytes]:
     """Yield versions of a file with some bytes changed."""
     for _ in range(count):
-        yield "bytes", _changed(content, generator)
+        yield _changed(content, generator)
+
+
+def extremes(content: bytes, generator: random.Random) -> Iterator[bytes]:
+    """Yield versions of a table with an extreme number in a cell."""
+    for cell in EXTREMES:
+        rows = [line.split(b",") for line in content.splitlines()]
+        row = generator.choice(rows[1:])
+        row[generator.randrange(len(row))] = cell.encode()
+        yield b"".join(b",".join(row) + b"\n" for row in rows)
 
 
 def _changed(content: bytes, generator: random.Random) -> bytes:
@@ -259,7 +247,8 @@ def _imitate(path: Path) -> None:
 
 def _resume(path: Path) -> None:
     try:
-        Saved.from_bytes(path.read_bytes(), owner_of(path))
+        saved = Saved.from_bytes(path.read_bytes(), owner_of(path))
+        policy_file.parse(saved.content)
     except ValueError as error:  # what is damaged is told, and not used
         raise InputError(str(error)) from error
 

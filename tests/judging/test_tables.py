@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from small_project import COMPARE, make_params, read_csv, write_csv, write_project
+from table_faults import NUMBERS, STRUCTURE, faults
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
@@ -12,7 +13,6 @@ from jumping_ant.judging import comparison, episodes
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.judging.results import load
 from jumping_ant.training import curves
-from soak.table_faults import NUMBERS, STRUCTURE, faults
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1]
