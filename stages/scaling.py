@@ -10,7 +10,7 @@ from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
-from jumping_ant.training import scaling
+from jumping_ant.training import scaling, scaling_table
 
 from . import parse_agent, run
 
@@ -20,7 +20,7 @@ def main() -> None:
     agent, settings = parse_agent(__doc__)
     world = World(robot.read(PROJECT_ROOT, settings.agent(agent).robot), settings.env)
     rows = scaling.measure(world, settings.agent(agent), settings.seeds)
-    write_text(Paths().agent(agent).scaling, scaling.to_csv(agent, rows))
+    write_text(Paths().agent(agent).scaling, scaling_table.to_csv(agent, rows))
 
 
 if __name__ == "__main__":

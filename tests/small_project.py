@@ -14,11 +14,11 @@ from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import variants
+from jumping_ant.judging import variant_names
 from jumping_ant.params import article
 from jumping_ant.params.blocks import CompareParams, EvaluateParams
 from jumping_ant.sim.trajectory import Trajectory
-from jumping_ant.training import scaling
+from jumping_ant.training import scaling_table
 
 COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=0)
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
@@ -79,7 +79,7 @@ def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) 
             | measures(LEVELS[algorithm] + 10 * i)
             | {"return": LEVELS[algorithm] + 10 * i - 7}
             for i, seed in enumerate(seeds)
-            for variant in variants.names_of(block(algorithm))
+            for variant in variant_names.of_agent(block(algorithm))
         ]
         write_csv(Paths(root).agent(name).variants, rows)
 
@@ -91,9 +91,9 @@ def write_scaling(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -
             {"seed": seed, "threads": threads, "seconds": 2.0 / threads + 0.01 * i}
             for i, seed in enumerate(seeds)
             for threads in (1, 2)
-            if algorithm in scaling.ALGORITHMS
+            if algorithm in scaling_table.ALGORITHMS
         ]
-        write_text(Paths(root).agent(name).scaling, scaling.to_csv(name, rows))
+        write_text(Paths(root).agent(name).scaling, scaling_table.to_csv(name, rows))
 
 
 def write_curve(root: Path, agent: str, seed: int, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -12,6 +12,7 @@ from stable_baselines3 import DQN, SAC
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import presets
+from jumping_ant.judging import printed_values
 from jumping_ant.params import article
 
 ROBOT = {
@@ -200,7 +201,7 @@ def test_pgpe_is_evotorchs_by_default() -> None:
 
 def test_printed_totals_never_fall() -> None:
     """Rewards are in [0, 10] a control step."""
-    for totals in (article.DQN_TOTALS, article.SAC_TOTALS):
+    for totals in (printed_values.DQN_TOTALS, printed_values.SAC_TOTALS):
         steps, values = list(totals), list(totals.values())
         assert steps == [1, *range(100, 1001, 100)]
         assert values == sorted(values)
@@ -209,7 +210,8 @@ def test_printed_totals_never_fall() -> None:
 
 
 def test_printed_fitness_is_in_order() -> None:
-    mean, best, median = (article.PGPE_TRACES[f"fitness_{n}"] for n in ("mean", "best", "median"))
+    traces = printed_values.PGPE_TRACES
+    mean, best, median = (traces[f"fitness_{name}"] for name in ("mean", "best", "median"))
     for generation in (20, 40, 60, 80, 100):
         assert -200 < median[generation] < best[generation] < 1800
         assert mean[generation] < best[generation]

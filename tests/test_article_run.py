@@ -14,8 +14,7 @@ from jumping_ant.base.errors import InputError, StoppedError, WorkerError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import reproduction
-from jumping_ant.params import article
+from jumping_ant.judging import printed_values, reproduction
 from jumping_ant.showing import article_figures
 from jumping_ant.sim import robot
 from jumping_ant.training.driver import train
@@ -144,8 +143,8 @@ def test_figures_show_each_seed_and_what_was_printed(
     (axes,) = drawn["sac"].axes
     *seeds, printed = axes.lines
     assert [line.get_ydata()[-1] for line in seeds] == reproduced.totals["sac"].last()["ours"]
-    assert list(printed.get_xdata()) == list(article.SAC_TOTALS)
-    assert list(printed.get_ydata()) == list(article.SAC_TOTALS.values())
+    assert list(printed.get_xdata()) == list(printed_values.SAC_TOTALS)
+    assert list(printed.get_ydata()) == list(printed_values.SAC_TOTALS.values())
     assert printed.get_linewidth() > 2 * seeds[0].get_linewidth()
     assert [len(panel.lines) for panel in drawn["pgpe"].axes] == [3, 3, 3]
     for figure in drawn.values():

@@ -12,7 +12,7 @@ from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import SEED, Column, Table
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import variants
+from jumping_ant.judging import variant_names
 from jumping_ant.sim import rewards
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.words.measures import MEASURES, TERM
@@ -50,7 +50,7 @@ def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
         InputError: The file is missing, malformed, or does not have each seed and variant once.
     """
     path, stage = Paths(root).agent(agent).variants, f"evaluate@{agent}"
-    names = variants.names_of(params.agent(agent))
+    names = variant_names.of_agent(params.agent(agent))
     keys = {"seed": SEED, "variant": Column(words=names)}
     table = tables.read(path, stage, {"agent": agent}, keys | _quantities(params, are_means=True))
     asked = [(seed, name) for name in names for seed in params.seeds]

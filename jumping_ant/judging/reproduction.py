@@ -28,7 +28,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment.models import Params
-from jumping_ant.params import article
+from jumping_ant.judging import printed_values
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
@@ -96,8 +96,8 @@ class Reproduction:
         printed = {
             agent: trace.last() | {"points": trace.places()} for agent, trace in self.totals.items()
         }
-        steps = article.PGPE_FILM_STEPS
-        film = (article.PGPE_FILM_FITNESS + steps) / steps * article.TEST_STEPS
+        steps = printed_values.PGPE_FILM_STEPS
+        film = (printed_values.PGPE_FILM_FITNESS + steps) / steps * printed_values.TEST_STEPS
         printed["pgpe"] = self.fitness["fitness_mean"].last() | {
             "traces": {name: trace.places() for name, trace in self.fitness.items()},
             "film": place(round(film, 1), self.film),
@@ -109,7 +109,7 @@ class Reproduction:
             "training": {
                 "seconds": self.seconds,
                 "hours_on_2_cores": sum(map(sum, self.seconds.values())) / 2 / 3600,
-                "stated_hours": article.STATED_HOURS,
+                "stated_hours": printed_values.STATED_HOURS,
             },
         }
 
@@ -133,8 +133,8 @@ def reproduce(root: Path, params: Params) -> Reproduction:
     return Reproduction(
         seeds=params.seeds,
         totals={
-            "dqn": Trace(article.DQN_TOTALS, dqn_totals),
-            "sac": Trace(article.SAC_TOTALS, sac_totals),
+            "dqn": Trace(printed_values.DQN_TOTALS, dqn_totals),
+            "sac": Trace(printed_values.SAC_TOTALS, sac_totals),
         },
         fitness=_fitness(root, params),
         film=returns([without_normalizer(center) for center in centers]),
@@ -144,7 +144,7 @@ def reproduce(root: Path, params: Params) -> Reproduction:
 
 
 def play(
-    world: World, act: Act, hold: int, seed: int, num_steps: int = article.TEST_STEPS
+    world: World, act: Act, hold: int, seed: int, num_steps: int = printed_values.TEST_STEPS
 ) -> Array:
     """Run without termination or reset, and return the reward of each control step, (num_steps,).
 
@@ -243,8 +243,8 @@ def _final_policy(root: Path, agent: str, seed: int) -> Any:
 
 def _fitness(root: Path, params: Params) -> dict[str, Trace]:
     """Return PGPE's fitness, with the same number of generations for every seed."""
-    names = list(article.PGPE_TRACES)
-    needed = max(max(printed) for printed in article.PGPE_TRACES.values())
+    names = list(printed_values.PGPE_TRACES)
+    needed = max(max(printed) for printed in printed_values.PGPE_TRACES.values())
     rows: dict[str, list[Array]] = {name: [] for name in names}
     for seed in params.seeds:
         curve = curves.read(root, params, "pgpe", seed)
@@ -257,7 +257,7 @@ def _fitness(root: Path, params: Params) -> dict[str, Trace]:
             if np.isnan(own).any():
                 raise InputError(f"{path}: given generations without {name}, allowed: all with it")
             rows[name].append(own)
-    return {name: Trace(article.PGPE_TRACES[name], np.array(rows[name])) for name in names}
+    return {name: Trace(printed_values.PGPE_TRACES[name], np.array(rows[name])) for name in names}
 
 
 def _training_seconds(root: Path, params: Params, agent: str) -> list[float]:

@@ -16,7 +16,7 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base.tables import Table
 from jumping_ant.experiment.models import Params
 from jumping_ant.judging import episodes
-from jumping_ant.training import curves, scaling
+from jumping_ant.training import curves, scaling_table
 from jumping_ant.words.naming import Family
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
             episodes=played,
             variants=episodes.read_variants(root, params, name),
             demonstrator=params.demonstrator(block),
-            step_seconds=scaling.read(root, params, name),
+            step_seconds=scaling_table.read(root, params, name),
         )
     return results
 

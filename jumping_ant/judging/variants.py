@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment.models import SELECTION_EPISODES
-from jumping_ant.params.blocks import ActionParams
+from jumping_ant.judging import variant_names
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
@@ -29,10 +28,6 @@ from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
 
-NAMES = ("final", "rounded", "best_sample")
-# Algorithms of the claims that compare a policy with such variants (docs/claims.md).
-ROUNDED = ("sac", "pgpe")
-SAMPLED = ("pgpe",)
 NUM_SAMPLES = 20  # policies of a generation in the article
 AMPLITUDE = 0.5  # of the article's commands
 
@@ -114,13 +109,6 @@ class SideBySide:
         return np.split(rows, len(self.policies))
 
 
-def names_of(agent: AgentBlock) -> tuple[str, ...]:
-    """Return the names of the variants that each seed of an agent has."""
-    actions = getattr(agent, "actions", None)  # rhythms have none
-    chooses_torques = isinstance(actions, ActionParams) and actions.kind == "torques"
-    return _names(agent.algorithm, chooses_torques)
-
-
 def make(
     world: World,
     algorithm: str,
@@ -135,7 +123,7 @@ def make(
     Samples of the last policy's search distribution are drawn by the agent's seed, and play the
     validation episodes, the first of which has `validation_seed`.
     """
-    names = _names(algorithm, chooses_torques=published.actions.table is None)
+    names = variant_names.names(algorithm, chooses_torques=published.actions.table is None)
     variants: dict[str, Policy] = {"final": final}
     if "rounded" in names:
         commands = AMPLITUDE * np.array(world.env.commands, dtype=np.float64)
@@ -150,8 +138,3 @@ def make(
         totals = returns.reshape(NUM_SAMPLES, SELECTION_EPISODES).sum(axis=1)
         variants["best_sample"] = samples[int(np.argmax(totals))]
     return variants
-
-
-def _names(algorithm: str, chooses_torques: bool) -> tuple[str, ...]:
-    rounded = ("rounded",) if algorithm in ROUNDED and chooses_torques else ()
-    return ("final", *rounded, *(("best_sample",) if algorithm in SAMPLED else ()))

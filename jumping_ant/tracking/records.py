@@ -20,7 +20,7 @@ from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import variants
+from jumping_ant.judging import variant_names
 from jumping_ant.policies import policy_file
 from jumping_ant.tracking import descriptions
 from jumping_ant.tracking.reading import Point, filmed_seed, read_curve
@@ -117,7 +117,7 @@ class SeedRecord:
             means |= {(EVALUATION + name, 0): mean for name, mean in row.items() if name != "seed"}
         if self.validation_return is not None:
             means[VALIDATION_RETURN, 0] = self.validation_return
-        columns = {"seed": SEED, "variant": Column(words=variants.NAMES)}
+        columns = {"seed": SEED, "variant": Column(words=variant_names.NAMES)}
         for row in self._rows(self.paths.variants, evaluation, columns):
             if row["variant"] == "final" and "return" in row:
                 means[FINAL_RETURN, 0] = row["return"]

@@ -9,30 +9,17 @@ rollouts and updates. Later rows take as long.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Progress
 from jumping_ant.agents.job import Job, trainer_of
-from jumping_ant.base import machine, tables
-from jumping_ant.base.paths import Paths
-from jumping_ant.base.tables import SEED, Column
-from jumping_ant.experiment.models import Params
+from jumping_ant.base import machine
 from jumping_ant.sim.world import World
+from jumping_ant.training import scaling_table
 
-DIGITS = 6  # of the seconds
-COLUMNS = {
-    "seed": SEED,
-    "threads": Column(low=1, high=1e6, is_whole=True),
-    "seconds": Column(low=10.0**-DIGITS, high=1e9),
-}
-ALGORITHMS = ("dqn", "sac", "pgpe")  # those of the claim on threads (docs/claims.md)
 REPEATS = 2  # the faster one counts: disturbances only add time
 
 
@@ -44,60 +31,19 @@ def measure(
     There are at most as many threads as cores, by default all that this process may use.
 
     Returns:
-        Rows of `COLUMNS`: the seconds that it took with each number of threads; empty for an agent
-        whose algorithm's speed-up no claim compares.
+        Rows of `scaling_table.COLUMNS`: the seconds that it took with each number of threads; empty
+        for an agent whose algorithm's speed-up no claim compares.
     """
-    timed = _timed(agent)
+    timed = scaling_table.timed(agent)
     if timed is None:
         return []
     unit = partial(_time_row, world, timed)
-    counts = list(_thread_counts(cores or machine.num_cores()))
+    counts = list(scaling_table.thread_counts(cores or machine.num_cores()))
     return [
-        {"seed": seed, "threads": threads, "seconds": round(seconds, DIGITS)}
+        {"seed": seed, "threads": threads, "seconds": round(seconds, scaling_table.DIGITS)}
         for seed in seeds
         for threads, seconds in _fastest(unit, seed, counts).items()
     ]
-
-
-def to_csv(agent: str, rows: Sequence[dict[str, Any]]) -> str:
-    """Return the content of an agent's `scaling.csv`, from what `measure` returns."""
-    return tables.to_csv([{"agent": agent} | row for row in rows], ["agent", *COLUMNS])
-
-
-def read(root: Path, params: Params, agent: str) -> dict[int, NDArray[np.float64]]:
-    """Read the seconds of each seed's unit of training, by number of threads.
-
-    Returns:
-        Seconds of shape (num_seeds,) for each number of threads, from 1 on; empty for an agent
-        whose algorithm's speed-up no claim compares.
-
-    Raises:
-        InputError: The file is missing, malformed, or does not have each seed and number once.
-    """
-    path, stage = Paths(root).agent(agent).scaling, f"scaling@{agent}"
-    is_timed = _timed(params.agent(agent)) is not None
-    table = tables.read(path, stage, {"agent": agent}, COLUMNS, has_rows=is_timed)
-    if not is_timed:
-        return {}
-    counts = list(_thread_counts(int(table["threads"].max())))
-    with tables.blamed(path, stage):
-        asked = [(seed, threads) for threads in counts for seed in params.seeds]
-        seconds = tables.exactly(table, asked, "seed", "threads")["seconds"]
-    return dict(zip(counts, seconds.reshape(len(counts), -1), strict=True))
-
-
-def _timed(agent: AgentBlock) -> AgentBlock | None:
-    """Return settings that make each row one unit; None if no claim compares the speed-up."""
-    return agent.for_timing() if agent.algorithm in ALGORITHMS else None
-
-
-def _thread_counts(cores: int) -> Iterator[int]:
-    """Yield powers of two below the number of cores, and that number."""
-    threads = 1
-    while threads < cores:
-        yield threads
-        threads *= 2
-    yield cores
 
 
 def _fastest(

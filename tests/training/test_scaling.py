@@ -7,7 +7,7 @@ from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim.world import World
-from jumping_ant.training import scaling
+from jumping_ant.training import scaling, scaling_table
 
 SEEDS = [0, 5]
 
@@ -20,7 +20,7 @@ def small(known: Params) -> Params:
 def test_each_seed_is_timed_on_one_thread_up_to_all(known_params: Params, robot_xml: str) -> None:
     settings = small(known_params)
     rows = scaling.measure(World(robot_xml, settings.env), settings.agent("pgpe"), SEEDS, cores=3)
-    assert [tuple(row) for row in rows] == [tuple(scaling.COLUMNS)] * 6
+    assert [tuple(row) for row in rows] == [tuple(scaling_table.COLUMNS)] * 6
     assert [(row["seed"], row["threads"]) for row in rows] == [
         (seed, threads) for seed in SEEDS for threads in (1, 2, 3)
     ]
@@ -49,7 +49,7 @@ def test_what_no_claim_compares_is_not_timed(
 def test_the_table_is_read_back(known_params: Params, robot_xml: str, tmp_path: Path) -> None:
     settings = small(known_params)
     rows = scaling.measure(World(robot_xml, settings.env), settings.agent("pgpe"), SEEDS, cores=2)
-    write_text(Paths(tmp_path).agent("pgpe").scaling, scaling.to_csv("pgpe", rows))
-    read = scaling.read(tmp_path, settings.model_copy(update={"seeds": SEEDS}), "pgpe")
+    write_text(Paths(tmp_path).agent("pgpe").scaling, scaling_table.to_csv("pgpe", rows))
+    read = scaling_table.read(tmp_path, settings.model_copy(update={"seeds": SEEDS}), "pgpe")
     assert list(read) == [1, 2]
     assert read[2].tolist() == [row["seconds"] for row in rows if row["threads"] == 2]
