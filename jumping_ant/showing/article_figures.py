@@ -26,15 +26,7 @@ NUM_COLOURS = 48
 
 
 def draw(reproduction: Reproduction, looks: Mapping[str, Look]) -> dict[str, Figure]:
-    """Draw all figures.
-
-    Args:
-        reproduction: What `reproduction.reproduce` returns.
-        looks: The agents' looks, by name.
-
-    Returns:
-        Figures by agent.
-    """
+    """Draw all figures, by agent; `looks` are by the agents' names."""
     with style.context(STYLES):
         figures = {
             agent: _draw_totals(agent, trace, looks[agent])

@@ -37,27 +37,16 @@ _ENVIRONMENT = {"LP_NUM_THREADS": "0"}
 
 @dataclass(frozen=True, eq=False)
 class Shots:
-    """What to draw: n states, seen by a camera.
-
-    Attributes:
-        model: The scene.
-        qpos: Positions in each state, shape (n, model.nq).
-        lookat: Points that the camera looks at [m], shape (n, 3).
-        width: Width of a picture [pixels].
-        height: Height of a picture [pixels].
-        distance: Distance of the camera from its point [m].
-        azimuth: Azimuth of the camera's view [degrees].
-        elevation: Elevation of the camera's view [degrees].
-    """
+    """What to draw: n states, seen by a camera."""
 
     model: mujoco.MjModel
-    qpos: NDArray[np.float64]
-    lookat: NDArray[np.float64]
-    width: int
-    height: int
-    distance: float
-    azimuth: float
-    elevation: float
+    qpos: NDArray[np.float64]  # positions in each state, (n, model.nq)
+    lookat: NDArray[np.float64]  # points that the camera looks at [m], (n, 3)
+    width: int  # of a picture [pixels]
+    height: int  # [pixels]
+    distance: float  # of the camera from its point [m]
+    azimuth: float  # of the camera's view [degrees]
+    elevation: float  # [degrees]
 
     def every(self, step: int, start: int) -> "Shots":
         """Return every `step`-th shot, beginning with number `start`."""
@@ -65,18 +54,10 @@ class Shots:
 
 
 def draw(shots: Shots, processes: int = 0) -> Iterator[NDArray[np.uint8]]:
-    """Draw shots.
+    """Draw shots as pictures of shape (height, width, 3), which do not depend on `processes`.
 
-    Args:
-        shots: What to draw.
-        processes: Number of processes that draw; pictures do not depend on it. With 1, this
-            process draws; 0 means as many as pay off.
-
-    Yields:
-        Pictures, shape (height, width, 3).
-
-    Raises:
-        InputError: This machine cannot render.
+    With 1, this process draws; 0 means as many as pay off. Raises `InputError` if this machine
+    cannot render.
     """
     processes = processes or _num_worthwhile(len(shots.qpos))
     return _draw_here(shots) if processes == 1 else _draw_apart(shots, processes)

@@ -71,18 +71,7 @@ def draw(
     claims: Sequence[Mapping[str, Any]],
     confidence: float,
 ) -> dict[str, Figure]:
-    """Draw all figures that there is something for: learners, pairs of agents, claims.
-
-    Args:
-        results: What `results.load` returns.
-        curves: What `comparison.learning_curves` returns.
-        summary: What `comparison.summarize` returns.
-        claims: What `claims.verdicts.check` returns.
-        confidence: Confidence level of the intervals, for the titles.
-
-    Returns:
-        Figures by file name, without its extension.
-    """
+    """Draw all figures that there is something for, by file name without its extension."""
     drawn = looks.looks(charting.families(results))
     ranked = {name: results[name] for name in comparison.ranking(summary["agents"])}
     reference = comparison.best_baseline(results, summary["agents"])

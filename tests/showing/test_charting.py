@@ -1,6 +1,13 @@
-import pytest
+from pathlib import Path
 
-from jumping_ant.showing import charting, panels
+import pytest
+from small_project import BUDGETS, COMPARE, make_params, write_project
+
+from jumping_ant.judging import comparison
+from jumping_ant.judging.results import load
+from jumping_ant.showing import charting, figures, panels
+from jumping_ant.showing.report import charts, standings
+from jumping_ant.words.looks import looks
 from jumping_ant.words.naming import Family
 
 FEW: dict[str, Family] = {
@@ -37,3 +44,24 @@ def test_many_learners_have_a_panel_for_each_family(num_learners: int) -> None:
 )
 def test_long_axes_are_logarithmic(values: list[float], expected: bool) -> None:
     assert charting.is_long(values) == expected
+
+
+@pytest.mark.parametrize(("first", "scale"), [("dqn", "linear"), ("sac", "log")])
+def test_figures_and_report_have_the_same_axes(tmp_path: Path, first: str, scale: str) -> None:
+    assert (BUDGETS["pgpe"] > charting.LONG_AXIS * BUDGETS[first]) == (scale == "log")
+    agents = {first: first, "pgpe": "pgpe"}
+    write_project(tmp_path, agents, [0, 1])
+    results = load(tmp_path, make_params(agents, [0, 1]))
+    curves = comparison.learning_curves(results, COMPARE)
+    summary = comparison.summarize(results, COMPARE)
+    drawn = looks(charting.families(results))
+    figure = figures.draw(results, curves, summary, [], 0.95)
+    for name, chart in (
+        ("learning_curves", charts.learning(results, curves, "env_steps", drawn)),
+        ("efficiency", standings.cost(results, summary, "env_steps", drawn)),
+    ):
+        axes, axis = figure[name].axes[0], chart.layout.xaxis
+        assert (axes.get_xscale(), axis.type or "linear") == (scale, scale)
+        assert axes.get_xlabel() == axis.title.text == charting.COSTS["env_steps"]
+        low, high = axis.range if scale == "linear" else [10**end for end in axis.range]
+        assert low < BUDGETS[first] < BUDGETS["pgpe"] < high

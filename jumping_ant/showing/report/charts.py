@@ -1,11 +1,10 @@
-"""The report's interactive charts, as Plotly figures.
+"""The report's charts of learning and of all episodes, and what all its charts share.
 
-Agents keep the colours and markers of all other figures (see `jumping_ant.words.looks`). Charts
-show exactly what `results/` holds: nothing is smoothed.
+They are Plotly figures, in which agents keep the colours and markers of all other figures (see
+`jumping_ant.words.looks`). Charts show exactly what `results/` holds: nothing is smoothed.
 """
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,30 +38,6 @@ DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
 LOG_AXIS = {"type": "log", "tickformat": "~s", "nticks": 4}
 ROW = 28  # [pixels] height of an agent's row
 MENU = 460  # [pixels] height of the menu of measures, open
-TORQUE_SECONDS = 4.0  # shown of each film, around its highest moment
-
-
-@dataclass(frozen=True)
-class FilmedEpisode:
-    """The content of an agent's film.
-
-    Attributes:
-        seed: The agent's seed.
-        episode: Number of the episode among that seed's.
-        episode_return: Sum of the rewards of the whole episode.
-        times: Times of the simulation steps [s], (num_steps + 1,).
-        heights: Heights of the torso's centre at those times [m], (num_steps + 1,).
-        torques: Torques over peak torques, held in each control step, (num_control_steps, 8).
-        step_seconds: Duration of a control step [s].
-    """
-
-    seed: int
-    episode: int
-    episode_return: float
-    times: Array
-    heights: Array
-    torques: Array
-    step_seconds: float
 
 
 def learning(
@@ -74,12 +49,8 @@ def learning(
 ) -> go.Figure:
     """Draw the return while learning, with its interval.
 
-    Args:
-        results: The agents of this chart.
-        curves: All agents' learning curves, whose charts share their axes.
-        against: A key of `charting.TIMES`.
-        drawn: Each agent's look.
-        reference: If given, baselines are thin lines, and only this one has a name.
+    All `curves` give the axes, which charts thus share. `against` is a key of `charting.TIMES`.
+    With a `reference`, baselines are thin lines, of which only this one is named.
     """
     figure = go.Figure()
     for name, agent in results.items():
@@ -96,12 +67,7 @@ def learning(
 
 
 def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> go.Figure:
-    """Draw every held-out episode, one measure at a time, chosen from a menu.
-
-    Args:
-        results: What `results.load` returns.
-        drawn: Each agent's look.
-    """
+    """Draw every held-out episode, one measure at a time, chosen from a menu."""
     figure = go.Figure()
     first, *others = (agent.episodes for agent in results.values())
     columns = [name for name in first if all(name in table for table in others)]
@@ -142,58 +108,6 @@ def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> 
     figure.update_xaxes(title=shown["return"].axis, rangemode="tozero")
     figure.update_yaxes(autorange="reversed")
     return finish(figure, max(MENU, 130 + ROW * len(results)), top=70)
-
-
-def heights(
-    results: Mapping[str, AgentResults],
-    films: Mapping[str, FilmedEpisode],
-    drawn: Mapping[str, Look],
-    shown: Collection[str],
-) -> go.Figure:
-    """Draw the torso's height over the time of each agent's film.
-
-    Args:
-        results: What `results.load` returns.
-        films: Each agent's film.
-        drawn: Each agent's look.
-        shown: Agents whose lines are there at once; those of others are a click away.
-    """
-    figure = go.Figure()
-    for name, look in ((name, drawn[name]) for name in results):
-        film = films[name]
-        figure.add_scatter(
-            x=np.round(film.times, 3).tolist(),
-            y=np.round(film.heights, 3).tolist(),
-            name=results[name].label,
-            mode="lines",
-            line={"color": look.colour, "dash": DASHES[look.line], "width": 1.6},
-            hovertemplate="%{y:.2f} m",
-            visible=True if name in shown else "legendonly",
-        )
-    figure.update_xaxes(title="time in the film [s]", hoverformat=".2f")
-    figure.update_yaxes(title="height of the torso [m]", rangemode="tozero")
-    if len(shown) == len(results):
-        return finish(figure, 360, hovermode="x unified")
-    finish(figure, 540, hovermode="x unified")  # with room for many names
-    return figure.update_layout(legend={"y": -0.25, "entrywidth": 110, "font": {"size": 11}})
-
-
-def torques(film: FilmedEpisode, motors: Sequence[str]) -> go.Figure:
-    """Draw each motor's torque over the seconds around the highest moment of a film."""
-    steps = _around_highest(film)
-    figure = go.Figure()
-    figure.add_heatmap(
-        x=np.round(steps * film.step_seconds, 3).tolist(),
-        y=[motor.replace("_", " ") for motor in motors],
-        z=np.round(film.torques[steps].T, 3).tolist(),
-        colorscale="RdBu",
-        zmin=-1,
-        zmax=1,
-        showscale=False,
-        hovertemplate="%{y} at %{x:.2f} s: %{z:.2f}<extra></extra>",
-    )
-    figure.update_xaxes(title="time [s]")
-    return finish(figure, 90 + 14 * len(motors), top=6)
 
 
 def _add_curve(
@@ -255,16 +169,12 @@ def _time_axis(times: Sequence[Array]) -> dict[str, Any]:
     ends = charting.log_ends(times)
     if ends:
         return LOG_AXIS | {"range": np.log10(ends).tolist()}
-    return {"range": [0, 1.04 * max(float(own[-1]) for own in times)], "tickformat": "~s"}
+    return linear_axis(max(float(own[-1]) for own in times), 0.03)
 
 
-def _around_highest(film: FilmedEpisode) -> NDArray[np.int64]:
-    """Return the control steps around a film's highest moment."""
-    length = len(film.torques)
-    width = min(length, round(TORQUE_SECONDS / film.step_seconds))
-    highest = int(film.times[film.heights.argmax()] / film.step_seconds)
-    start = min(max(0, highest - width // 2), length - width)
-    return np.arange(start, start + width)
+def linear_axis(most: float, room: float) -> dict[str, Any]:
+    """Return an axis from 0 to `most`, with so much room of that on either side."""
+    return {"range": [-room * most, (1 + room) * most], "tickformat": "~s"}
 
 
 def finish(figure: go.Figure, height: int, top: int = 16, **layout: Any) -> go.Figure:

@@ -51,10 +51,7 @@ def improvement_width(num_agents: int) -> int:
 def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
     """Draw the evidence that a claim was judged by: a point for each seed of each sample.
 
-    Args:
-        entry: An entry of `claims` in `results/comparison.json`.
-        drawn: Looks by the labels of agents.
-        seeds: The training seeds, in the order of the values.
+    `drawn` are looks by the agents' labels, `seeds` the training seeds in the order of the values.
     """
     plot = entry["plot"]
     figure = go.Figure()

@@ -6,7 +6,7 @@ from typing import Any
 
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults
-from jumping_ant.showing.charting import BEHAVIOUR, COSTS
+from jumping_ant.showing import charting
 from jumping_ant.words import naming
 from jumping_ant.words.measures import MEASURES, TERM
 from jumping_ant.words.wording import interval, number
@@ -36,19 +36,12 @@ class Row:
 def returns(
     results: Mapping[str, AgentResults], summary: Mapping[str, Any], confidence: float
 ) -> list[Row]:
-    """Return the returns of each agent.
+    """Return the returns of each agent; `summary` is `agents` of `results/comparison.json`.
 
-    Args:
-        results: What `results.load` returns.
-        summary: `agents` of `results/comparison.json`.
-        confidence: Confidence level of the intervals.
-
-    Returns:
-        For each agent the interquartile mean, the mean and the worst seed of the published
-        policies, then interquartile means of the final policies, and after equal budgets if any
-        agent learns.
+    They are the interquartile mean, the mean and the worst seed of the published policies, then
+    interquartile means of the final policies, and after equal budgets if any agent learns.
     """
-    budgets = BUDGETS if any(not agent.is_baseline for agent in results.values()) else ()
+    budgets = BUDGETS if charting.learners(results) else ()
 
     def cells(name: str) -> Iterator[Cell]:
         own = summary[name]["return"]
@@ -65,12 +58,12 @@ def returns(
 
 
 def behaviour(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> list[Row]:
-    """Return how each agent jumps, and what its training cost; arguments as in `returns`."""
+    """Return how each agent jumps, and what its training cost."""
 
     def cells(name: str) -> Iterator[Cell]:
-        for measure in BEHAVIOUR:
+        for measure in charting.BEHAVIOUR:
             yield _cell(results, summary, name, measure)
-        for cost in COSTS:  # follow from the given budget: none is best
+        for cost in charting.COSTS:  # follow from the given budget: none is best
             yield Cell(number(summary[name][cost]))
 
     return [_row(agent, list(cells(name))) for name, agent in results.items()]
@@ -79,10 +72,7 @@ def behaviour(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -
 def terms(
     results: Mapping[str, AgentResults], summary: Mapping[str, Any]
 ) -> tuple[list[str], list[Row]]:
-    """Return the terms of the reward, and what each adds to an agent's return.
-
-    There are none if the reward has a single term; arguments as in `returns`.
-    """
+    """Return the terms of the reward, none for a single one, and what each adds to the returns."""
     first = next(iter(results.values())).quantities
     names = [name for name in first if name.startswith(TERM)]
 
@@ -91,11 +81,6 @@ def terms(
 
     labels = [name.removeprefix(TERM).replace("_", " ") for name in names]
     return labels, [_row(agent, cells(name)) for name, agent in results.items()]
-
-
-def remark(agent: AgentResults) -> str:
-    """Return what sets an agent apart from those that learn on the edited robot, if anything."""
-    return naming.remark(agent.is_baseline, agent.block.robot)
 
 
 def _row(agent: AgentResults, cells: Sequence[Cell]) -> Row:

@@ -14,7 +14,6 @@ from typing import Any
 from urllib.parse import quote
 
 import jinja2
-import numpy as np
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 from ruamel.yaml import YAML
@@ -22,15 +21,22 @@ from ruamel.yaml import YAML
 from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import comparison, episodes
+from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults, load
 from jumping_ant.showing import charting, panels
-from jumping_ant.showing.report import charts, contests, outcomes, pictures, standings, statements
-from jumping_ant.showing.report.charts import FilmedEpisode
-from jumping_ant.sim import robot, trajectory
-from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.showing.report import (
+    charts,
+    contests,
+    films,
+    outcomes,
+    pictures,
+    standings,
+    statements,
+)
+from jumping_ant.showing.report.films import FilmedEpisode
+from jumping_ant.sim import robot
 from jumping_ant.sim.rewards import active
-from jumping_ant.words import looks
+from jumping_ant.words import looks, naming
 from jumping_ant.words.looks import Look
 from jumping_ant.words.measures import MEASURES
 from jumping_ant.words.naming import Family, by_family
@@ -60,7 +66,7 @@ def build(root: Path, params: Params) -> str:
     drawn = looks.looks(families)
     results = {name: loaded[name] for name in _order(families, summary["agents"])}
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
-    films = {name: _filmed(root, params, agent) for name, agent in results.items()}
+    filmed = {name: films.read(root, params, agent) for name, agent in results.items()}
     plotly, script = get_plotlyjs(), (FOLDER / "script.js").read_text(encoding="utf-8")
     context = {
         "security_policy": _security_policy(plotly, script),
@@ -68,7 +74,7 @@ def build(root: Path, params: Params) -> str:
         "title": _title(params, results),
         "families": list(by_family(families)) if panels.is_crowded(families) else [""],
         "panels": list(panels.panels(families)),
-        "agents": _agents(root, results, films, drawn),
+        "agents": _agents(root, results, filmed, drawn),
         "lead": _lead(results, summary),
         "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
         "behaviour": outcomes.behaviour(results, summary["agents"]),
@@ -82,7 +88,7 @@ def build(root: Path, params: Params) -> str:
         "verdicts": statements.count(summary["claims"]),
         "signs": statements.SIGNS,
         "matrix_width": contests.improvement_width(len(results)),
-        "charts": _charts(root, params, results, summary, films, drawn),
+        "charts": _charts(root, params, results, summary, filmed, drawn),
         "confidence": f"{100 * params.compare.confidence:g}",
         "level": f"{1 - params.compare.confidence:.2g}",
         "seeds": len(params.seeds),
@@ -127,7 +133,7 @@ def _charts(
     params: Params,
     results: Mapping[str, AgentResults],
     summary: Mapping[str, Any],
-    films: Mapping[str, FilmedEpisode],
+    filmed: Mapping[str, FilmedEpisode],
     drawn: Mapping[str, Look],
 ) -> dict[str, Any]:
     """Return each chart's JSON by its place in the template, which skips missing charts."""
@@ -136,9 +142,9 @@ def _charts(
     figures = {
         "ranking": standings.ranking(results, summary["agents"], drawn),
         "episodes": charts.episodes(results, drawn),
-        "heights": charts.heights(results, films, drawn, _leaders(results)),
+        "heights": films.heights(results, filmed, drawn, _leaders(results)),
     }
-    figures |= {f"torques_{name}": charts.torques(film, motors) for name, film in films.items()}
+    figures |= {f"torques_{name}": films.torques(film, motors) for name, film in filmed.items()}
     if len(results) > 1:
         figures["improvement"] = contests.improvement(results, summary)
     if charting.learners(results):
@@ -180,20 +186,20 @@ def _leaders(results: Mapping[str, AgentResults]) -> list[str]:
 def _agents(
     root: Path,
     results: Mapping[str, AgentResults],
-    films: Mapping[str, FilmedEpisode],
+    filmed: Mapping[str, FilmedEpisode],
     drawn: Mapping[str, Look],
 ) -> list[dict[str, Any]]:
     """Return what is shown with each agent's film."""
     shown = []
     for name, agent in results.items():
-        film = films[name]
+        film = filmed[name]
         highest = film.heights.argmax()
         shown.append(
             {
                 "name": name,
                 "label": agent.label,
                 "family": agent.family,
-                "remark": outcomes.remark(agent),
+                "remark": naming.remark(agent.is_baseline, agent.block.robot),
                 "colour": drawn[name].colour,
                 "seed": film.seed,
                 "episode": film.episode,
@@ -325,21 +331,3 @@ def _params_text(params: Params) -> str:
     text = io.StringIO()
     YAML().dump(params.model_dump(exclude={"compute"}), text)
     return text.getvalue()
-
-
-def _filmed(root: Path, params: Params, agent: AgentResults) -> FilmedEpisode:
-    """Return the content of an agent's film."""
-    path = Paths(root).agent(agent.name).trajectory
-    episode = trajectory.load(path)
-    episodes.find(agent.episodes, agent.name, episode, path)
-    rows = episode.rows(seconds=params.record.seconds)
-    model = robot.load(robot.read(root, agent.block.robot))
-    return FilmedEpisode(
-        seed=episode.seed,
-        episode=episode.episode,
-        episode_return=episode.episode_return,
-        times=np.asarray(rows * episode.timestep, dtype=np.float64),
-        heights=Anatomy.of(model).heights(episode.qpos[rows]),
-        torques=episode.torques[: (len(rows) - 1) // episode.frame_skip],
-        step_seconds=episode.timestep * episode.frame_skip,
-    )

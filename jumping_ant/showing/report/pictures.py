@@ -21,14 +21,7 @@ JPEG_QUALITY = 85
 
 
 def portrait(xml: str) -> str:
-    """Return a picture of a robot as it stands at the start, as a data URI.
-
-    Args:
-        xml: The robot as MJCF text.
-
-    Raises:
-        InputError: The XML is not such a robot, or this machine cannot render.
-    """
+    """Return a picture of a robot as it stands at the start, as a data URI."""
     model = rendering.scene(xml, SHADOW_SIZE)
     data = mujoco.MjData(model)
     lookat = np.array([[0.0, 0.0, 0.6]])
@@ -37,15 +30,7 @@ def portrait(xml: str) -> str:
 
 
 def still(film: Path, seconds: float) -> str:
-    """Return a film's frame at a given time, as a data URI.
-
-    Args:
-        film: An MP4 file.
-        seconds: Time in the film [s].
-
-    Raises:
-        InputError: The file cannot be read.
-    """
+    """Return a film's frame at a time [s], as a data URI."""
     try:
         reader: Any = imageio.get_reader(film, format="FFMPEG")
         with reader:

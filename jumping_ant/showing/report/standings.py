@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import AgentResults
 from jumping_ant.showing import charting, panels
-from jumping_ant.showing.report.charts import LOG_AXIS, ROW, SYMBOLS, finish
+from jumping_ant.showing.report.charts import LOG_AXIS, ROW, SYMBOLS, finish, linear_axis
 from jumping_ant.words.looks import COLOURS, INK, Look
 from jumping_ant.words.naming import by_family
 from jumping_ant.words.wording import estimate
@@ -98,7 +98,7 @@ def cost(
 def _cost_axis(costs: Sequence[float]) -> dict[str, Any]:
     """Return an axis on which names have room on the left of the costs."""
     if not charting.is_long(costs):
-        return {"rangemode": "tozero", "tickformat": "~s"}
+        return linear_axis(max(costs), 0.1)
     low, high = np.log10([min(costs), max(costs)])
     return LOG_AXIS | {"range": [1.35 * low - 0.35 * high, 1.1 * high - 0.1 * low]}
 
