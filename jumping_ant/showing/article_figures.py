@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from jumping_ant.judging.reproduction import Reproduction, Trace
-from jumping_ant.showing.figures import STYLES, render
+from jumping_ant.showing.figures import STYLES, entitle, render
 from jumping_ant.words.looks import INK, Look
 
 PANELS = {
@@ -52,8 +52,7 @@ def _draw_totals(agent: str, trace: Trace, look: Look) -> Figure:
     axes.set_ylim(bottom=0)
     axes.legend(loc="upper left")
     title = f"{agent.upper()}, tested as in the article: each seed (thin), printed (bold)"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    return figure
+    return entitle(figure, title)
 
 
 def _draw_fitness(fitness: Mapping[str, Trace], look: Look) -> Figure:
@@ -65,8 +64,7 @@ def _draw_fitness(fitness: Mapping[str, Trace], look: Look) -> Figure:
     panels[0].set_ylabel("Fitness (200 steps, less 1 a step)")
     panels[0].legend(loc="upper left")
     title = "PGPE's population: each seed (thin), printed (bold)"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    return figure
+    return entitle(figure, title)
 
 
 def _draw_trace(axes: Axes, trace: Trace, look: Look) -> None:

@@ -44,6 +44,11 @@ def is_long(values: Sequence[float]) -> bool:
     return bool(values) and min(values) >= 1 and max(values) > LONG_AXIS * min(values)
 
 
+def has_room(num_agents: int) -> bool:
+    """Return whether a matrix of so many agents has room for intervals."""
+    return num_agents <= MOST_IN_A_WIDE_MATRIX
+
+
 def log_ends(times: Sequence[np.ndarray]) -> tuple[float, float] | None:
     """Return the ends of a logarithmic axis of curves' times, None if a linear one has room."""
     known = [own[own > 0] for own in times if (own > 0).any()]

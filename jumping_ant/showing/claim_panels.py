@@ -18,7 +18,7 @@ MANY, MANY_COLUMNS = 24, 4  # with more claims than this, there are more columns
 WIDTH = 62  # [characters] width of a panel's title
 
 
-def draw(claims: Sequence[Mapping[str, Any]], drawn: Mapping[str, Look], title: str) -> Figure:
+def draw(claims: Sequence[Mapping[str, Any]], drawn: Mapping[str, Look]) -> Figure:
     """Draw one panel per claim, with its verdict; `drawn` are looks by the agents' labels."""
     columns = min(COLUMNS if len(claims) <= MANY else MANY_COLUMNS, len(claims))
     rows = -(-len(claims) // columns)
@@ -28,7 +28,6 @@ def draw(claims: Sequence[Mapping[str, Any]], drawn: Mapping[str, Look], title: 
         _draw_claim(axes, claim, drawn)
     for axes in panels[len(claims) :]:
         axes.remove()
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 
 

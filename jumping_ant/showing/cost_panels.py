@@ -17,7 +17,6 @@ def draw(
     summary: Mapping[str, Any],
     drawn: Mapping[str, Look],
     reference: str | None,
-    title: str,
 ) -> Figure:
     """Draw the learners' returns against their costs; the legend names the baseline `reference`."""
     height = 4 + 0.15 * len(charting.learners(results))
@@ -31,7 +30,6 @@ def draw(
     panels[0].set_ylim(bottom=0)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=9)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 
 

@@ -16,7 +16,6 @@ def draw(
     curves: Mapping[str, LearningCurve],
     drawn: Mapping[str, Look],
     reference: str | None,
-    title: str,
 ) -> Figure:
     """Draw the returns while learning; each family's panel names the baseline `reference`."""
     grouped = panels.panels({name: results[name].family for name in curves})
@@ -38,7 +37,6 @@ def draw(
         scales.fit_time(axes, [getattr(curve, time) for curve in curves.values()])
         axes.set_xlabel(label)
     rows[-1][0].set_ylim(bottom=0)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure
 
 

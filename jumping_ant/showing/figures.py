@@ -58,11 +58,6 @@ RING: Any = {"linestyle": "", "marker": "o", "markersize": 10, "markerfacecolor"
 
 MOST_IN_TWO_ROWS = 12  # agents; more of them have all panels side by side
 
-CLAIMS_TITLE = (
-    "The claims: every seed is a point. Hollow: it never got there and spent this much.\n"
-    "Lines join values of the same seed."
-)
-
 
 def draw(
     results: Mapping[str, AgentResults],
@@ -75,43 +70,27 @@ def draw(
     drawn = looks.looks(charting.families(results))
     ranked = {name: results[name] for name in comparison.ranking(summary["agents"])}
     reference = comparison.best_baseline(results, summary["agents"])
-    percent = f"{100 * confidence:g} %"
-    interval = f"{percent} interval (Student's t on the exact bootstrap standard error)"
     with style.context(STYLES):
         figures = {
-            "learning_curves": curve_panels.draw(
-                results,
-                curves,
-                drawn,
-                reference,
-                f"Return while learning: interquartile mean over seeds,\n{interval}",
-            ),
-            "final_return": _draw_quantities(
-                ranked,
-                summary,
-                drawn,
-                {"return": charting.RETURN},
-                f"Return of the published policies, {interval}",
-            ),
-            "behaviour": _draw_quantities(
-                ranked, summary, drawn, charting.BEHAVIOUR, f"How they jump, {interval}"
-            ),
+            "learning_curves": curve_panels.draw(results, curves, drawn, reference),
+            "final_return": _draw_quantities(ranked, summary, drawn, {"return": charting.RETURN}),
+            "behaviour": _draw_quantities(ranked, summary, drawn, charting.BEHAVIOUR),
         }
         if charting.learners(results):
-            figures["efficiency"] = cost_panels.draw(
-                results,
-                summary,
-                drawn,
-                reference,
-                f"What the return costs: interquartile mean over seeds, {percent} interval,\n"
-                "and Pareto front of the learners; grey: baselines",
-            )
+            figures["efficiency"] = cost_panels.draw(results, summary, drawn, reference)
         if len(results) > 1:
-            figures["probability_of_improvement"] = pair_matrix.draw(results, summary, confidence)
+            figures["probability_of_improvement"] = pair_matrix.draw(results, summary)
         if claims:
             by_label = {agent.label: drawn[name] for name, agent in results.items()}
-            figures["claims"] = claim_panels.draw(claims, by_label, CLAIMS_TITLE)
-    return figures
+            figures["claims"] = claim_panels.draw(claims, by_label)
+        titles = _titles(f"{100 * confidence:g} %", len(results))
+        return {name: entitle(figure, titles[name]) for name, figure in figures.items()}
+
+
+def entitle(figure: Figure, title: str) -> Figure:
+    """Give a figure a title at its left edge, and return it."""
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
+    return figure
 
 
 def render(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
@@ -131,12 +110,32 @@ def files(figures: Mapping[str, Figure]) -> dict[str, bytes]:
     }
 
 
+def _titles(percent: str, num_agents: int) -> dict[str, str]:
+    """Return each figure's title, which says what interval it shows."""
+    interval = f"{percent} interval (Student's t on the exact bootstrap standard error)"
+    has_room = charting.has_room(num_agents)
+    bootstrap = f", {percent} interval (percentile bootstrap)" if has_room else ""
+    return {
+        "learning_curves": f"Return while learning: interquartile mean over seeds,\n{interval}",
+        "final_return": f"Return of the published policies, {interval}",
+        "behaviour": f"How they jump, {interval}",
+        "efficiency": (
+            f"What the return costs: interquartile mean over seeds, {percent} interval,\n"
+            "and Pareto front of the learners; grey: baselines"
+        ),
+        "probability_of_improvement": f"Probability of improvement [%]{bootstrap}",
+        "claims": (
+            "The claims: every seed is a point. Hollow: it never got there and spent this much.\n"
+            "Lines join values of the same seed."
+        ),
+    }
+
+
 def _draw_quantities(
     results: Mapping[str, AgentResults],
     summary: Mapping[str, Any],
     drawn: Mapping[str, Look],
     labels: Mapping[str, str],
-    title: str,
 ) -> Figure:
     """Draw one panel per quantity: a row per agent, with its seeds and their summary."""
     columns = min(2 if len(results) <= MOST_IN_TWO_ROWS else len(labels), len(labels))
@@ -156,7 +155,6 @@ def _draw_quantities(
         values = np.concatenate([agent.quantities[quantity] for agent in results.values()])
         scales.anchor_at_zero(axes, values[~np.isnan(values)])
     _name_rows(panels[0], [agent.label for agent in results.values()])
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     handles = _legend(by_family(charting.families(results)))
     figure.legend(handles=handles, loc="outside lower left", ncols=5, fontsize=9)
     return figure

@@ -14,12 +14,10 @@ from jumping_ant.words.looks import CHANCES, INK
 COLOURS = LinearSegmentedColormap.from_list("chance", CHANCES)
 
 
-def draw(
-    results: Mapping[str, AgentResults], summary: Mapping[str, Any], confidence: float
-) -> Figure:
+def draw(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> Figure:
     """Draw the probability that a seed of a row's agent returns more than one of a column's."""
     labels, chances = charting.duels(results, summary)
-    has_room = len(labels) <= charting.MOST_IN_A_WIDE_MATRIX
+    has_room = charting.has_room(len(labels))
     side = (0.7 if has_room else 0.4) * len(labels)
     figure = Figure(figsize=(max(5.5, 1.6 + side), 1.9 + side), layout="constrained")
     axes = figure.subplots()
@@ -36,8 +34,4 @@ def draw(
     axes.xaxis.set_label_position("top")
     axes.set_xlabel(charting.LOSER, labelpad=8)
     axes.set_ylabel(charting.WINNER)
-    title = "Probability of improvement [%]"
-    if has_room:
-        title += f", {100 * confidence:g} % interval (percentile bootstrap)"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     return figure

@@ -1,8 +1,10 @@
 from pathlib import Path
 
 import pytest
+from ruamel.yaml import YAML
 from small_project import BUDGETS, COMPARE, make_params, write_project
 
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.judging import comparison
 from jumping_ant.judging.results import load
 from jumping_ant.showing import charting, figures, panels
@@ -65,3 +67,10 @@ def test_figures_and_report_have_the_same_axes(tmp_path: Path, first: str, scale
         assert axes.get_xlabel() == axis.title.text == charting.COSTS["env_steps"]
         low, high = axis.range if scale == "linear" else [10**end for end in axis.range]
         assert low < BUDGETS[first] < BUDGETS["pgpe"] < high
+
+
+def test_the_plots_of_dvc_have_the_figures_labels() -> None:
+    plots = YAML(typ="safe").load(PROJECT_ROOT / "dvc.yaml")["plots"]
+    own = [plot for entry in plots for plot in entry.values() if plot["template"] == "agents"]
+    assert {plot["x"]: plot["x_label"] for plot in own} == charting.TIMES
+    assert {plot["y_label"] for plot in own} == {charting.LEARNING}

@@ -226,7 +226,7 @@ def test_cells_of_a_large_matrix_have_no_intervals(tmp_path, num_agents, expecte
     summary = comparison.summarize(results, COMPARE)
     chance = {"p": 0.62, "low": 0.2, "high": 1.0}
     pairs = dict.fromkeys(summary["probability_of_improvement"], chance)
-    figure = pair_matrix.draw(results, summary | {"probability_of_improvement": pairs}, 0.95)
+    figure = pair_matrix.draw(results, summary | {"probability_of_improvement": pairs})
     assert {text.get_text() for text in figure.axes[0].texts} == {expected}
 
 
@@ -290,8 +290,8 @@ def test_many_learners_have_a_panel_for_each_family(tmp_path):
 
 def test_many_claims_stand_in_more_columns(compared):
     claims = compared[3]
-    few = claim_panels.draw(claims, looks_by_label(compared), "Few")
-    many = claim_panels.draw([*claims, *claims], looks_by_label(compared), "Many")
+    few = claim_panels.draw(claims, looks_by_label(compared))
+    many = claim_panels.draw([*claims, *claims], looks_by_label(compared))
     assert len(many.axes) == 2 * len(few.axes) > claim_panels.MANY
     assert many.get_figwidth() == 2 * few.get_figwidth()
 

@@ -20,7 +20,7 @@ NARROW = 27  # [pixels] side of a cell of the matrix that shows no interval
 def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> go.Figure:
     """Draw the probability that a seed of one agent returns more than one of another."""
     labels, chances = charting.duels(results, summary)
-    has_room = len(labels) <= charting.MOST_IN_A_WIDE_MATRIX
+    has_room = charting.has_room(len(labels))
     figure = go.Figure()
     figure.add_heatmap(
         x=labels,
@@ -45,7 +45,7 @@ def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any])
 
 def improvement_width(num_agents: int) -> int:
     """Return the least width of the matrix with so many agents [pixels]."""
-    return 160 + (52 if num_agents <= charting.MOST_IN_A_WIDE_MATRIX else NARROW) * num_agents
+    return 160 + (52 if charting.has_room(num_agents) else NARROW) * num_agents
 
 
 def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
