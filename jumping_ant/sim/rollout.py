@@ -1,7 +1,8 @@
 """Episodes of a policy: many in parallel, each with its own seed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -13,6 +14,57 @@ from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class Transition(NamedTuple):
+    """A step of n environments, some of whose episodes may have ended before.
+
+    Attributes:
+        observations: Before the step, shape (n, num_observations).
+        actions: Shape (n, num_motors) or (n,).
+        next_observations: After the step, shape (n, num_observations).
+        rewards: Zero where no episode ran, shape (n,).
+        infos: As the environments return them.
+        alive: Whether an episode ran before the step, shape (n,).
+        terminated: Whether it terminated in the step, shape (n,).
+    """
+
+    observations: Array
+    actions: NDArray[Any]
+    next_observations: Array
+    rewards: Array
+    infos: dict[str, Any]
+    alive: Mask
+    terminated: Mask
+
+
+def steps(
+    envs: RobotVectorEnv,
+    observations: Array,
+    act: Callable[[Array], NDArray[Any]],
+    hold: int = 1,
+) -> Iterator[Transition]:
+    """Step environments without autoreset until the episodes of all have ended.
+
+    Args:
+        envs: The environments, just reset.
+        observations: What their reset returned.
+        act: Chooses an action for each observation.
+        hold: Steps of the environments that each choice is held for.
+
+    Yields:
+        Each step, while the environments are in the state after it.
+    """
+    alive, number = np.ones(envs.num_envs, dtype=np.bool_), 0
+    while alive.any():
+        if number % hold == 0:
+            actions = act(observations)
+        after, rewards, terminated, truncated, infos = envs.step(actions)
+        ends = alive & terminated
+        yield Transition(observations, actions, after, rewards * alive, infos, alive, ends)
+        observations, alive = after, alive & ~(terminated | truncated)
+        number += 1
 
 
 @dataclass(frozen=True)
@@ -38,7 +90,7 @@ class Episode:
     torques: Array
     rewards: Array
     terms: dict[str, Array]
-    airborne: NDArray[np.bool_]
+    airborne: Mask
     terminated: bool
 
 
@@ -55,21 +107,14 @@ def run(world: World, policy: Policy, seeds: Sequence[int], num_threads: int = 1
     terms = {name: np.empty((horizon, count)) for name in active(world.env.reward)}
     airborne = np.empty((horizon, count), dtype=np.bool_)
     lengths = np.zeros(count, dtype=np.int64)
-    fell, alive = np.zeros(count, dtype=np.bool_), np.ones(count, dtype=np.bool_)
-    for step in range(horizon):
-        if step % policy.actions.hold == 0:
-            choice = policy.act(observations)
-        torques[step] = choice
-        observations, rewards[step], terminated, truncated, infos = envs.step(torques[step])
+    fell = np.zeros(count, dtype=np.bool_)
+    for number, step in enumerate(steps(envs, observations, policy.act, policy.actions.hold)):
+        torques[number], rewards[number] = step.actions, step.rewards
         for name, values in terms.items():
-            values[step] = infos[PREFIX + name]
-        qpos[step], qvel[step], airborne[step] = envs.qpos, envs.qvel, envs.airborne
-        lengths += alive
-        fell |= alive & terminated
-        alive &= ~(terminated | truncated)
-        if not alive.any():
-            break
-    envs.close()
+            values[number] = step.infos[PREFIX + name]
+        qpos[number], qvel[number], airborne[number] = envs.qpos, envs.qvel, envs.airborne
+        lengths += step.alive
+        fell |= step.terminated
     return [
         Episode(
             start_qpos[i],

@@ -20,6 +20,7 @@ from jumping_ant.agents.evolution.library import Normalizer, Problem, SolutionBa
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive, derive_all
 from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 
 Network = tuple[torch.Tensor, torch.Tensor]  # weight (outputs, observations), bias (outputs,)
@@ -136,21 +137,20 @@ class JumpProblem(Problem):
         episodes = _Episodes.empty(decisions, len(networks), num_observations)
         outputs = torch.empty(len(networks), num_outputs)
         mean, stdev = self._moments()
-        episodes.observations[0], _ = envs.reset()
-        episodes.alive[0] = alive = np.ones(len(networks), dtype=np.bool_)
-        for step in range(decisions):
-            normalized = (torch.from_numpy(episodes.observations[step]) - mean) / stdev
+
+        def act(observations: NDArray[np.float64]) -> NDArray[Any]:
+            normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
             # Row by row, as GymNE does: a single product of all rows would round differently.
             for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
                 torch.addmv(bias, weight, row, out=out)
-            observations, rewards, terminated, truncated, _ = envs.step(
-                self.actions.choices(outputs.numpy())
-            )
-            episodes.observations[step + 1], episodes.alive[step + 1] = observations, alive
-            episodes.returns[:] += rewards * alive
-            alive = alive & ~(terminated | truncated)
-            if not alive.any():
-                break
+            return self.actions.choices(outputs.numpy())
+
+        start, _ = envs.reset()
+        episodes.observations[0], episodes.alive[0] = start, True
+        for number, step in enumerate(rollout.steps(envs, start, act), start=1):
+            episodes.observations[number] = step.next_observations
+            episodes.alive[number] = step.alive
+            episodes.returns[:] += step.rewards
         return episodes
 
     def _unflatten(self, solution: torch.Tensor) -> Network:

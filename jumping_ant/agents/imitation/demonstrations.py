@@ -11,6 +11,7 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import Archive, from_array, pack, to_array
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies.policy import Policy
+from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
@@ -108,16 +109,11 @@ def play(
     tumbled_starts: float,
     num_threads: int = 1,
 ) -> Labelled:
-    """Run an episode of a policy for each seed, all in parallel, and ask the expert at each step.
+    """Run an episode of the actor for each seed, all in parallel, and ask the expert at each step.
 
-    Args:
-        world: The robot and the task.
-        actor: The policy that acts; it may be the expert.
-        expert: The policy that labels; it holds its choices as long as the actor.
-        seeds: Seed of each episode.
-        episode_steps: Control steps after which episodes are truncated.
-        tumbled_starts: Share of the episodes that start in the air, in any orientation.
-        num_threads: Threads that step the simulations; results do not depend on it.
+    The actor may be the expert itself. Both hold their choices for equally long. Episodes are
+    truncated after `episode_steps` control steps; a share of them, `tumbled_starts`, start in the
+    air, in any orientation.
 
     Returns:
         The episodes, in the order of the seeds.
@@ -133,21 +129,17 @@ def play(
         tumbled_starts,
     )
     observations, _ = envs.reset(seed=seeds)
-    for policy in {id(actor): actor, id(expert): expert}.values():
-        policy.start(seeds)
-    seen, labels, lengths = [], [], np.zeros(count, dtype=np.int64)
-    totals, alive = np.zeros(count), np.ones(count, dtype=np.bool_)
-    while alive.any():
-        torques = expert.act(observations)
-        seen.append(observations.astype(np.float32))
-        labels.append(torques.astype(np.float32))
-        lengths += alive
-        observations, rewards, terminated, truncated, _ = envs.step(
-            torques if actor is expert else actor.act(observations)
-        )
-        totals += rewards * alive
-        alive &= ~(terminated | truncated)
-    envs.close()
+    actor.start(seeds)
+    if expert is not actor:
+        expert.start(seeds)
+    seen, labels = [], []
+    totals, lengths = np.zeros(count), np.zeros(count, dtype=np.int64)
+    for step in rollout.steps(envs, observations, actor.act):
+        label = step.actions if actor is expert else expert.act(step.observations)
+        seen.append(step.observations.astype(np.float32))
+        labels.append(label.astype(np.float32))
+        totals += step.rewards
+        lengths += step.alive
     all_seen, all_labels = np.stack(seen), np.stack(labels)
     return concatenated(
         [

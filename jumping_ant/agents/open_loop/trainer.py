@@ -17,6 +17,7 @@ from jumping_ant.agents.open_loop.algorithms import OpenLoopParams
 from jumping_ant.base.seeding import derive_all
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.blind import OpenLoopPolicy
+from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 
 
@@ -40,7 +41,7 @@ def train(job: Job[OpenLoopParams]) -> Iterator[Event]:
     best, best_return, env_steps = b"", -np.inf, 0
     for number, half_period in enumerate(agent.half_periods, start=1):
         policy = metronome(agent, job.world.env, half_period)
-        returns, steps = _play(envs, policy, starts, agent.episode_steps)
+        returns, steps = _play(envs, policy, starts)
         env_steps += steps
         if returns.mean() > best_return:
             best, best_return = policy.to_bytes(), returns.mean()
@@ -69,20 +70,13 @@ def metronome(agent: OpenLoopParams, env: EnvParams, half_period: int) -> OpenLo
 
 
 def _play(
-    envs: RobotVectorEnv, policy: OpenLoopPolicy, starts: list[int], num_steps: int
+    envs: RobotVectorEnv, policy: OpenLoopPolicy, starts: list[int]
 ) -> tuple[np.ndarray, int]:
     """Run an episode from each start; return the returns, (num_envs,), and the control steps."""
     observations, _ = envs.reset(seed=starts)
     policy.start(starts)
-    returns, alive = np.zeros(envs.num_envs), np.ones(envs.num_envs, dtype=np.bool_)
-    total = 0
-    for step in range(num_steps):
-        if step % policy.actions.hold == 0:
-            torques = policy.act(observations)
-        observations, rewards, terminated, truncated, _ = envs.step(torques)
-        returns += rewards * alive
-        total += int(alive.sum())
-        alive &= ~(terminated | truncated)
-        if not alive.any():
-            break
+    returns, total = np.zeros(envs.num_envs), 0
+    for step in rollout.steps(envs, observations, policy.act, policy.actions.hold):
+        returns += step.rewards
+        total += int(step.alive.sum())
     return returns, total
