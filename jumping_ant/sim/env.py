@@ -113,8 +113,9 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
         before = self._torso_x()
         mujoco.mj_step(self.model, self.data, nstep=self.world.env.frame_skip)
         self._num_steps += 1
-        travel = np.array([self._torso_x() - before])
-        outcome = self.task.judge(self.data.qpos[None], self.data.qvel[None], torques[None], travel)
+        data, travel = self.data, np.array([self._torso_x() - before])
+        contacts = np.array([data.ncon], dtype=np.int32)
+        outcome = self.task.judge(data.qpos[None], data.qvel[None], torques[None], travel, contacts)
         terminated = bool(outcome.terminated[0])
         truncated = not terminated and self._num_steps >= self.world.env.max_episode_steps
         if self.render_mode == "human":

@@ -27,17 +27,21 @@ class ControlStep:
     Attributes:
         anatomy: Anatomy of the robot.
         qpos: Positions after the step, shape (n, num_positions).
+        qvel: Velocities after the step, shape (n, num_velocities).
         heights: Heights of the torsos after the step [m], shape (n,).
         velocities: Mean velocities of the torsos along x [m/s], shape (n,).
         torques: Torques over peak torques held during the step, shape (n, num_motors).
+        contacts: Number of contacts of each robot in the last simulation step, shape (n,).
         terminated: Whether the episode ends with the step, shape (n,).
     """
 
     anatomy: Anatomy
     qpos: Array
+    qvel: Array
     heights: Array
     velocities: Array
     torques: Array
+    contacts: NDArray[np.int32]
     terminated: NDArray[np.bool_]
 
 

@@ -145,7 +145,9 @@ class Task:
             qpos[anatomy.height_address] = self.params.drop_height - anatomy.height_offset
         return qpos, qvel
 
-    def judge(self, qpos: Array, qvel: Array, torques: Array, travel: Array) -> Outcome:
+    def judge(
+        self, qpos: Array, qvel: Array, torques: Array, travel: Array, contacts: NDArray[np.int32]
+    ) -> Outcome:
         """Return the reward of a control step and whether it ended the episode.
 
         An episode ends if the torso is too low, too high or tilted too far, or the state is not
@@ -158,6 +160,7 @@ class Task:
             qvel: Velocities after the step, shape (n, num_velocities).
             torques: Torques over peak torques held during the step, shape (n, num_motors).
             travel: Distance that the torsos moved along x [m], shape (n,).
+            contacts: Number of contacts of each robot in the last simulation step, shape (n,).
         """
         params = self.params
         heights = self.anatomy.heights(qpos)
@@ -170,7 +173,7 @@ class Task:
         if params.max_tilt is not None:
             terminated |= self.anatomy.uprightness(qpos) < np.cos(params.max_tilt)
         step = rewards.ControlStep(
-            self.anatomy, qpos, heights, travel / self.dt, torques, terminated
+            self.anatomy, qpos, qvel, heights, travel / self.dt, torques, contacts, terminated
         )
         terms = rewards.terms(step, params.reward)
         if not finite.all():

@@ -247,7 +247,8 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
             self.qpos[error.ids] = np.nan
         self._num_steps[slice(None) if running is None else running] += 1
         self._last_x = self._torso_x.copy()
-        outcome = self.task.judge(self.qpos, self.qvel, torques, self._last_x - before)
+        travel = self._last_x - before
+        outcome = self.task.judge(self.qpos, self.qvel, torques, travel, self._contacts)
         truncations = ~outcome.terminated & (self._num_steps >= self._episode_steps)
         return self.task.observe(self.qpos, self.qvel), outcome, truncations
 

@@ -30,7 +30,8 @@ def judge(
 ) -> Outcome:
     count = len(qpos)
     torques = np.zeros((count, 8)) if torques is None else torques
-    return task.judge(qpos, np.zeros((count, 14)), torques, np.full(count, travel))
+    on_ground = np.ones(count, dtype=np.int32)
+    return task.judge(qpos, np.zeros((count, 14)), torques, np.full(count, travel), on_ground)
 
 
 def poses(*heights: float) -> np.ndarray:
@@ -132,6 +133,6 @@ def test_an_episode_ends_where_a_state_is_not_finite_and_earns_nothing(
     every = task(robot_xml, reward=reward(**dict.fromkeys(rewards.TERMS, 1.0)))
     qpos, qvel = poses(1.0, 1.0, 1.0, 1.0), np.ones((4, 14))
     qpos[1, 0] = qpos[2, 14] = qvel[3, 13] = bad
-    outcome = every.judge(qpos, qvel, np.ones((4, 8)), np.ones(4))
+    outcome = every.judge(qpos, qvel, np.ones((4, 8)), np.ones(4), np.ones(4, np.int32))
     assert outcome.terminated.tolist() == [False, True, True, True]
     assert (outcome.rewards != 0).tolist() == [True, False, False, False]

@@ -11,7 +11,9 @@ from gymnasium.vector import AutoresetMode
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import RewardParams, TermParams
 from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.rewards import TERMS
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
@@ -366,6 +368,26 @@ def test_each_environment_has_an_episode_length_of_its_own(make: Any) -> None:
     cut = [envs.step(STILL)[3] for _ in range(24)]
     ends = [np.flatnonzero(column) + 1 for column in np.transpose(cut)]
     assert [row.tolist() for row in ends] == [[4, 8, 12, 16, 20, 24], [6, 12, 18, 24], []]
+
+
+def test_terms_see_the_same_velocities_and_contacts(
+    make: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(TERMS, "upright", lambda step, _: step.contacts + step.qvel[:, 5])
+    reward = RewardParams(upright=TermParams(weight=1.0))
+    envs = make(2, reward=reward, min_torso_height=0.0)
+    singles = [RobotEnv(envs.world) for _ in range(2)]
+    envs.reset(seed=3)
+    seen = set()
+    for row, single in enumerate(singles):
+        single.reset(seed=3 + row)
+    for action in torques(60, 2):
+        earned = envs.step(action)[1]
+        for row, single in enumerate(singles):
+            assert single.step(action[row])[1] == earned[row]
+            assert earned[row] == single.data.ncon + single.data.qvel[5]
+            seen.add(int(single.data.ncon))
+    assert len(seen) > 2
 
 
 def test_spaces_are_those_of_the_single_environment(make: Any) -> None:
