@@ -1,8 +1,9 @@
 """An algorithm's row of the catalogue, and the settings that all agents share."""
 
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Literal, Self, get_args
+from typing import Any, ClassVar, Literal, Self, TypeVar, get_args
 
 from jumping_ant.params.blocks import Block, EnvParams
 from jumping_ant.policies.policy_file import KINDS
@@ -45,6 +46,21 @@ class AgentBlock(Block):
         updates. Returns None if there is nothing to time.
         """
         return None
+
+
+Settings = TypeVar("Settings", bound=AgentBlock)
+
+
+def defaults(**values: Any) -> Callable[[type[Settings]], type[Settings]]:
+    """Give settings that a block inherits defaults of its own."""
+
+    def changed(settings: type[Settings]) -> type[Settings]:
+        for name, value in values.items():
+            settings.model_fields[name].default = value
+        settings.model_rebuild(force=True)
+        return settings
+
+    return changed
 
 
 @dataclass(frozen=True)

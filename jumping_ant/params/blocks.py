@@ -2,7 +2,8 @@
 
 Every number of the pipeline is in that file. Models reject unknown keys, check types strictly, and
 state the range of each number. The settings of an agent are defined next to its algorithm (see
-`jumping_ant.agents.catalogue`); `jumping_ant.experiment` combines all of them.
+`jumping_ant.agents.catalogue`), those of learners with their library's defaults; a block of
+`params.yaml` may leave these out. `jumping_ant.experiment` combines all of them.
 """
 
 import re

@@ -26,9 +26,9 @@ class EvolutionParams(AgentBlock):
     """[policies] Size of a generation."""
     episode_steps: Count
     """[control steps] Length of the episode that evaluates a policy."""
-    decrease_rewards_by: Number
+    decrease_rewards_by: Number = 0.0
     """[1/step] Subtracted from the reward of every control step survived."""
-    observation_normalization: bool
+    observation_normalization: bool = False
     """Whether observations are normalised by their running statistics."""
 
     @property
@@ -70,7 +70,7 @@ class PGPEParams(GaussianParams):
     """[policies] Size of a generation, sampled in mirrored pairs."""
     max_speed: Positive
     """[-] Maximum step length of the centre."""
-    momentum: Fraction
+    momentum: Fraction = 0.9
     """[-] Momentum of ClipUp."""
 
 
@@ -115,7 +115,7 @@ class CMAESParams(EvolutionParams):
     """Algorithm of the catalogue."""
     stdev_init: Positive
     """[-] Initial step size."""
-    separable: bool
+    separable: bool = False
     """Whether the covariance matrix is diagonal."""
 
 
@@ -126,9 +126,9 @@ class ARSParams(EvolutionParams):
     """Algorithm of the catalogue."""
     population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
     """[policies] Size of a generation, in mirrored pairs: twice the number of directions."""
-    learning_rate: Positive
+    learning_rate: Positive = 0.02
     """[-] Step size, before it is divided by the deviation of the best returns."""
-    delta_std: Positive
+    delta_std: Positive = 0.05
     """[-] Standard deviation of the directions."""
     n_top: Count
     """[-] Number of directions, the best, that a step follows."""

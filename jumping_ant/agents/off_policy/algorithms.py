@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import Algorithm
+from jumping_ant.agents.algorithm import Algorithm, defaults
 from jumping_ant.agents.sb3.settings import SB3Params
 from jumping_ant.params.blocks import (
     CommandParams,
@@ -30,17 +30,17 @@ COPIES = 4  # of a learned number: itself, its gradient and Adam's two means
 class OffPolicyParams(SB3Params):
     """Settings shared by the off-policy algorithms, named as in Stable-Baselines3."""
 
-    buffer_size: Annotated[int, Field(ge=1, le=10**9)]
+    buffer_size: Annotated[int, Field(ge=1, le=10**9)] = 1_000_000
     """[transitions] Capacity of the replay buffer."""
-    learning_starts: Annotated[int, Field(ge=0, le=10**9)]
+    learning_starts: Annotated[int, Field(ge=0, le=10**9)] = 100
     """[transitions] Random actions before the first update."""
-    batch_size: Count
+    batch_size: Count = 256
     """[transitions] Batch size of a gradient step."""
-    n_steps: Count
+    n_steps: Count = 1
     """[decisions] Number of rewards before the bootstrap."""
-    train_freq: Count
+    train_freq: Count = 1
     """[decisions of each environment] Interval between rounds of updates."""
-    gradient_steps: Count
+    gradient_steps: Count = 1
     """[-] Gradient steps per round of updates."""
 
     def for_timing(self) -> Self:
@@ -86,27 +86,29 @@ class OffPolicyParams(SB3Params):
 class TargetParams(OffPolicyParams):
     """Settings of the algorithms that learn towards targets of slower networks."""
 
-    tau: Fraction
+    tau: Fraction = 0.005
     """[-] Weight of the online networks in an update of the target networks."""
 
 
+@defaults(batch_size=32, tau=1.0, train_freq=4)
 class ValueParams(TargetParams):
     """Settings of the algorithms that learn the values of discrete commands."""
 
     actions: CommandParams
     """Actions that the agent chooses from: commands."""
-    target_update_interval: Steps
+    target_update_interval: Steps = 10_000
     """[transitions] Interval between target updates."""
-    exploration_fraction: Annotated[float, Field(gt=0, le=1)]
+    exploration_fraction: Annotated[float, Field(gt=0, le=1)] = 0.1
     """[-] Share of the budget over which exploration decays."""
-    exploration_initial_eps: Fraction
+    exploration_initial_eps: Fraction = 1.0
     """[-] Initial probability of a random command."""
-    exploration_final_eps: Fraction
+    exploration_final_eps: Fraction = 0.05
     """[-] Probability of a random command after the decay."""
-    max_grad_norm: Positive
+    max_grad_norm: Positive = 10.0
     """[-] Gradients are clipped to this norm."""
 
 
+@defaults(learning_rate=1e-4)
 class DQNParams(ValueParams):
     """Deep Q-network on discrete commands (Mnih et al. 2015)."""
 
@@ -114,17 +116,19 @@ class DQNParams(ValueParams):
     """Algorithm of the catalogue."""
 
 
+@defaults(learning_rate=5e-5, exploration_fraction=0.005, exploration_final_eps=0.01)
 class QRDQNParams(ValueParams):
     """Quantile regression deep Q-network on discrete commands (Dabney et al. 2018)."""
 
     algorithm: Literal["qrdqn"]
     """Algorithm of the catalogue."""
-    n_quantiles: Annotated[int, Field(ge=1, le=10_000)]
+    n_quantiles: Annotated[int, Field(ge=1, le=10_000)] = 200
     """[-] Quantiles of each command's return."""
 
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "n_quantiles")
 
 
+@defaults(net_arch=[256, 256])
 class SACParams(TargetParams):
     """Soft actor-critic on continuous torques (Haarnoja et al. 2018)."""
 
@@ -132,7 +136,7 @@ class SACParams(TargetParams):
     """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
-    ent_coef: Positive | Literal["auto"]
+    ent_coef: Positive | Literal["auto"] = "auto"
     """[-] Weight of the policy's entropy, or `auto` to learn it."""
 
 
@@ -141,11 +145,11 @@ class TQCParams(SACParams):
 
     algorithm: Literal["tqc"]  # type: ignore[assignment]
     """Algorithm of the catalogue."""
-    n_quantiles: Annotated[int, Field(ge=1, le=10_000)]
+    n_quantiles: Annotated[int, Field(ge=1, le=10_000)] = 25
     """[-] Quantiles of each critic."""
-    n_critics: Annotated[int, Field(ge=1, le=100)]
+    n_critics: Annotated[int, Field(ge=1, le=100)] = 2
     """[-] Number of critics."""
-    top_quantiles_to_drop_per_net: Annotated[int, Field(ge=0, le=10_000)]
+    top_quantiles_to_drop_per_net: Annotated[int, Field(ge=0, le=10_000)] = 2
     """[-] Highest quantiles of each critic that targets leave out."""
 
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "n_quantiles", "n_critics")
@@ -160,6 +164,7 @@ class TQCParams(SACParams):
         return self
 
 
+@defaults(learning_rate=1e-3, net_arch=[256, 256])
 class CrossQParams(OffPolicyParams):
     """CrossQ on continuous torques: batch renormalisation, no targets (Bhatt et al. 2024)."""
 
@@ -167,12 +172,13 @@ class CrossQParams(OffPolicyParams):
     """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
-    ent_coef: Positive | Literal["auto"]
+    ent_coef: Positive | Literal["auto"] = "auto"
     """[-] Weight of the policy's entropy, or `auto` to learn it."""
-    policy_delay: Count
+    policy_delay: Count = 3
     """[gradient steps] Critic updates per actor update."""
 
 
+@defaults(learning_rate=1e-3, net_arch=[400, 300])
 class DDPGParams(TargetParams):
     """Deep deterministic policy gradients on continuous torques (Lillicrap et al. 2016)."""
 
@@ -184,6 +190,7 @@ class DDPGParams(TargetParams):
     """[-] Standard deviation of the Gaussian exploration noise on the torques."""
 
 
+@defaults(learning_rate=1e-3, net_arch=[400, 300])
 class TD3Params(TargetParams):
     """Twin delayed deterministic policy gradients on continuous torques (Fujimoto et al. 2018)."""
 
@@ -193,13 +200,13 @@ class TD3Params(TargetParams):
     """Actions that the agent chooses from: torques."""
     action_noise: NonNegative
     """[-] Standard deviation of the Gaussian exploration noise on the torques."""
-    policy_delay: Count
+    policy_delay: Count = 2
     """[gradient steps] Critic updates per actor update."""
-    target_policy_noise: NonNegative
+    target_policy_noise: NonNegative = 0.2
     """[-] Standard deviation of the noise on the target policy's torques."""
-    target_noise_clip: NonNegative
+    target_noise_clip: NonNegative = 0.5
     """[-] Limit to which that noise is clipped."""
-    n_critics: Annotated[int, Field(ge=1, le=100)]
+    n_critics: Annotated[int, Field(ge=1, le=100)] = 2
     """[-] Number of critics; targets are the least of their values."""
 
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "n_critics")

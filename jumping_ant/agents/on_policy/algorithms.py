@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import Algorithm
+from jumping_ant.agents.algorithm import Algorithm, defaults
 from jumping_ant.agents.sb3.settings import SB3Params
 from jumping_ant.params.blocks import Count, Fraction, NonNegative, Positive
 
@@ -18,19 +18,19 @@ class OnPolicyParams(SB3Params):
     A round collects `n_steps` decisions in each environment, learns from them, and drops them.
     """
 
-    n_steps: Count
+    n_steps: Count = 2048
     """[decisions of each environment] Length of a round."""
-    gae_lambda: Fraction
+    gae_lambda: Fraction = 0.95
     """[-] Decay of the generalised advantage estimate (Schulman et al. 2016)."""
-    ent_coef: NonNegative
+    ent_coef: NonNegative = 0.0
     """[-] Weight of the policy's entropy in the loss."""
-    vf_coef: NonNegative
+    vf_coef: NonNegative = 0.5
     """[-] Weight of the value function in the loss."""
-    max_grad_norm: Positive
+    max_grad_norm: Positive = 0.5
     """[-] Gradients are clipped to this norm."""
-    normalize_advantage: bool
+    normalize_advantage: bool = True
     """Whether advantages are normalised in each minibatch."""
-    log_std_init: Annotated[float, Field(ge=-20, le=2)]
+    log_std_init: Annotated[float, Field(ge=-20, le=2)] = 0.0
     """[-] Initial logarithm of the torques' standard deviations; commands have none."""
 
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "log_std_init")
@@ -63,12 +63,13 @@ class OnPolicyParams(SB3Params):
         return self
 
 
+@defaults(learning_rate=7e-4, n_steps=5, gae_lambda=1.0, normalize_advantage=False)
 class A2CParams(OnPolicyParams):
     """Advantage actor-critic, synchronous, with RMSprop (Mnih et al. 2016)."""
 
     algorithm: Literal["a2c"]
     """Algorithm of the catalogue."""
-    rms_prop_eps: Positive
+    rms_prop_eps: Positive = 1e-5
     """[-] Added to RMSprop's denominators."""
 
 
@@ -77,11 +78,11 @@ class PPOParams(OnPolicyParams):
 
     algorithm: Literal["ppo"]
     """Algorithm of the catalogue."""
-    batch_size: Annotated[int, Field(ge=2, le=10**6)]
+    batch_size: Annotated[int, Field(ge=2, le=10**6)] = 64
     """[transitions] Batch size of a gradient step."""
-    n_epochs: Count
+    n_epochs: Count = 10
     """[-] Passes over a round's experience."""
-    clip_range: Annotated[float, Field(gt=0, le=1)]
+    clip_range: Annotated[float, Field(gt=0, le=1)] = 0.2
     """[-] Limit of the change of an action's probability, as a share."""
 
     @model_validator(mode="after")

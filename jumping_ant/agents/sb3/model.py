@@ -88,9 +88,9 @@ def make_model(envs: VecEnv, agent: SB3Params, seed: int, **more: Any) -> Any:
     """
     learner = resolve(row(agent).learner)
     settings = _settings_of(agent, learner)
-    settings["learning_rate"] = LinearSchedule(
-        agent.learning_rate, agent.final_learning_rate, end_fraction=1.0
-    )
+    first, last = agent.learning_rate, agent.final_learning_rate
+    last = first if last is None else last
+    settings["learning_rate"] = LinearSchedule(first, last, end_fraction=1.0)
     policy_kwargs = {name: getattr(agent, name) for name in agent.POLICY_SETTINGS} | {
         "features_extractor_class": ScaledObservations,
         "features_extractor_kwargs": {

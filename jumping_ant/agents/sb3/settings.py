@@ -14,6 +14,8 @@ Layers = Annotated[list[Annotated[int, Field(ge=1, le=65_536)]], Field(min_lengt
 class SB3Params(AgentBlock):
     """Settings shared by the algorithms of Stable-Baselines3, named as there.
 
+    The library's settings have its defaults; by default this project adds nothing to them.
+
     A transition is a decision; if actions are held for several control steps, it spans as many.
     """
 
@@ -21,27 +23,27 @@ class SB3Params(AgentBlock):
     """Actions that the agent chooses from."""
     total_steps: Steps
     """[control steps] Training budget of a seed."""
-    episode_steps: Count | None
+    episode_steps: Count | None = None
     """[control steps] Training episodes are truncated here; null never truncates them."""
-    long_episodes: Fraction
+    long_episodes: Fraction = 0.0
     """[-] Share of the environments whose episodes last for `env.max_episode_steps` instead."""
-    tumbled_starts: Fraction
+    tumbled_starts: Fraction = 0.0
     """[-] Share of the training episodes that start in the air, in any orientation."""
-    sparse_rewards: bool
+    sparse_rewards: bool = False
     """Whether the agent learns from an episode's return at its end, and no reward before."""
-    num_envs: Annotated[int, Field(ge=1, le=10_000)]
+    num_envs: Annotated[int, Field(ge=1, le=10_000)] = 1
     """[-] Simulations stepped in parallel."""
-    learning_rate: Learning
+    learning_rate: Learning = 3e-4
     """[-] Initial learning rate."""
-    final_learning_rate: Fraction
-    """[-] Final learning rate; linear in between."""
-    gamma: Fraction
+    final_learning_rate: Fraction | None = None
+    """[-] Final learning rate, linear in between; null keeps the initial one."""
+    gamma: Fraction = 0.99
     """[-] Discount factor per decision."""
-    net_arch: Layers
+    net_arch: Layers = [64, 64]
     """[units] Sizes of the hidden layers."""
-    velocity_scale: Positive
+    velocity_scale: Positive = 1.0
     """[-] Factor on the velocities that the agent observes."""
-    log_interval: Steps
+    log_interval: Steps = 1000
     """[transitions] Interval between rows of the learning curve."""
 
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch",)
