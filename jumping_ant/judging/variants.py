@@ -45,16 +45,6 @@ class RoundedPolicy:
     commands: Array
 
     @property
-    def num_observations(self) -> int | None:
-        """Number of values in an observation."""
-        return self.policy.num_observations
-
-    @property
-    def num_motors(self) -> int:
-        """Number of torques that the policy returns."""
-        return self.policy.num_motors
-
-    @property
     def actions(self) -> ActionSet:
         """Actions that the policy itself chooses from; choices are held for as long."""
         return self.policy.actions
@@ -79,16 +69,6 @@ class SideBySide:
     """
 
     policies: Sequence[Policy]
-
-    @property
-    def num_observations(self) -> int | None:
-        """Number of values in an observation."""
-        return self.policies[0].num_observations
-
-    @property
-    def num_motors(self) -> int:
-        """Number of torques that the policies return."""
-        return self.policies[0].num_motors
 
     @property
     def actions(self) -> ActionSet:

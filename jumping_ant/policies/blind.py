@@ -6,7 +6,14 @@ import numpy as np
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import pack
-from jumping_ant.policies.policy import Array, Entries, Header, action_set, header_entries
+from jumping_ant.policies.policy import (
+    Array,
+    Entries,
+    Header,
+    Interface,
+    action_set,
+    header_entries,
+)
 
 
 class UniformPolicy:
@@ -18,12 +25,10 @@ class UniformPolicy:
         num_motors: Number of the robot's motors.
     """
 
-    num_observations = None
-
     def __init__(self, seed: int, actions: ActionSet, num_motors: int) -> None:
         self.seed = seed
         self.actions = actions
-        self.num_motors = num_motors
+        self._num_motors = num_motors
         self._generators: list[np.random.Generator] = []
 
     def start(self, episode_seeds: Sequence[int]) -> None:
@@ -33,11 +38,12 @@ class UniformPolicy:
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
         sample = self.actions.sample
-        return np.array([sample(generator, self.num_motors) for generator in self._generators])
+        return np.array([sample(generator, self._num_motors) for generator in self._generators])
 
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
-        return pack(header_entries("uniform", self, seed=self.seed))
+        interface = Interface(self.actions, None, self._num_motors)
+        return pack(header_entries("uniform", interface, seed=self.seed))
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> "UniformPolicy":
@@ -55,19 +61,12 @@ class OpenLoopPolicy:
         ValueError: The action set has no table.
     """
 
-    num_observations = None
-
     def __init__(self, actions: ActionSet) -> None:
         if actions.table is None:
             raise ValueError("no table of commands")
         self.actions = actions
         self._table = actions.table.astype(np.float64)
         self._num_decisions = 0
-
-    @property
-    def num_motors(self) -> int:
-        """Number of torques that the policy returns."""
-        return self._table.shape[1]
 
     def start(self, episode_seeds: Sequence[int]) -> None:
         """Begin one episode per seed, each with the first row."""
@@ -81,7 +80,8 @@ class OpenLoopPolicy:
 
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
-        return pack(header_entries("open_loop", self))
+        interface = Interface(self.actions, None, self._table.shape[1])
+        return pack(header_entries("open_loop", interface))
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> "OpenLoopPolicy":

@@ -1,6 +1,5 @@
 """Linear policies, and the distribution over them that evolution maintains."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -9,11 +8,19 @@ from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import from_array, pack, to_array
-from jumping_ant.policies.policy import Array, Entries, Header, action_set, header_entries
+from jumping_ant.policies.policy import (
+    Array,
+    Entries,
+    Header,
+    Interface,
+    Stateless,
+    action_set,
+    header_entries,
+)
 
 
 @dataclass(frozen=True)
-class LinearPolicy:
+class LinearPolicy(Stateless):
     """A linear map of normalised observations: torques, or a preference for each command.
 
     Attributes:
@@ -37,20 +44,6 @@ class LinearPolicy:
 
     ARRAYS: ClassVar = ("weight", "bias", "mean", "stdev", "weight_spread", "bias_spread")
 
-    @property
-    def num_observations(self) -> int:
-        """Number of values in an observation."""
-        return self.weight.shape[1]
-
-    @property
-    def num_motors(self) -> int:
-        """Number of torques that the policy returns."""
-        table = self.actions.table
-        return self.weight.shape[0] if table is None else table.shape[1]
-
-    def start(self, episode_seeds: Sequence[int]) -> None:
-        """Begin one episode per seed; this policy has no state."""
-
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
         normalized = (observations.astype(np.float32) - self.mean) / self.stdev
@@ -72,7 +65,11 @@ class LinearPolicy:
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
         arrays = {f"{name}.npy": from_array(getattr(self, name)) for name in self.ARRAYS}
-        return pack(header_entries("linear", self) | arrays)
+        outputs, num_observations = self.weight.shape
+        table = self.actions.table
+        num_motors = outputs if table is None else table.shape[1]
+        interface = Interface(self.actions, num_observations, num_motors)
+        return pack(header_entries("linear", interface) | arrays)
 
     @classmethod
     def from_entries(cls, header: Header, entries: Entries) -> "LinearPolicy":

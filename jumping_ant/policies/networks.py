@@ -16,6 +16,7 @@ from jumping_ant.policies.policy import (
     Array,
     Entries,
     Header,
+    Stateless,
     action_set,
 )
 
@@ -24,7 +25,7 @@ State = dict[str, NDArray[Any]]  # a network's numbers by name
 
 
 @dataclass(frozen=True)
-class Network:
+class Network(Stateless):
     """The network of an SB3 policy: fully connected, ReLU between layers.
 
     Attributes:
@@ -41,20 +42,6 @@ class Network:
     # factors (a parameter name); subclasses set them.
     PREFIXES: ClassVar[tuple[str, ...]] = ()
     FACTORS: ClassVar[str] = ""
-
-    @property
-    def num_observations(self) -> int:
-        """Number of values in an observation."""
-        return len(self.factors)
-
-    @property
-    def num_motors(self) -> int:
-        """Number of torques that the policy returns."""
-        table = self.actions.table
-        return len(self.layers[-1][1]) if table is None else table.shape[1]
-
-    def start(self, episode_seeds: Sequence[int]) -> None:
-        """Begin one episode per seed; this policy has no state."""
 
     def _forward(self, observations: Array) -> NDArray[np.float32]:
         """Return the outputs of the last layer, shape (n, outputs)."""
@@ -127,7 +114,10 @@ class GaussianActor(TanhActor):
             generators: Generator of each row's noise, n of them.
         """
         mean, stdev = self.gaussian(observations)
-        noise = [generator.standard_normal(self.num_motors, np.float32) for generator in generators]
+        noise = [
+            generator.standard_normal(len(self.log_stdev[1]), np.float32)
+            for generator in generators
+        ]
         return self.actions.torques(np.tanh(mean + stdev * noise).astype(np.float64))
 
     def gaussian(self, observations: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -39,19 +39,18 @@ class Policy(Protocol):
     def actions(self) -> ActionSet:
         """The set of actions to choose from, and how many control steps a choice is held."""
 
-    @property
-    def num_observations(self) -> int | None:
-        """Number of values in an observation; None if the policy ignores observations."""
-
-    @property
-    def num_motors(self) -> int:
-        """Number of torques that the policy returns."""
-
     def start(self, episode_seeds: Sequence[int]) -> None:
         """Begin one episode per seed; row `i` of later observations belongs to seed `i`."""
 
     def act(self, observations: Array) -> Array:
         """Return torques in [-1, 1], (n, num_motors), for observations (n, num_observations)."""
+
+
+class Stateless:
+    """What policies share whose torques depend on the observation alone."""
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ class Interface:
     num_motors: int
 
 
-def header_entries(kind: str, interface: Interface | Policy, **fields: int) -> dict[str, bytes]:
+def header_entries(kind: str, interface: Interface, **fields: int) -> dict[str, bytes]:
     """Return the header of a policy file, and the table of commands if there is one."""
     actions = interface.actions
     header = {

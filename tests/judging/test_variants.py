@@ -42,7 +42,6 @@ class Chooser:
     """A policy whose torques the test chooses."""
 
     actions = ActionSet(hold=2)
-    num_observations, num_motors = 27, 8
 
     def __init__(self, torques: list[list[float]]) -> None:
         self._torques = np.array(torques)

@@ -191,9 +191,9 @@ def test_the_interface_is_read_without_the_policy(network: Any, tmp_path: Path) 
         policy = policy_file.parse(content)
         (tmp_path / name).write_bytes(content)
         found = policy_file.read_interface(tmp_path / name)
-        assert (found.num_observations, found.num_motors) == (policy.num_observations, 8)
+        sees = None if isinstance(policy, OpenLoopPolicy | UniformPolicy) else 27
+        assert (found.num_observations, found.num_motors) == (sees, 8)
         assert found.actions.hold == policy.actions.hold
-    assert policy_file.parse(network[2]).num_observations == 27
     (tmp_path / "torn").write_bytes(network[2][:-9])
     with pytest.raises(InputError, match="torn: not a policy file .*; `dvc repro` trains it"):
         policy_file.read_interface(tmp_path / "torn")
