@@ -114,7 +114,7 @@ watch: install ## watch a trained policy play, in a window or a browser (AGENT=s
 map: install ## renew docs/map.md, the list of all modules
 	python -m scripts.house_map
 
-schema: install ## renew params.schema.json, from which editors complete params.yaml
+schema: install ## renew what comes from the catalogue: params.schema.json, a list in dvc.yaml
 	python -m jumping_ant.experiment.schema
 
 lock: ## renew requirements.lock and benchmarks/requirements.lock from pyproject.toml
