@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from jumping_ant.judging.reproduction import Reproduction, Trace
-from jumping_ant.showing.figures import STYLES, entitle, render
+from jumping_ant.showing.plotting import STYLES, entitle, render
 from jumping_ant.words.looks import INK, Look
 
 PANELS = {

@@ -4,7 +4,6 @@ Every agent keeps its colour and marker in all figures (see `jumping_ant.words.l
 numbers give the same bytes.
 """
 
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -25,30 +24,12 @@ from jumping_ant.showing import (
     pair_matrix,
     scales,
 )
+from jumping_ant.showing.plotting import STYLES, entitle, render
 from jumping_ant.words import looks
 from jumping_ant.words.looks import INK, Look
 from jumping_ant.words.measures import MEASURES
 from jumping_ant.words.naming import Family, by_family
 from jumping_ant.words.wording import number
-
-STYLE: Any = {  # matplotlib types it by each key's name
-    "font.size": 10,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 11,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#E5E5E5",
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "legend.frameon": False,
-    "savefig.dpi": 150,
-    "svg.hashsalt": "jumping-ant",  # the SVG's element names are random without it
-}
-STYLES = ["default", STYLE]  # whatever the reader's own matplotlibrc says
 
 # Marks in a row of seeds, as matplotlib's keywords.
 BAND: Any = {"linewidth": 7, "alpha": 0.25, "solid_capstyle": "butt"}
@@ -85,21 +66,6 @@ def draw(
             figures["claims"] = claim_panels.draw(claims, by_label)
         titles = _titles(f"{100 * confidence:g} %", len(results))
         return {name: entitle(figure, titles[name]) for name, figure in figures.items()}
-
-
-def entitle(figure: Figure, title: str) -> Figure:
-    """Give a figure a title at its left edge, and return it."""
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    return figure
-
-
-def render(figure: Figure, kind: Literal["png", "svg"]) -> bytes:
-    """Return a figure as a file's content, without dates and versions."""
-    content = io.BytesIO()
-    metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}[kind]
-    with style.context(STYLES):
-        figure.savefig(content, format=kind, metadata=metadata)
-    return content.getvalue()
 
 
 def files(figures: Mapping[str, Figure]) -> dict[str, bytes]:

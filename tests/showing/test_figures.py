@@ -6,7 +6,7 @@ from small_project import COMPARE, make_params, read_csv, write_csv, write_proje
 from jumping_ant.judging import comparison
 from jumping_ant.judging.claims import verdicts
 from jumping_ant.judging.results import load
-from jumping_ant.showing import claim_panels, figures, pair_matrix
+from jumping_ant.showing import claim_panels, figures, pair_matrix, plotting
 from jumping_ant.words import looks
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
@@ -55,13 +55,13 @@ def test_files_are_pictures_and_drawn_twice_are_identical(compared, drawn):
 
 
 def test_the_readers_own_settings_change_nothing(compared, drawn):
-    expected = figures.render(drawn["final_return"], "png")
+    expected = plotting.render(drawn["final_return"], "png")
     with mpl.rc_context({"font.size": 20, "axes.facecolor": "black", "savefig.dpi": 30}):
-        assert figures.render(figures.draw(*compared)["final_return"], "png") == expected
+        assert plotting.render(figures.draw(*compared)["final_return"], "png") == expected
 
 
 def test_files_carry_no_date(drawn):
-    svg = figures.render(drawn["final_return"], "svg").decode()
+    svg = plotting.render(drawn["final_return"], "svg").decode()
     assert "<dc:date>" not in svg
 
 
@@ -198,7 +198,7 @@ def test_values_that_are_not_there_are_left_out(compared):
     values = claim["plot"]["values"] | {"DQN": [None] * 4}
     empty = claim | {"plot": claim["plot"] | {"values": values}}
     figure = figures.draw(results, curves, summary, [empty], confidence)["claims"]
-    assert figures.render(figure, "png").startswith(b"\x89PNG")
+    assert plotting.render(figure, "png").startswith(b"\x89PNG")
     assert figure.axes[0].get_xlim()[1] == 0
 
 
