@@ -374,6 +374,9 @@ def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
         reading.read_curve(tmp_path, "sac", 7)
     write_text(path, "agent,seed,env_steps,loss,other\nsac,7,100,,\nsac,7,200,1.5,\nsac,7,300,2")
     assert reading.read_curve(tmp_path, "sac", 7) == {("loss", 200): 1.5}
+    write_text(path, "agent,seed,env_steps,loss,other\nsac,7,200,1.5,\nsac,7,200,,3\n")
+    both = {("loss", 200): 1.5, ("other", 200): 3.0}  # a row of training, and one of an evaluation
+    assert reading.read_curve(tmp_path, "sac", 7) == both
     with pytest.raises(InputError, match="given one of agent sac, seed 7, allowed: rows of agent"):
         shutil.copytree(path.parent, path.parent.with_name("seed-8"))
         reading.read_curve(tmp_path, "sac", 8)
