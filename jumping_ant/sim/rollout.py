@@ -18,43 +18,24 @@ Mask = NDArray[np.bool_]
 
 
 class Transition(NamedTuple):
-    """A step of n environments, some of whose episodes may have ended before.
+    """A step of n environments, some of whose episodes may have ended before."""
 
-    Attributes:
-        observations: Before the step, shape (n, num_observations).
-        actions: Shape (n, num_motors) or (n,).
-        next_observations: After the step, shape (n, num_observations).
-        rewards: Zero where no episode ran, shape (n,).
-        infos: As the environments return them.
-        alive: Whether an episode ran before the step, shape (n,).
-        terminated: Whether it terminated in the step, shape (n,).
-    """
-
-    observations: Array
-    actions: NDArray[Any]
+    observations: Array  # before the step, shape (n, num_observations)
+    actions: NDArray[Any]  # shape (n, num_motors) or (n,)
     next_observations: Array
-    rewards: Array
-    infos: dict[str, Any]
-    alive: Mask
-    terminated: Mask
+    rewards: Array  # zero where no episode ran, shape (n,)
+    infos: dict[str, Any]  # as the environments return them
+    alive: Mask  # whether an episode ran before the step, shape (n,)
+    terminated: Mask  # whether it terminated in the step, shape (n,)
 
 
 def steps(
-    envs: RobotVectorEnv,
-    observations: Array,
-    act: Callable[[Array], NDArray[Any]],
-    hold: int = 1,
+    envs: RobotVectorEnv, observations: Array, act: Callable[[Array], NDArray[Any]], hold: int = 1
 ) -> Iterator[Transition]:
     """Step environments without autoreset until the episodes of all have ended.
 
-    Args:
-        envs: The environments, just reset.
-        observations: What their reset returned.
-        act: Chooses an action for each observation.
-        hold: Steps of the environments that each choice is held for.
-
-    Yields:
-        Each step, while the environments are in the state after it.
+    They were just reset, which returned the observations. `act` chooses actions for observations
+    every `hold` steps. At each yield, the environments are in the state after the step.
     """
     alive, number = np.ones(envs.num_envs, dtype=np.bool_), 0
     while alive.any():
