@@ -60,5 +60,6 @@ def test_mlflow_and_ray_have_one_home_each() -> None:
     assert users("ray") == {"training/cluster.py"}
 
 
-def test_package_files_are_empty() -> None:
-    assert all(path.stat().st_size == 0 for path in LIBRARY.rglob("__init__.py"))
+def test_package_files_are_empty_but_for_a_switch() -> None:
+    filled = {place(path) for path in LIBRARY.rglob("__init__.py") if path.stat().st_size}
+    assert filled == {"tracking"}

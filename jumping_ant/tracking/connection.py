@@ -1,7 +1,6 @@
 """The connection to MLflow: where the store is, how it is opened, how its failures are reported."""
 
 import fcntl
-import logging
 import os
 import re
 import sqlite3
@@ -10,44 +9,28 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from jumping_ant.base import telemetry
+import mlflow
+import requests
+from mlflow import MlflowClient
+from mlflow.exceptions import MlflowException
+from sqlalchemy.exc import SQLAlchemyError
 
-telemetry.switch_off()  # before MLflow is imported
-
-import mlflow  # noqa: E402
-import requests  # noqa: E402
-from mlflow import MlflowClient  # noqa: E402
-from mlflow.exceptions import MlflowException  # noqa: E402
-from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore  # noqa: E402
-from sqlalchemy.exc import SQLAlchemyError  # noqa: E402
-
-from jumping_ant.base.errors import InputError  # noqa: E402
-from jumping_ant.base.files import PROJECT_ROOT  # noqa: E402
-from jumping_ant.base.paths import home  # noqa: E402
-from jumping_ant.tracking import pages  # noqa: E402
-
-# Silence MLflow, too; set these variables to re-enable its output.
-os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
-os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
-if "MLFLOW_LOGGING_LEVEL" not in os.environ:
-    logging.getLogger("mlflow").setLevel(logging.ERROR)
-    logging.getLogger("urllib3").setLevel(logging.ERROR)  # logs every retry
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.paths import home
+from jumping_ant.tracking import internals
 
 EXPERIMENT = "jumping-ant"
-SIGNS_OF_CONFLICT = ("UNIQUE constraint failed", "duplicate key", "database is locked")
+SIGNS_OF_CONFLICT = (
+    "UNIQUE constraint failed", "duplicate key", "already exists", "database is locked"
+)  # fmt: skip
 LONGEST_MESSAGE = 300
 SECONDS_FOR_ANSWER = 5
 
 
 @dataclass(frozen=True)
 class Connection:
-    """An open MLflow store.
-
-    Attributes:
-        client: MLflow's client.
-        experiment_id: The project's experiment.
-        uri: The tracking URI.
-    """
+    """An open MLflow store: its client, the project's experiment, its tracking URI."""
 
     client: MlflowClient
     experiment_id: str
@@ -60,7 +43,7 @@ class Connection:
 
     @property
     def is_server(self) -> bool:
-        """Whether it is a server, which shows pages and decides where artifacts go."""
+        """Whether it is a server."""
         return is_server(self.uri)
 
 
@@ -92,19 +75,13 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
 def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
     """Open the store and the project's experiment, which is created if needed.
 
-    Args:
-        root: The project folder.
-        timeout_seconds: How long an HTTP request may wait for an answer.
-        max_retries: How often a failed HTTP request is sent again.
-
     Raises:
         InputError: It cannot be reached, or is not a store of this project.
     """
     uri = tracking_uri(root)
+    internals.silence()
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
-    # It would log a traceback of errors that are reported in one line.
-    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)
     with failures_as_input_errors(uri), _opened_alone(uri, home(root)):
         _await_answer(uri)
         is_given = "MLFLOW_TRACKING_URI" in os.environ
@@ -122,7 +99,7 @@ def tracking_uri(root: Path = PROJECT_ROOT) -> str:
 
 
 def _own_uri(project: Path) -> str:
-    """Return the URI of the database in a project folder, whatever the folder is called."""
+    """Return the URI of the database in a project folder."""
     path = project / "mlflow.db"
     # In such a URI a query begins with the first question mark, and nothing can be quoted.
     return f"sqlite:///{os.path.relpath(path) if '?' in str(path) else path}"
@@ -147,21 +124,13 @@ def _opened_alone(uri: str, project: Path) -> Iterator[None]:
     with path.with_name(f"{path.name}.lock").open("w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if _is_empty(path):
-            # By itself MLflow would put the current folder's name into SQL, with its quotes.
-            SqlAlchemyStore(uri, (project / "mlartifacts").as_uri())
+            internals.create_tables(uri, artifacts_uri(project))
         yield
 
 
 @contextmanager
 def mirrored_alone(uri: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Keep other processes from mirroring files to a database file meanwhile.
-
-    Two would replace each other's model files. With a server, each uploads its own.
-
-    Args:
-        uri: The tracking URI.
-        say: Receives a line if another process must be waited for.
-    """
+    """Keep other processes from mirroring to a database file: they would replace model files."""
     path = _database(uri)
     if path is None:
         yield
@@ -197,11 +166,7 @@ def _is_empty(path: Path) -> bool:
 
 
 def _await_answer(uri: str) -> None:
-    """Ask a server for a sign of life, of any kind; MLflow would wait for minutes.
-
-    Raises:
-        OSError: There is none in time.
-    """
+    """Ask a server for a sign of life, of any kind; MLflow would wait for minutes."""
     if uri.startswith("http"):
         requests.get(f"{uri.rstrip('/')}/health", timeout=SECONDS_FOR_ANSWER)
 
@@ -211,13 +176,18 @@ def is_server(uri: str) -> bool:
     return uri.startswith(("http://", "https://", "databricks"))
 
 
+def artifacts_uri(project: Path) -> str:
+    """Return where the database in a project folder keeps artifacts."""
+    return (project / "mlartifacts").as_uri()
+
+
 def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
     # A server decides where artifacts go; a database would default to the current folder.
-    location = None if is_server(uri) else (project / "mlartifacts").as_uri()
+    location = None if is_server(uri) else artifacts_uri(project)
     experiment = client.get_experiment_by_name(EXPERIMENT)
     if experiment is None:
         try:
-            return client.create_experiment(EXPERIMENT, location, pages.KIND_TAGS)
+            return client.create_experiment(EXPERIMENT, location, internals.EXPERIMENT_KIND)
         except MlflowException:  # another process created it just now
             experiment = client.get_experiment_by_name(EXPERIMENT)
             if experiment is None:
@@ -239,25 +209,18 @@ def _explain(error: BaseException, uri: str) -> str:
         if isinstance(cause, requests.ConnectionError | requests.Timeout):
             return "cannot be reached; start it, or unset MLFLOW_TRACKING_URI to use mlflow.db"
         cause = cause.__cause__ or cause.__context__
-    message = _without_password_of(uri, " ".join(str(error).split()))
+    message = " ".join(str(error).split())
+    secret = uri.partition("://")[2].rpartition("@")[0].partition(":")[2]
+    for part in filter(None, [secret, *re.split("[/:@?]", secret)]):  # may be taken for a port
+        message = message.replace(part, "...")
+    message = _without_password(message)
     return message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "..."
 
 
 def _without_password(text: str) -> str:
-    """Return a text whose URIs have neither user and password nor a query."""
-    return re.sub(r"(?<=://)\S+", _place, text)
+    """Return a text whose URIs have neither user and password nor a query.
 
-
-def _place(match: re.Match[str]) -> str:
-    """Return the part of a URI's rest that is no secret; a password may hold any character."""
-    secret, _, place = match[0].rpartition("@")
-    return "..." if "?" in secret else place.partition("?")[0]
-
-
-def _without_password_of(uri: str, text: str) -> str:
-    """Return a text about a URI without its password, or a part that was taken for a port."""
-    secret = uri.partition("://")[2].rpartition("@")[0].partition(":")[2]
-    for part in [secret, *re.split("[/:@?]", secret)]:
-        if part:
-            text = text.replace(part, "...")
-    return _without_password(text)
+    SQLAlchemy's `hide_password` shows queries, and what follows an unquoted `@` in a password.
+    """
+    text = re.sub(r"(?<=://)\S*\?\S*@\S*", "...", text)  # whose "?" it is cannot be told
+    return re.sub(r"(?<=://)(?:\S*@)?([^\s?]*)\S*", r"\1", text)

@@ -14,11 +14,7 @@ QUANTITIES = {"apex": "apex [m]", "flight": "flight", "fluidity": "fluidity"}
 
 
 def comparison(results: Mapping[str, Any]) -> str:
-    """Return the results of a comparison: a table, then the claims; as much as MLflow keeps.
-
-    Args:
-        results: The content of `results/comparison.json`; whatever is missing is left out.
-    """
+    """Return what `comparison.json` holds: a table, then the claims; as much as MLflow keeps."""
     text = ""
     for line in [*agent_table(results.get("agents", {})), *_claims(results.get("claims", []))]:
         if len(text) + len(line) > LONGEST:
@@ -32,13 +28,8 @@ def policy(
 ) -> str:
     """Describe a policy: what it is, how good it is, and where it comes from.
 
-    Args:
-        algorithm: The algorithm that trained it.
-        seed: The training seed.
-        hold: Control steps that each of its choices is held for.
-        means: Means over the held-out episodes, and the return in `validation`; what was not
-            measured is left out.
-        origins: What it can be traced back to, by label.
+    `hold` counts control steps. `means` are those over the held-out episodes that were measured,
+    and the return in `validation`; `origins` lead back to code and files, by label.
     """
     known = [
         f"{words} {number(means[name])}{unit}".lstrip()
@@ -57,11 +48,7 @@ def policy(
 
 
 def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the lines of a table of agents.
-
-    Args:
-        agents: `agents` of `results/comparison.json`; whatever is missing is left out.
-    """
+    """Yield the lines of a table of `agents` of `comparison.json`."""
     if not agents:
         return
     headings = ("agent", "return", "mean", "worst seed", *QUANTITIES.values(), "training [s]")

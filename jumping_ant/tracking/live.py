@@ -2,8 +2,8 @@
 
 A separate process follows the curve files that training writes. So training neither waits for
 MLflow nor fails with it, and a slow or unreachable tracking server costs only the live view:
-`track` completes it from the files. Only this follower knows the load: a run that `track` creates
-from files alone has none.
+`track` completes it from the files. Only this follower knows the load, which the comparison shows:
+one that `track` creates from files alone has none.
 """
 
 import sys
@@ -20,9 +20,9 @@ from jumping_ant.experiment import params_file
 from jumping_ant.tracking import reading, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors
-from jumping_ant.tracking.machine_load import MachineLoad, Sample
+from jumping_ant.tracking.internals import Monitor
 from jumping_ant.tracking.reading import Point
-from jumping_ant.tracking.store import Store
+from jumping_ant.tracking.store import Desired, Store
 
 TIMEOUT_SECONDS = 5
 MAX_RETRIES = 0
@@ -35,10 +35,7 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
 
     An MLflow failure is reported once, on standard error, and the update is retried later.
 
-    Args:
-        agent: The agent's name.
-        root: The project folder.
-        has_ended: Waits for at most the given seconds and returns whether training has ended.
+    `has_ended` waits for at most the given seconds and returns whether training has ended.
 
     Raises:
         InputError: `params.yaml` is invalid, or has no such agent.
@@ -67,13 +64,11 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
 
 @dataclass
 class _Followed:
-    """A run and what is logged to it: curve points, the time each step was first seen, samples."""
+    """A run, the curve points that it has, and when each step was first seen [ms since 1970]."""
 
-    run_id: str
-    start: int
+    run: Run
     points: dict[Point, float] = field(default_factory=dict)
     times: dict[int, int] = field(default_factory=dict)
-    num_samples: int = 0
 
 
 class _Follower:
@@ -90,26 +85,21 @@ class _Follower:
         self._store: Store | None = None
         self._parent: Run | None = None
         self._followed: dict[int, _Followed] = {}
-        self._load = MachineLoad()
+        self._monitor: Monitor | None = None
 
     def update(self) -> None:
-        """Log new points of the curve files and new samples of the machine's load.
-
-        Raises:
-            InputError: MLflow failed.
-        """
-        self._load.update()
+        """Log new points of the curve files, and the machine's load from the first one on."""
         store = self._connect()
         with failures_as_input_errors(store.uri):
             for seed in self._seeds:
                 self._follow(store, seed)
+            if self._parent is not None and not (self._monitor and self._monitor.is_alive):
+                self._monitor = Monitor(self._parent.info.run_id, store.uri)
 
     def finish(self) -> None:
-        """Log the rest, and end the runs: finished if there is a policy, otherwise killed.
-
-        Raises:
-            InputError: MLflow failed.
-        """
+        """Log the rest, and end the runs: finished if there is a policy, otherwise killed."""
+        if self._monitor:
+            self._monitor.finish()
         store = self._connect()
         with failures_as_input_errors(store.uri):
             statuses = {self._end(store, seed) for seed in self._seeds}
@@ -127,29 +117,19 @@ class _Follower:
         return self._store
 
     def _follow(self, store: Store, seed: int) -> None:
-        paths = Paths(self._root).agent(self._agent).seed(seed)
         curve = reading.read_curve(self._root, self._agent, seed)
         if not curve:
             return
         followed = self._followed.get(seed)
         if followed is not None and _contradicts(followed.points, curve):
-            store.client.set_terminated(followed.run_id, "KILLED")
+            store.client.set_terminated(followed.run.info.run_id, "KILLED")
             followed = None
         if followed is None:
             followed = self._followed[seed] = self._open(store, seed, curve)
-        new = {point: value for point, value in curve.items() if point not in followed.points}
-        for _, step in new:  # a point resent with the same time is no duplicate
+        for _, step in curve.keys() - followed.points:  # one resent with its time is no duplicate
             followed.times.setdefault(step, stores.now_ms())
-        samples = self._new_samples(followed, paths.policy)
-        load = [metric for sample in samples for metric in sample.metrics(followed.start)]
-        store.log_metrics(followed.run_id, stores.as_metrics(new, followed.times) + load)
-        followed.points |= new
-        followed.num_samples += len(samples)
-
-    def _new_samples(self, followed: _Followed, policy: Path) -> list[Sample]:
-        """Return the load samples that a run lacks; a finished seed needs no more."""
-        is_trained = policy.exists() and policy.stat().st_mtime_ns >= self._start * 1_000_000
-        return [] if is_trained else self._load.samples[followed.num_samples :]
+        store.apply(followed.run, Desired(curve=curve, times=followed.times), followed.points)
+        followed.points |= curve
 
     def _open(self, store: Store, seed: int, curve: stores.Points) -> _Followed:
         """Return a run to log to: that of an interrupted training that resumed, or a new one."""
@@ -163,11 +143,11 @@ class _Follower:
             points = {point: values[0] for point, values in store.curve_points(run).items()}
             if not _contradicts(points, curve):
                 store.take_over(run)
-                store.set_changed_tags(run, tags)
-                return _Followed(run.info.run_id, run.info.start_time, points)
+                store.apply(run, Desired(tags=tags))
+                return _Followed(run, points)
         run = store.create_seed_run(self._agent, seed, self._algorithm, tags, self._start)
-        store.log_missing_params(run, self._params)
-        return _Followed(run.info.run_id, run.info.start_time)
+        store.apply(run, Desired(params=self._params))
+        return _Followed(run)
 
     def _end(self, store: Store, seed: int) -> str | None:
         """End a seed's run and return its status; None if it has none, or a redundant one.
@@ -184,7 +164,7 @@ class _Follower:
             self._follow(store, seed)
         if seed not in self._followed:
             return None
-        run_id = self._followed[seed].run_id
+        run_id = self._followed[seed].run.info.run_id
         if is_shown:
             store.client.set_terminated(run_id, "KILLED")
             store.client.delete_run(run_id)

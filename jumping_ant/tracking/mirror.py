@@ -15,7 +15,7 @@ from mlflow.exceptions import MlflowException
 
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file
-from jumping_ant.tracking import pages, records
+from jumping_ant.tracking import internals, pages, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import (
     ConflictError,
@@ -25,7 +25,7 @@ from jumping_ant.tracking.connection import (
 from jumping_ant.tracking.models import AgentModels
 from jumping_ant.tracking.reading import Point
 from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, SeedRecord
-from jumping_ant.tracking.store import Store
+from jumping_ant.tracking.store import Desired, Store
 from jumping_ant.tracking.writers import is_own, is_written
 
 TIMEOUT_SECONDS = 20
@@ -39,11 +39,8 @@ def track(
 ) -> None:
     """Bring MLflow up to date with a project's files.
 
-    Args:
-        root: The project folder.
-        say: Receives one line for each change, and one at the end.
-        pages_at: Where MLflow's pages will be served, unless a server already serves them; a last
-            line says where to look.
+    `say` receives one line for each change, and one at the end. With `pages_at`, where MLflow's
+    pages will be served unless a server already serves them, a last one says where to look.
 
     Raises:
         InputError: A file is damaged, or MLflow cannot be reached.
@@ -98,26 +95,44 @@ class _Mirror:
         if self._comparison.missing:
             return self._store.pending_comparison()
         key = self._comparison.key
-        found = self._store.search(f"tags.{stores.COMPARISON} = '{key}'")
+        found = self._store.comparisons(key)
         if found:
             return found[0]
         self._say(f"comparison {key[:8]}: created")
+        name = f"comparison-{key[:8]}"
         tags = {stores.COMPARISON: key, stores.DVC_STAGE: COMPARE_STAGE}
-        return self._store.create_run(f"comparison-{key[:8]}", tags)
+        # It shows the machine's load during training.
+        complete = next(filter(self._is_completed, self._store.comparisons()), None)
+        if complete:
+            return self._store.rename(complete, name, tags)
+        return self._store.create_run(name, tags)
+
+    def _is_completed(self, pending: Run) -> bool:
+        """Tell whether a pending comparison is over, with nothing but policies of this one."""
+        own = {record.name: record for record in self._comparison.seeds}
+        return not is_written(pending) and all(
+            run.info.run_name in own and self._is_of(run, own[run.info.run_name])
+            for run in self._store.children(pending)
+        )
+
+    def _is_of(self, run: Run, record: SeedRecord) -> bool:
+        """Tell whether a run is that of a policy, or was when its writer was killed."""
+        if stores.is_unclaimed(run, record.params):
+            return _agrees(self._store.curve_points(run), record.curve)
+        return stores.shows(run, record.digest)
 
     def _close_comparison(self, run: Run) -> None:
-        store = self._store
-        if not self._comparison.missing:
-            note = {pages.NOTE: self._comparison.note} if self._comparison.note else {}
-            changes = {
-                "metrics": store.log_changed_summary(run, self._comparison.summary),
-                "tags": store.set_changed_tags(run, note | _source_tags(run, COMPARE_STAGE)),
-                "artifacts": store.upload_changed(run, self._comparison.artifacts),
-            }
+        comparison, store = self._comparison, self._store
+        if not comparison.missing:
+            note = {pages.NOTE: comparison.note} if comparison.note else {}
+            tags = note | _source_tags(run, COMPARE_STAGE)
+            changes = store.apply(
+                run, Desired(metrics=comparison.summary, tags=tags, artifacts=comparison.artifacts)
+            )
             if any(changes.values()):
-                self._say(f"comparison {self._comparison.key[:8]}: updated ({_listed(changes)})")
+                self._say(f"comparison {comparison.key[:8]}: updated ({_listed(changes)})")
         # A pending one may belong to a training that will be resumed.
-        is_done = not self._comparison.missing and run.info.status != "FINISHED"
+        is_done = not comparison.missing and run.info.status != "FINISHED"
         if is_done or is_own(run):
             store.client.set_terminated(run.info.run_id, "FINISHED")
 
@@ -133,7 +148,8 @@ class _Mirror:
         if run is None:
             run = self._create(record, parent)
         model, model_changes = agent_models.mirror(record, run)
-        changes = self._repair(record, run, stored, parent, model) | model_changes
+        desired = self._desired(record, run, parent, model)
+        changes = self._store.apply(run, desired, stored) | model_changes
         if run.info.status != "FINISHED":
             end = None if stores.LIVE in run.data.tags else _end_ms(record)
             self._store.client.set_terminated(run.info.run_id, "FINISHED", end)
@@ -166,33 +182,24 @@ class _Mirror:
 
     def _create(self, record: SeedRecord, parent: Run) -> Run:
         tags = {stores.POLICY_DIGEST: record.digest, stores.PARENT: parent.info.run_id}
-        start = _end_ms(record) - round(1000 * record.summary.get((TRAIN_SECONDS, 0), 0.0))
+        start = _end_ms(record) - round(1000 * record.summary.get(TRAIN_SECONDS, 0.0))
         return self._store.create_seed_run(record.agent, record.seed, record.algorithm, tags, start)
 
-    def _repair(
-        self,
-        record: SeedRecord,
-        run: Run,
-        stored: Mapping[Point, object],
-        parent: Run,
-        model: LoggedModel,
-    ) -> dict[str, int]:
-        """Bring a run up to date; return the number of changes of each kind."""
-        store = self._store
-        missing = {point: value for point, value in record.curve.items() if point not in stored}
-        start = run.info.start_time
-        times = {step: start + round(1000 * after) for step, after in record.seconds.items()}
-        store.log_points(run.info.run_id, missing, times)
+    def _desired(self, record: SeedRecord, run: Run, parent: Run, model: LoggedModel) -> Desired:
         tags = _seed_tags(record, run)
         if self._belongs_under(run, parent):
             tags |= {stores.PARENT: parent.info.run_id}
-        return {
-            "curve points": len(missing),
-            "params": store.log_missing_params(run, record.params),
-            "metrics": store.log_changed_summary(run, record.summary, model),
-            "artifacts": store.upload_changed(run, record.artifacts),
-            "tags": store.set_changed_tags(run, tags),
-        }
+        start = run.info.start_time
+        times = {step: start + round(1000 * after) for step, after in record.seconds.items()}
+        return Desired(
+            params=record.params,
+            curve=record.curve,
+            times=times,
+            metrics=record.summary,
+            tags=tags,
+            artifacts=record.artifacts,
+            model=model,
+        )
 
     def _belongs_under(self, run: Run, parent: Run) -> bool:
         """Tell whether a run belongs under this comparison: the newest that contains it."""
@@ -206,14 +213,13 @@ class _Mirror:
 
 
 def _describe_experiment(store: Store) -> None:
-    """Give the experiment its saved view and description; a description of others is kept."""
+    """Give the experiment its saved view and description; someone else's description is kept."""
     experiment = store.client.get_experiment(store.experiment_id)
     tags = pages.experiment_tags(store.experiment_id)
     if not experiment.tags.get(pages.NOTE, pages.ABOUT).startswith(pages.ABOUT):
         del tags[pages.NOTE]
-    for name, value in tags.items():
-        if experiment.tags.get(name) != value:
-            store.client.set_experiment_tag(store.experiment_id, name, value)
+    for tag in stores.changed(experiment.tags, tags).items():
+        store.client.set_experiment_tag(store.experiment_id, *tag)
 
 
 def _seed_tags(record: SeedRecord, run: Run) -> dict[str, str]:
@@ -222,8 +228,8 @@ def _seed_tags(record: SeedRecord, run: Run) -> dict[str, str]:
         stores.POLICY_DIGEST: record.digest,
         stores.DVC_MD5: record.md5,
         pages.NOTE: record.describe(run.data.tags.get(stores.GIT_COMMIT)),
-        pages.COLOUR: record.colour,
-        **pages.UNFOLDED,
+        internals.RUN_COLOUR: record.colour,
+        **internals.UNFOLDED,
         **_source_tags(run, record.stage),
     }
 

@@ -2,7 +2,6 @@
 
 import functools
 import importlib.metadata
-import json
 import shutil
 import tempfile
 from pathlib import Path
@@ -11,17 +10,13 @@ import mlflow.pyfunc
 import numpy as np
 from mlflow.entities import LoggedModel, LoggedModelOutput, Run
 from mlflow.entities.model_registry import ModelVersion
-from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import Schema, TensorSpec
-from mlflow.utils.file_utils import local_file_uri_to_path
-from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
-from mlflow.utils.uri import is_local_uri
 
 from jumping_ant.base.files import CODE_ROOT, folder_digest
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Interface
-from jumping_ant.tracking import pages
+from jumping_ant.tracking import internals, pages
 from jumping_ant.tracking.records import SeedRecord
 from jumping_ant.tracking.store import (
     AGENT,
@@ -33,6 +28,7 @@ from jumping_ant.tracking.store import (
     POLICY_DIGEST,
     SEED,
     Store,
+    changed,
     source_tags,
 )
 
@@ -55,12 +51,7 @@ def registered_name(agent: str) -> str:
 
 
 class AgentModels:
-    """The policies of one agent, as versions of its registered model.
-
-    Args:
-        store: The MLflow store.
-        agent: The agent's name.
-    """
+    """The policies of one agent, as versions of its registered model."""
 
     def __init__(self, store: Store, agent: str) -> None:
         self._store = store
@@ -71,11 +62,7 @@ class AgentModels:
         self._mirrored: list[tuple[SeedRecord, ModelVersion]] = []
 
     def mirror(self, record: SeedRecord, run: Run) -> tuple[LoggedModel, dict[str, int]]:
-        """Log, register and describe a policy, as needed.
-
-        Returns:
-            The model, and the number of changes of each kind.
-        """
+        """Log, register and describe a policy, as needed; count the changes by kind."""
         client = self._store.client
         model = self._find_model(record)
         is_whole = model is not None and _is_whole(self._store, model, record)
@@ -94,12 +81,9 @@ class AgentModels:
         }
 
     def crown(self) -> str | None:
-        """Point `champion` at the mirrored version that did best in validation.
+        """Point `champion` at the mirrored version that did best in validation; say so.
 
         Held-out episodes only judge: a champion chosen by them would look better than it is.
-
-        Returns:
-            What was done, or None.
         """
         scores = {
             version.version: score
@@ -119,23 +103,16 @@ class AgentModels:
     ) -> int:
         """Bring tags and descriptions of a model and its version up to date; count them."""
         client = self._store.client
-        stale = {
-            name: value
-            for name, value in _model_tags(record, run).items()
-            if model.tags.get(name) != value
-        }
-        if stale:
-            client.set_logged_model_tags(model.model_id, stale)
-        count = len(stale)
-        for name, value in _origin_tags(record, run).items():
-            if version.tags.get(name) != value:
-                client.set_model_version_tag(self._name, version.version, name, value)
-                count += 1
-        description = _description(record, run)
-        if version.description != description:
-            client.update_model_version(self._name, version.version, description)
-            count += 1
-        return count
+        own = changed(model.tags, _model_tags(record, run))
+        if own:
+            client.set_logged_model_tags(model.model_id, own)
+        tags = changed(version.tags, _origin_tags(record, run))
+        for tag in tags.items():
+            client.set_model_version_tag(self._name, version.version, *tag)
+        is_described = version.description == _description(record, run)
+        if not is_described:
+            client.update_model_version(self._name, version.version, _description(record, run))
+        return len(own) + len(tags) + (not is_described)
 
     def _find_model(self, record: SeedRecord) -> LoggedModel | None:
         tags = _policy_tags(record).items()
@@ -144,25 +121,14 @@ class AgentModels:
     def _find_champion(self) -> str | None:
         """Return the champion's version; create and describe the registered model if needed."""
         client = self._store.client
-        try:
-            found = client.get_registered_model(self._name)
-        except MlflowException as error:
-            if error.error_code != "RESOURCE_DOES_NOT_EXIST":
-                raise
-            self._register_name()
+        found = client.search_registered_models(f"name = '{self._name}'")
+        if not found:
+            client.create_registered_model(self._name, description=ABOUT)
             return None
-        if found.description != ABOUT:
+        if found[0].description != ABOUT:
             client.update_registered_model(self._name, ABOUT)
-        champion: str | None = found.aliases.get(CHAMPION)
+        champion: str | None = found[0].aliases.get(CHAMPION)
         return champion
-
-    def _register_name(self) -> None:
-        """Create the registered model, unless another process has done so in the meantime."""
-        try:
-            self._store.client.create_registered_model(self._name, description=ABOUT)
-        except MlflowException as error:
-            if error.error_code != "RESOURCE_ALREADY_EXISTS":
-                raise
 
     def _find_version(self, model: LoggedModel, record: SeedRecord) -> ModelVersion | None:
         """Return the policy's version; one whose model is gone is deleted."""
@@ -186,8 +152,9 @@ class AgentModels:
             description=_description(record, run),
             model_id=model.model_id,
         )
-        registered = json.dumps([{"name": self._name, "version": version.version}])
-        client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: registered})
+        client.set_logged_model_tags(
+            model.model_id, internals.registered_tag(self._name, version.version)
+        )
         return version
 
 
@@ -195,19 +162,13 @@ def _is_whole(store: Store, model: LoggedModel, record: SeedRecord) -> bool:
     """Tell whether a model has all its files: by content on this machine, else by size."""
     if str(model.status) != "READY":
         return False
-    if folder := _local_folder(model):
+    if folder := internals.local_folder(model.artifact_location):
         return model.tags.get(FILES_DIGEST) == folder_digest(folder)
     listed = store.client.list_logged_model_artifacts(model.model_id)
     if "MLmodel" not in {entry.path for entry in listed}:
         return False
     stored = store.client.list_logged_model_artifacts(model.model_id, "artifacts")
     return [entry.file_size for entry in stored] == [record.policy_path.stat().st_size]
-
-
-def _local_folder(model: LoggedModel) -> Path | None:
-    """Return the folder of a model's files, None if they are not on this machine."""
-    location = model.artifact_location
-    return Path(local_file_uri_to_path(location)) if is_local_uri(location) else None
 
 
 def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) -> LoggedModel:
@@ -238,7 +199,7 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
                 model_id=model.model_id,
             ),
         )
-        if own_folder := _local_folder(model):
+        if own_folder := internals.local_folder(model.artifact_location):
             shutil.rmtree(own_folder, ignore_errors=True)
         store.client.log_model_artifacts(model.model_id, str(path))
         digest = {FILES_DIGEST: folder_digest(path)}

@@ -6,9 +6,7 @@ the server's token, each of which would be enough by itself.
 """
 
 import hmac
-import os
 import socket
-import warnings
 from collections.abc import Awaitable, Callable, MutableMapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,8 @@ from starlette.responses import HTMLResponse, PlainTextResponse
 
 from jumping_ant.base import peers
 from jumping_ant.base.paths import home
+from jumping_ant.tracking import internals
+from jumping_ant.tracking.connection import artifacts_uri
 
 Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
@@ -37,11 +37,6 @@ class OwnUserOnly:
     The token arrives in the address of the page, which leaves it in a cookie, or as clients of
     MLflow send `MLFLOW_TRACKING_TOKEN`. All ports of a machine share their cookies: this one's name
     has the port, and no page of another port may have the browser use it.
-
-    Args:
-        application: What answers this user.
-        token: The token, of letters and digits.
-        port: The port that the server listens on.
     """
 
     def __init__(self, application: Application, token: str, port: int) -> None:
@@ -100,22 +95,9 @@ def _is_of_another_page(request: HTTPConnection) -> bool:
 
 
 def serve(listener: socket.socket, uri: str, root: Path, token: str) -> None:
-    """Serve MLflow, without its proxy for artifacts, until Ctrl-C.
-
-    Args:
-        listener: Where to accept connections.
-        uri: The database.
-        root: The project folder.
-        token: What requests must bring (see `OwnUserOnly`).
-    """
-    os.environ |= {
-        "_MLFLOW_SERVER_FILE_STORE": uri,
-        "_MLFLOW_SERVER_ARTIFACT_ROOT": (home(root) / "mlartifacts").as_uri(),
-        "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
-    }
-    with warnings.catch_warnings(action="ignore"):  # about packages that MLflow uses
-        from mlflow.server.fastapi_app import app  # reads the variables
-    guarded = OwnUserOnly(app, token, listener.getsockname()[1])
+    """Serve a project's database to whoever brings a token (see `OwnUserOnly`), until Ctrl-C."""
+    application = internals.server(uri, artifacts_uri(home(root)))
+    guarded = OwnUserOnly(application, token, listener.getsockname()[1])
     # Proxies may say whom they ask for, and so could anyone here: headers would replace the address
     # that the user is found by.
     config = uvicorn.Config(guarded, proxy_headers=False, ws="none", workers=1, log_level="warning")

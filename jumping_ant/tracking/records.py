@@ -32,32 +32,21 @@ TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which was chosen by it
 FINAL_RETURN = "final_return"  # of the policy at the end of training, on the held-out episodes
 EVALUATION = "evaluation/"
-SYSTEM = "system/"  # load of the machine during training; MLflow shows it on a separate page
+SYSTEM = "system/"  # load of the machine; runs of seeds from older versions have it
 
 
 @dataclass(frozen=True)
 class SeedRecord:
-    """One trained policy: an agent and a seed.
-
-    Attributes:
-        root: The project folder.
-        agent: The agent's name.
-        seed: The training seed.
-        algorithm: The algorithm that trained it.
-        params: Parameters worth filtering on, by name.
-        digest: SHA-256 of the policy file.
-        colour: The agent's colour in figures.
-        publish: Which policy was published: the `best` one in validation, or the `final` one.
-    """
+    """One trained policy: an agent and a seed."""
 
     root: Path
     agent: str
     seed: int
     algorithm: str
-    params: dict[str, str]
-    digest: str
-    colour: str
-    publish: Literal["best", "final"]
+    params: dict[str, str]  # those worth filtering on
+    digest: str  # SHA-256 of the policy file
+    colour: str  # the agent's in figures
+    publish: Literal["best", "final"]  # of validation, or of training
 
     @property
     def paths(self) -> AgentPaths:
@@ -106,24 +95,24 @@ class SeedRecord:
         return {int(row["env_steps"]): row["seconds"] for row in own}
 
     @cached_property
-    def summary(self) -> dict[Point, float]:
+    def summary(self) -> dict[str, float]:
         """Means over the seed's held-out episodes, validation, final return and training time.
 
         Missing and non-finite values are left out.
         """
-        means: dict[Point, float] = {}
+        means: dict[str, float] = {}
         evaluation = f"evaluate@{self.agent}"
         for row in self._rows(self.paths.seed_means, evaluation, {"seed": SEED}):
-            means |= {(EVALUATION + name, 0): mean for name, mean in row.items() if name != "seed"}
+            means |= {EVALUATION + name: mean for name, mean in row.items() if name != "seed"}
         if self.validation_return is not None:
-            means[VALIDATION_RETURN, 0] = self.validation_return
+            means[VALIDATION_RETURN] = self.validation_return
         columns = {"seed": SEED, "variant": Column(words=variant_names.NAMES)}
         for row in self._rows(self.paths.variants, evaluation, columns):
             if row["variant"] == "final" and "return" in row:
-                means[FINAL_RETURN, 0] = row["return"]
+                means[FINAL_RETURN] = row["return"]
         if self.seconds:
-            means[TRAIN_SECONDS, 0] = max(self.seconds.values())
-        return {point: mean for point, mean in means.items() if math.isfinite(mean)}
+            means[TRAIN_SECONDS] = max(self.seconds.values())
+        return {name: mean for name, mean in means.items() if math.isfinite(mean)}
 
     def _rows(self, path: Path, stage: str, columns: Mapping[str, Column]) -> list[dict[str, Any]]:
         """Return the seed's rows of a table of its agent."""
@@ -139,14 +128,10 @@ class SeedRecord:
         return curves.published_return(returns, self.publish) if returns else None
 
     def describe(self, commit: str | None) -> str:
-        """Return what the policy is, how good it is and where it comes from, as Markdown.
-
-        Args:
-            commit: The git commit that it was trained at, if known.
-        """
+        """Return what the policy is, how good it is and where it comes from, as Markdown."""
         means = {
             name.removeprefix(EVALUATION): mean
-            for (name, _), mean in self.summary.items()
+            for name, mean in self.summary.items()
             if name.startswith(EVALUATION)
         }
         origins = {
@@ -173,17 +158,11 @@ class SeedRecord:
 
 @dataclass(frozen=True)
 class ComparisonRecord:
-    """All trained policies of `params.yaml` together.
-
-    Attributes:
-        root: The project folder.
-        seeds: Every policy that is trained.
-        missing: The agent and seed of every policy that is not trained.
-    """
+    """All trained policies of `params.yaml` together."""
 
     root: Path
     seeds: list[SeedRecord]
-    missing: list[tuple[str, int]]
+    missing: list[tuple[str, int]]  # agent and seed of what is not trained
 
     @property
     def key(self) -> str:
@@ -211,9 +190,9 @@ class ComparisonRecord:
         return read_json(path, "compare") if path.exists() else {}
 
     @cached_property
-    def summary(self) -> dict[Point, float]:
+    def summary(self) -> dict[str, float]:
         """The comparison's headline numbers."""
-        return {(name, 0): value for name, value in _headlines(self.results)}
+        return dict(_headlines(self.results))
 
     @property
     def note(self) -> str:

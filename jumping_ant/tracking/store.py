@@ -1,17 +1,21 @@
 """What the project looks up and writes in MLflow: runs, curves, artifacts, models."""
 
 import json
+import os
 import subprocess
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TypeVar
 
 from mlflow.entities import LoggedModel, Metric, Param, Run, RunTag
+from mlflow.store.entities import PagedList
 
 from jumping_ant.base.files import digest
-from jumping_ant.tracking import connection, pages
+from jumping_ant.tracking import connection
 from jumping_ant.tracking.connection import Connection
+from jumping_ant.tracking.internals import UNFOLDED
 from jumping_ant.tracking.reading import Point
 from jumping_ant.tracking.records import is_of_curve, run_name, stage
 from jumping_ant.tracking.writers import WRITER, is_written, this_process
@@ -27,64 +31,80 @@ PARENT = "mlflow.parentRunId"
 HOLD = "hold"  # control steps that each of a model's outputs is held for
 GIT_COMMIT, DVC_STAGE, DVC_MD5 = "git_commit", "dvc_stage", "dvc_md5"
 
-MAX_METRICS_PER_CALL = 1000
-
 Points = Mapping[Point, float]
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True)
+class Desired:
+    """What a run should show."""
+
+    params: Mapping[str, str] = field(default_factory=dict)  # MLflow never changes one
+    curve: Points = field(default_factory=dict)
+    times: Mapping[int, int] = field(default_factory=dict)  # of the curve's steps [ms since 1970]
+    metrics: Mapping[str, float] = field(default_factory=dict)  # without steps
+    tags: Mapping[str, str] = field(default_factory=dict)
+    artifacts: Mapping[str, Path] = field(default_factory=dict)  # files by their path in the run
+    model: LoggedModel | None = None  # has the metrics, too
 
 
 @dataclass(frozen=True)
 class Store(Connection):
-    """An open MLflow store, and what the project does with it.
+    """An open MLflow store, and what the project does with it."""
 
-    Attributes:
-        commit: The project's git commit; None outside of a repository.
-    """
-
-    commit: str | None
+    commit: str | None  # the project's in git; None outside of a repository
 
     def search(self, condition: str) -> list[Run]:
         """Return the runs of the experiment that meet a condition, newest first."""
-        runs: list[Run] = []
-        token: str | None = None
-        while True:
-            page = self.client.search_runs([self.experiment_id], condition, page_token=token)
-            runs += page
-            token = page.token
-            if not token:
-                return runs
+        return _all(
+            lambda token: self.client.search_runs([self.experiment_id], condition, page_token=token)
+        )
+
+    def logged_models(self, agent: str) -> list[LoggedModel]:
+        """Return the models of an agent, newest first."""
+        experiments, condition = [self.experiment_id], f"tags.{AGENT} = '{agent}'"
+        return _all(
+            lambda token: self.client.search_logged_models(experiments, condition, page_token=token)
+        )
 
     def seed_runs(self, agent: str, seed: int) -> list[Run]:
         """Return the runs of an agent and a seed, newest first."""
         return self.search(f"tags.{AGENT} = '{agent}' and tags.{SEED} = '{seed}'")
+
+    def comparisons(self, key: str = PENDING) -> list[Run]:
+        """Return the comparisons with a key, newest first."""
+        return self.search(f"tags.{COMPARISON} = '{key}'")
 
     def children(self, run: Run) -> list[Run]:
         """Return the runs nested under a run."""
         return self.search(f"tags.`{PARENT}` = '{run.info.run_id}'")
 
     def create_run(self, name: str, tags: Mapping[str, str], start: int | None = None) -> Run:
-        """Create a run that this process writes.
-
-        Args:
-            name: The run's name.
-            tags: The run's tags.
-            start: When it began [ms since 1970]; by default now.
-        """
-        own = {WRITER: this_process()} | ({GIT_COMMIT: self.commit} if self.commit else {})
-        if DVC_STAGE in tags:
-            own |= source_tags(tags[DVC_STAGE], self.commit)
-        return self.client.create_run(self.experiment_id, start, {**tags, **own}, name)
+        """Create a run that this process writes; it began at `start` [ms since 1970], or now."""
+        return self.client.create_run(self.experiment_id, start, self._first_tags(tags), name)
 
     def create_seed_run(
         self, agent: str, seed: int, algorithm: str, tags: Mapping[str, str], start: int
     ) -> Run:
         """Create the run of an agent and a seed; arguments as in `create_run`."""
         own = {AGENT: agent, SEED: str(seed), ALGORITHM: algorithm, DVC_STAGE: stage(agent)}
-        return self.create_run(run_name(agent, seed), {**own, **pages.UNFOLDED, **tags}, start)
+        return self.create_run(run_name(agent, seed), {**own, **UNFOLDED, **tags}, start)
 
     def pending_comparison(self) -> Run:
         """Return the run that seeds are nested under until every policy is trained."""
-        found = self.search(f"tags.{COMPARISON} = '{PENDING}'")
+        found = self.comparisons()
         return found[0] if found else self.create_run("comparison (pending)", {COMPARISON: PENDING})
+
+    def rename(self, run: Run, name: str, tags: Mapping[str, str]) -> Run:
+        """Make a run one that `create_run` would have created."""
+        self.client.update_run(run.info.run_id, "RUNNING", name)
+        self.apply(run, Desired(tags=self._first_tags(tags)))
+        return self.client.get_run(run.info.run_id)
+
+    def take_over(self, run: Run) -> None:
+        """Make this process the writer of a run."""
+        self.client.set_tag(run.info.run_id, WRITER, this_process())
+        self.client.update_run(run.info.run_id, "RUNNING")
 
     def curve_points(self, run: Run) -> dict[Point, list[float]]:
         """Return every value of a run's learning curve, without its other metrics."""
@@ -94,112 +114,83 @@ class Store(Connection):
                 points.setdefault((name, metric.step), []).append(metric.value)
         return points
 
-    def log_points(self, run_id: str, points: Points, times: Mapping[int, int]) -> None:
-        """Log points of a learning curve; arguments as in `as_metrics`."""
-        self.log_metrics(run_id, as_metrics(points, times))
-
-    def log_metrics(self, run_id: str, metrics: Sequence[Metric]) -> None:
-        """Log metrics in as few calls as possible."""
-        for first in range(0, len(metrics), MAX_METRICS_PER_CALL):
-            batch = metrics[first : first + MAX_METRICS_PER_CALL]
-            self.client.log_batch(run_id, metrics=batch, synchronous=True)
-
-    def logged_models(self, agent: str) -> list[LoggedModel]:
-        """Return the models of an agent, newest first."""
-        models: list[LoggedModel] = []
-        token: str | None = None
-        while True:
-            page = self.client.search_logged_models(
-                [self.experiment_id], f"tags.{AGENT} = '{agent}'", page_token=token
-            )
-            models += page
-            token = page.token
-            if not token:
-                return models
-
-    def log_missing_params(self, run: Run, params: Mapping[str, str]) -> int:
-        """Log the parameters that a run lacks (MLflow never changes one), and count them."""
-        missing = [
-            Param(name, value) for name, value in params.items() if name not in run.data.params
+    def apply(self, run: Run, desired: Desired, curve: Container[Point] = ()) -> dict[str, int]:
+        """Write what a run lacks or has otherwise, but for stored points; count it by kind."""
+        now = now_ms()
+        points = [
+            Metric(name, value, desired.times.get(step, now), step)
+            for (name, step), value in desired.curve.items()
+            if (name, step) not in curve
         ]
-        if missing:
-            self.client.log_batch(run.info.run_id, params=missing, synchronous=True)
-        return len(missing)
+        metrics = self._changed_metrics(run, desired)
+        params = [
+            Param(*param) for param in desired.params.items() if param[0] not in run.data.params
+        ]
+        tags = [RunTag(*tag) for tag in changed(run.data.tags, desired.tags).items()]
+        self.client.log_batch(run.info.run_id, points + metrics, params, tags)
+        return {
+            "curve points": len(points),
+            "params": len(params),
+            "metrics": len(metrics),
+            "artifacts": self._upload(run, desired.artifacts),
+            "tags": len(tags),
+        }
 
-    def log_changed_summary(
-        self, run: Run, summary: Points, model: LoggedModel | None = None
-    ) -> int:
-        """Log the metrics whose latest value differs, and count them.
+    def _changed_metrics(self, run: Run, desired: Desired) -> list[Metric]:
+        """Return the metrics whose latest value differs, in the run or in its model.
 
         A first value has the time of the run's start: two processes that log it at once log the
         same. MLflow takes a model's values with a run's; one resent with its time is no duplicate.
-
-        Args:
-            run: The run.
-            summary: The values.
-            model: A model that has the same metrics.
         """
-        shown = _latest(model.metrics or []) if model else {}
+        model = desired.model
+        shown = _latest(model) if model else desired.metrics
         metrics = []
-        for (name, step), value in summary.items():
-            model_id = model.model_id if model and not same(shown.get(name), value) else None
-            if model_id or not same(run.data.metrics.get(name), value):
-                time_ms = self._time_of(run, name, value)
-                metrics.append(Metric(name, value, time_ms, step, model_id))
-        self.log_metrics(run.info.run_id, metrics)
-        return len(metrics)
+        for name, value in desired.metrics.items():
+            latest, is_shown = run.data.metrics.get(name), same(shown.get(name), value)
+            if same(latest, value) and is_shown:
+                continue
+            time_ms = run.info.start_time if latest is None else now_ms()
+            if same(latest, value):
+                history = self.client.get_metric_history(run.info.run_id, name)
+                time_ms = max(metric.timestamp for metric in history)
+            model_id = None if is_shown or model is None else model.model_id
+            metrics.append(Metric(name, value, time_ms, 0, model_id))
+        return metrics
 
-    def _time_of(self, run: Run, name: str, value: float) -> int:
-        """Return the time to log a value of a run's metric with."""
-        latest = run.data.metrics.get(name)
-        if latest is None:
-            return int(run.info.start_time)
-        if not same(latest, value):
-            return now_ms()
-        history = self.client.get_metric_history(run.info.run_id, name)
-        return max(metric.timestamp for metric in history)
-
-    def set_changed_tags(self, run: Run, tags: Mapping[str, str]) -> int:
-        """Set the tags whose value differs, and count them."""
-        changed = [RunTag(*tag) for tag in tags.items() if run.data.tags.get(tag[0]) != tag[1]]
-        if changed:
-            self.client.log_batch(run.info.run_id, tags=changed, synchronous=True)
-        return len(changed)
-
-    def upload_changed(self, run: Run, artifacts: Mapping[str, Path]) -> int:
+    def _upload(self, run: Run, artifacts: Mapping[str, Path]) -> int:
         """Upload the files that a run lacks or holds with other content, and count them."""
         run_id = run.info.run_id
         sizes: dict[str, int | None] = {}
-        for folder in {str(Path(name).parent).removeprefix(".") for name in artifacts}:
+        for folder in {os.path.dirname(name) for name in artifacts}:
             listed = self.client.list_artifacts(run_id, folder or None)
             sizes |= {entry.path: entry.file_size for entry in listed}
         digests = json.loads(run.data.tags.get(ARTIFACTS, "{}"))
-        count = 0
-        for name, path in artifacts.items():
-            content = digest(path)[:16]
-            if sizes.get(name) == path.stat().st_size and digests.get(name) == content:
-                continue
-            folder = str(Path(name).parent).removeprefix(".")
-            self.client.log_artifact(run_id, str(path), folder or None)
+        stored = {name: (size, digests.get(name)) for name, size in sizes.items()}
+        wanted = {
+            name: (path.stat().st_size, digest(path)[:16]) for name, path in artifacts.items()
+        }
+        uploads = changed(stored, wanted)
+        for name, (_, content) in uploads.items():
+            self.client.log_artifact(run_id, artifacts[name], os.path.dirname(name) or None)
             digests[name] = content
-            count += 1
-        if count:
+        if uploads:
             self.client.set_tag(run_id, ARTIFACTS, json.dumps(digests))
-        return count
+        return len(uploads)
 
     def clear_abandoned(self) -> None:
         """Mark abandoned runs as killed, and delete empty pending comparisons."""
         for run in self.search("attributes.status = 'RUNNING'"):
             if not is_written(run):
                 self.client.set_terminated(run.info.run_id, "KILLED")
-        for run in self.search(f"tags.{COMPARISON} = '{PENDING}'"):
+        for run in self.comparisons():
             if not is_written(run) and not self.children(run):
                 self.client.delete_run(run.info.run_id)
 
-    def take_over(self, run: Run) -> None:
-        """Make this process the writer of a run."""
-        self.client.set_tag(run.info.run_id, WRITER, this_process())
-        self.client.update_run(run.info.run_id, "RUNNING")
+    def _first_tags(self, tags: Mapping[str, str]) -> dict[str, str]:
+        """Return the tags of a new run, and those that say who writes it from which code."""
+        own = {WRITER: this_process()} | ({GIT_COMMIT: self.commit} if self.commit else {})
+        source = source_tags(tags[DVC_STAGE], self.commit) if DVC_STAGE in tags else {}
+        return {**tags, **own, **source}
 
 
 def connect(root: Path, timeout_seconds: int, max_retries: int) -> Store:
@@ -208,17 +199,9 @@ def connect(root: Path, timeout_seconds: int, max_retries: int) -> Store:
     return Store(**vars(opened), commit=git_commit(root))
 
 
-def as_metrics(points: Points, times: Mapping[int, int]) -> list[Metric]:
-    """Return points of a learning curve as MLflow's metrics.
-
-    Args:
-        points: Values by name and step.
-        times: Time of the steps [ms since 1970]; missing ones get the current time.
-    """
-    now = now_ms()
-    return [
-        Metric(name, value, times.get(step, now), step) for (name, step), value in points.items()
-    ]
+def changed(stored: Mapping[str, Any], wanted: Mapping[str, Item]) -> dict[str, Item]:
+    """Return what is wanted and not stored so."""
+    return {name: value for name, value in wanted.items() if stored.get(name) != value}
 
 
 def source_tags(stage: str, commit: str | None) -> dict[str, str]:
@@ -256,19 +239,23 @@ def now_ms() -> int:
 
 def git_commit(root: Path) -> str | None:
     """Return the project's commit; None outside of a git repository, or before the first."""
+    command = ["git", "-C", str(root), "rev-parse", "--verify", "--quiet", "HEAD"]
     try:
-        found = subprocess.run(
-            ["git", "rev-parse", "HEAD"],
-            cwd=root,
-            capture_output=True,
-            encoding="utf-8",
-            check=True,
-        )
-    except (OSError, subprocess.CalledProcessError):
+        return subprocess.run(command, capture_output=True, text=True).stdout.strip() or None
+    except OSError:
         return None
-    return found.stdout.strip()
 
 
-def _latest(metrics: Iterable[Metric]) -> dict[str, float]:
-    ordered = sorted(metrics, key=lambda metric: metric.timestamp)
+def _all(page_of: Callable[[str | None], PagedList[Item]]) -> list[Item]:
+    """Return what all pages of a search list."""
+    page = page_of(None)
+    found = list(page)
+    while page.token:
+        page = page_of(page.token)
+        found += page
+    return found
+
+
+def _latest(model: LoggedModel) -> dict[str, float]:
+    ordered = sorted(model.metrics or [], key=lambda metric: metric.timestamp)
     return {metric.key: metric.value for metric in ordered}

@@ -35,10 +35,6 @@ def main() -> None:
 def run(root: Path, port: int) -> None:
     """Bring MLflow up to date with a project, print where to look, and serve until Ctrl-C.
 
-    Args:
-        root: The project folder.
-        port: Port to listen on; 0 is any free one.
-
     Raises:
         InputError: A file is damaged, MLflow cannot be reached, or the port cannot be had.
     """

@@ -17,7 +17,7 @@ def test_make_switches_off_the_same() -> None:
     assert exported == telemetry.SWITCHES
 
 
-@pytest.mark.parametrize("module", ["stages", "jumping_ant.tracking.connection"])
+@pytest.mark.parametrize("module", ["stages", "jumping_ant.tracking"])
 def test_who_imports_what_reports_switches_it_off(module: str) -> None:
     program = f"import os, {module}; print(*(os.environ[name] for name in {[*telemetry.SWITCHES]}))"
     own = {name: value for name, value in os.environ.items() if name not in telemetry.SWITCHES}

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from tracked_project import (
     content,
     curve_lines,
     evaluate,
+    make_whole,
+    parent_name,
     query,
     runs,
     state,
@@ -25,7 +28,7 @@ from tracked_project import (
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.tracking import live, machine_load, store, writers
+from jumping_ant.tracking import live, store, writers
 
 
 def script(*steps: Callable[[], object]) -> Callable[[float], bool]:
@@ -98,32 +101,50 @@ def test_a_killed_training_is_marked_and_continued(bare_project: Path) -> None:
     assert len(content(bare_project, "metrics", "sac-seed-0")) == 16
 
 
-def test_the_machines_load_is_logged_once_and_left_alone(
+def test_the_comparison_keeps_the_machines_load(
     bare_project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(machine_load, "SAMPLE_SECONDS", 0.0)
+    monkeypatch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.01")
 
     def load() -> list[tuple]:
-        return query(bare_project, "SELECT key, value FROM metrics WHERE key LIKE 'system/%'")
+        sql = "SELECT r.name, key, step, value FROM metrics JOIN runs r USING (run_uuid) "
+        return query(bare_project, sql + "WHERE key LIKE 'system/%' ORDER BY key, step")
 
-    live.follow(
-        "sac",
-        bare_project,
-        script(lambda: grow(bare_project, 1), lambda: None, lambda: train(bare_project, "sac", 0)),
+    def set_status(status: str) -> None:
+        query(bare_project, "UPDATE runs SET status = ? WHERE name LIKE 'comparison%'", status)
+
+    def monitors() -> list[str]:
+        return [thread.name for thread in threading.enumerate() if "Metrics" in thread.name]
+
+    def interrupt() -> None:
+        """Have the monitor give up, as it does when MLflow does not answer."""
+        wait_for(lambda: len(load()) > 20)
+        set_status("FINISHED")
+        wait_for(lambda: not monitors())
+        set_status("RUNNING")
+        count.append(len(load()))
+
+    count: list[int] = []
+    steps = (
+        lambda: grow(bare_project, 1),
+        interrupt,
+        lambda: wait_for(lambda: len(load()) > count[0] + 20),
+        lambda: make_whole(bare_project),
     )
+    live.follow("sac", bare_project, script(*steps))
+    assert not monitors()
     logged = load()
-    assert {key for key, _ in logged} == {
+    assert {key for _, key, _, _ in logged} >= {
         "system/cpu_utilization_percentage",
         "system/system_memory_usage_megabytes",
         "system/system_memory_usage_percentage",
     }
-    assert all(0 <= value <= 100 for key, value in logged if key.endswith("percentage"))
-    # One at the start, one with each of the first two rows; the seed that is through needs none.
-    assert len(logged) == 3 * 3
-    run_id = query(bare_project, "SELECT run_uuid FROM runs WHERE name = 'sac-seed-0'")
+    assert all(0 <= row[3] <= 100 for row in logged if row[1].endswith("percentage"))
+    assert len({(key, step) for _, key, step, _ in logged}) == len(logged), "steps go on"
     tracked(bare_project)
-    assert load() == logged
-    assert query(bare_project, "SELECT run_uuid FROM runs WHERE name = 'sac-seed-0'") == run_id
+    (comparison,) = {row[0] for row in load()}
+    assert comparison == parent_name(bare_project, "sac-seed-0") != "comparison (pending)"
+    assert [row[1:] for row in load()] == [row[1:] for row in logged]
 
 
 def test_another_training_gets_another_run(bare_project: Path) -> None:
@@ -132,6 +153,13 @@ def test_another_training_gets_another_run(bare_project: Path) -> None:
     live.follow("sac", bare_project, script(lambda: None))
     found = query(bare_project, "SELECT name, status FROM runs WHERE name = 'sac-seed-0'")
     assert found == [("sac-seed-0", "KILLED")] * 2
+    make_whole(bare_project)
+    tracked(bare_project)
+    assert parent_name(bare_project, "sac-seed-1") != "comparison (pending)"
+    parents = "SELECT DISTINCT t.value FROM tags t JOIN runs r USING (run_uuid) WHERE "
+    killed = query(bare_project, f"{parents}t.key = 'mlflow.parentRunId' AND status = 'KILLED'")
+    pending = query(bare_project, "SELECT run_uuid FROM runs WHERE name = 'comparison (pending)'")
+    assert killed == pending, "the comparison has only what it compares"
 
 
 def test_the_same_policy_again_leaves_its_run_alone(project: Path) -> None:

@@ -319,7 +319,7 @@ def test_what_is_not_finite_is_not_logged(untracked_project: Path) -> None:
     write_text(path, json.dumps({"agents": agents}))
     params = params_file.load(untracked_project / "params.yaml")
     summary = records.read(untracked_project, params).summary
-    assert summary == {("sac/seeds", 0): 2.0, ("sac/fluidity_mean", 0): -2.5}
+    assert summary == {"sac/seeds": 2.0, "sac/fluidity_mean": -2.5}
 
 
 def test_a_policy_that_is_not_trained_leaves_the_comparison_pending(

@@ -1,7 +1,7 @@
 """MLflow's pages, as a person sees them in a browser."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import imageio.v3 as imageio
@@ -14,7 +14,7 @@ from tracked_project import curve_lines, make_bare, make_whole, served, tracked,
 
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.tracking import live, machine_load, pages
+from jumping_ant.tracking import live, pages
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +25,9 @@ def address(tmp_path_factory: pytest.TempPathFactory, empty_database: Path) -> I
     with pytest.MonkeyPatch.context() as patch, served(root / "server", empty_database) as server:
         unset_variables(patch)
         patch.setenv("MLFLOW_TRACKING_URI", server)
-        patch.setattr(machine_load, "SAMPLE_SECONDS", 0.0)
+        patch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.2")
         write_text(Paths(root).agent("sac").seed(1).curve, curve_lines(1))
-        live.follow("sac", root, has_ended_after(2, rounds_of=1.1))
+        live.follow("sac", root, lambda seconds: not time.sleep(3.0))
         make_whole(root)
         frames = np.random.default_rng(0).integers(0, 255, (75, 64, 64, 3), np.uint8)
         imageio.imwrite(root / "media" / "sac.mp4", frames, fps=25, codec="libx264")
@@ -45,17 +45,6 @@ def runs(address: str) -> dict[str, str]:
     return {str(run.info.run_name).partition("-")[0]: run.info.run_id for run in found} | {
         str(run.info.run_name): run.info.run_id for run in found
     }
-
-
-def has_ended_after(num_rounds: int, rounds_of: float) -> Callable[[float], bool]:
-    """Return a `has_ended`; from a sample after a whole second on, MLflow draws lines, not bars."""
-    rounds = iter(range(num_rounds))
-
-    def has_ended(seconds: float) -> bool:
-        time.sleep(rounds_of)
-        return next(rounds, None) is None
-
-    return has_ended
 
 
 def run_page(address: str, run_id: str, part: str = "") -> str:
@@ -113,16 +102,22 @@ def test_a_comparison_shows_its_results(
 
 
 @pytest.mark.parametrize(
-    ("part", "chart", "axis"),
+    ("run", "part", "chart", "axis"),
     [
-        ("/model-metrics", "return_mean", "Step"),
-        ("/system-metrics", "system/cpu_utilization_percentage", "Time"),
+        ("sac-seed-1", "/model-metrics", "return_mean", "Step"),
+        ("comparison", "/system-metrics", "system/cpu_utilization_percentage", "Time"),
     ],
 )
 def test_a_run_draws_its_metrics(
-    part: str, chart: str, axis: str, address: str, runs: dict[str, str], open_page: OpenPage
+    run: str,
+    part: str,
+    chart: str,
+    axis: str,
+    address: str,
+    runs: dict[str, str],
+    open_page: OpenPage,
 ) -> None:
-    visit = open_page(run_page(address, runs["sac-seed-1"], part))
+    visit = open_page(run_page(address, runs[run], part))
     visit.page.get_by_placeholder("Search metric charts").fill(f"^{chart}$", timeout=30_000)
     titles = visit.page.locator(".js-plotly-plot .xtitle").filter(has_text=axis)
     expect(titles.first).to_be_visible(timeout=30_000)
