@@ -18,7 +18,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article check style test test-quick test-judging test-smoke test-soak test-training \
+.PHONY: help install repro article check style test test-quick test-comparison test-smoke test-soak test-training \
 	test-rest bench soak publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -53,7 +53,7 @@ article: install ## reproduce what the article printed, into results/article.jso
 	python -m scripts.article
 
 check: install ## style, types, and the tests that train nothing: the quick loop
-	@$(MAKE) --no-print-directory --jobs=2 style test-quick test-judging
+	@$(MAKE) --no-print-directory --jobs=2 style test-quick test-comparison
 
 style:
 	ruff check
@@ -64,7 +64,7 @@ test: install .venv/.browser ## check style, types and behaviour
 	@$(MAKE) --no-print-directory --jobs=5 --keep-going \
 		test-smoke test-soak test-training test-rest style
 
-QUICK_TESTS = tests/base tests/words tests/params tests/sim tests/policies tests/test_layers.py \
+QUICK_TESTS = tests/base tests/looks/test_looks.py tests/looks/test_naming.py tests/looks/test_wording.py tests/params tests/sim tests/policies tests/test_layers.py \
 	tests/test_pipeline.py tests/test_publish.py
 
 # Parts that run in parallel, as they often wait for processes. The first takes the longest, one
@@ -77,8 +77,8 @@ GIVE_WAY = CI=1 nice -n 15
 test-quick:
 	pytest -q $(QUICK_TESTS)
 
-test-judging:
-	pytest -q tests/judging
+test-comparison:
+	pytest -q tests/comparison tests/evaluation
 
 test-smoke:
 	CI=1 pytest -q $(SMOKE_TESTS)
@@ -109,10 +109,10 @@ view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
 
 watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=20)
-	@python -m jumping_ant.showing.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
+	@python -m jumping_ant.watching.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
 
 map: install ## renew docs/map.md, the list of all modules
-	python -m scripts.house_map
+	python -m scripts.module_map
 
 schema: install ## renew what comes from the catalogue: params.schema.json, a list in dvc.yaml
 	python -m jumping_ant.experiment.schema

@@ -17,14 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from jumping_ant.agents import catalogue
+from jumping_ant.article import figures as article_figures
+from jumping_ant.article import reproduction
 from jumping_ant.base import command_line, machine, output
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import reproduction
-from jumping_ant.showing import article_figures
-from jumping_ant.words.looks import looks
+from jumping_ant.looks.looks import looks
 from scripts.checkout import Checkout, renew_project
 
 FOLDER = PROJECT_ROOT / ".article"

@@ -27,11 +27,10 @@ from jumping_ant.base import command_line, tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file
+from jumping_ant.experiment import curves, params_file
+from jumping_ant.looks import wording
+from jumping_ant.looks.wording import p_value
 from jumping_ant.tracking import descriptions
-from jumping_ant.training import curves
-from jumping_ant.words import wording
-from jumping_ant.words.wording import p_value
 
 DOCS = PROJECT_ROOT / "docs"
 README = PROJECT_ROOT / "README.md"

@@ -28,8 +28,8 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
+from jumping_ant.looks import rendering
 from jumping_ant.policies import policy_file
-from jumping_ant.showing import rendering
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World

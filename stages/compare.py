@@ -9,9 +9,9 @@ Writes: results/comparison.json, results/figures/, results/plots/
 from jumping_ant.base import tables
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.judging import comparison, results
-from jumping_ant.judging.claims import verdicts
-from jumping_ant.showing import figures
+from jumping_ant.comparison import comparison, results
+from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison.figures import figures
 
 from . import parse, run
 

@@ -11,7 +11,7 @@ import filecmp
 from jumping_ant.base import machine
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths, SeedPaths
-from jumping_ant.judging import evaluation, variants
+from jumping_ant.evaluation import evaluation, variants
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot

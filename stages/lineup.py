@@ -8,7 +8,7 @@ Writes: media/lineup.rrd.
 
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes
 from jumping_ant.base.paths import Paths
-from jumping_ant.showing.recording import lineup, story
+from jumping_ant.recording import lineup, story
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.world import World
 

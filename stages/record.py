@@ -8,8 +8,8 @@ Writes: media/AGENT.mp4, media/AGENT.rrd.
 
 from jumping_ant.base.files import PROJECT_ROOT, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.showing import rendering
-from jumping_ant.showing.recording import episode, story
+from jumping_ant.looks import rendering
+from jumping_ant.recording import episode, story
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.world import World
 

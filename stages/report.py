@@ -7,7 +7,7 @@ Writes: results/report.html.
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.showing.report import page
+from jumping_ant.report import page
 
 from . import parse, run
 

@@ -8,9 +8,10 @@ Writes: results/agents/AGENT/scaling.csv, without rows for an agent whose algori
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import scaling_table
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
-from jumping_ant.training import scaling, scaling_table
+from jumping_ant.training import scaling
 
 from . import parse_agent, run
 

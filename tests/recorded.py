@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
 from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.showing import rendering
-from jumping_ant.showing.recording.story import Story
+from jumping_ant.looks import rendering
+from jumping_ant.recording.story import Story
 
 FPS = 50
 CURVES = {

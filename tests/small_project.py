@@ -12,13 +12,11 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file
+from jumping_ant.experiment import params_file, scaling_table, variant_names
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import variant_names
 from jumping_ant.params import article
 from jumping_ant.params.blocks import CompareParams, EvaluateParams
 from jumping_ant.sim.trajectory import Trajectory
-from jumping_ant.training import scaling_table
 
 COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=0)
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}

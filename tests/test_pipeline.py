@@ -84,9 +84,9 @@ def test_every_algorithm_gets_the_digests_of_its_code() -> None:
 def test_digests_are_of_what_imports_lead_to() -> None:
     assert "jumping_ant/agents/off_policy/lean/adam.py" in names("train-sac")
     assert "jumping_ant/sim/vector.py" in names("evaluate")
-    assert "jumping_ant/showing/report/template.html" in names("report")
+    assert "jumping_ant/report/template.html" in names("report")
     assert "jumping_ant/tracking/serving.py" in names("track")
-    others = {"build": "judging", "evaluate": "showing", "train-random": "tracking"}
+    others = {"build": "comparison", "evaluate": "recording", "train-random": "tracking"}
     for stage, other in others.items():
         assert not any(name.startswith(f"jumping_ant/{other}/") for name in names(stage))
 

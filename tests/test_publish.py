@@ -11,8 +11,7 @@ from PIL import Image
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file
-from jumping_ant.training import curves
+from jumping_ant.experiment import curves, params_file
 from scripts import publish
 
 CLAIM = {"text": "A leads", "verdict": "refuted", "p_holm": 0.01234, "evidence": "Much (8 seeds)."}

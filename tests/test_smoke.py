@@ -88,7 +88,7 @@ LITTER = [
     ".edited.xml.999999.new.tmp",  # of a write that was killed
 ]
 FOLDERS = [
-    *("jumping_ant/agents/evolution", "jumping_ant/showing/report", "stages", "robots", "assets"),
+    *("jumping_ant/agents/evolution", "jumping_ant/report", "stages", "robots", "assets"),
     *("models/sac", "models/sac/seed-0", "media", "results/agents/sac", "results/figures"),
     *(".inputs/code", ".inputs/train/pgpe"),
 ]

@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self, TypeVar, get_args
 
+from jumping_ant.looks.naming import Family
 from jumping_ant.params.blocks import Block, EnvParams
 from jumping_ant.policies.policy_file import KINDS
-from jumping_ant.words.naming import Family
 
 
 class AgentBlock(Block):

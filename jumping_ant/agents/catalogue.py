@@ -6,7 +6,7 @@ from jumping_ant.agents.imitation import algorithms as imitation
 from jumping_ant.agents.off_policy import algorithms as off_policy
 from jumping_ant.agents.on_policy import algorithms as on_policy
 from jumping_ant.agents.open_loop import algorithms as open_loop
-from jumping_ant.agents.random import algorithms as random
+from jumping_ant.agents.random_actions import algorithms as random
 
 ALGORITHMS: dict[str, Algorithm] = (
     random.ALGORITHMS

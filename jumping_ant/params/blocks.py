@@ -212,7 +212,7 @@ class ComputeParams(Block):
 
 
 class EvaluateParams(Block):
-    """Held-out episodes (see `jumping_ant.judging.evaluation`)."""
+    """Held-out episodes (see `jumping_ant.evaluation.evaluation`)."""
 
     episodes: Count
     """[-] Held-out episodes for each seed."""
@@ -223,7 +223,7 @@ class EvaluateParams(Block):
 
 
 class RecordParams(Block):
-    """Videos and recordings (see `rendering` and `recording` in `jumping_ant.showing`)."""
+    """Videos and recordings (see `jumping_ant.looks.rendering` and `jumping_ant.recording`)."""
 
     width: Annotated[int, Field(ge=64, le=3840, multiple_of=2)]
     """[pixels] Width of the video."""
@@ -244,7 +244,7 @@ class RecordParams(Block):
 
 
 class CompareParams(Block):
-    """Statistics (see `jumping_ant.judging.statistics` and `jumping_ant.judging.claims`)."""
+    """Statistics (see `jumping_ant.comparison.estimates` and `jumping_ant.comparison.claims`)."""
 
     confidence: Annotated[float, Field(gt=0, lt=1)]
     """[-] Confidence level of every interval; 1 minus it is the level of all claims together."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jumping_ant.words.wording import estimate, number, p_value
+from jumping_ant.looks.wording import estimate, number, p_value
 
 LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
 MISSING = "–"

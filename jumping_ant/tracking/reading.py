@@ -8,7 +8,7 @@ from jumping_ant.base import tables
 from jumping_ant.base.archive import Archive, to_array
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.training import curves
+from jumping_ant.experiment import curves
 
 Point = tuple[str, int]
 """A metric's name and its step: control steps trained so far, 0 for a metric without steps."""

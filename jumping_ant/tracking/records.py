@@ -19,14 +19,13 @@ from jumping_ant.base import tables
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
+from jumping_ant.experiment import curves, variant_names
 from jumping_ant.experiment.models import Params
-from jumping_ant.judging import variant_names
+from jumping_ant.looks.looks import looks
+from jumping_ant.looks.naming import remark
 from jumping_ant.policies import policy_file
 from jumping_ant.tracking import descriptions
 from jumping_ant.tracking.reading import Point, filmed_seed, read_curve
-from jumping_ant.training import curves
-from jumping_ant.words.looks import looks
-from jumping_ant.words.naming import remark
 
 TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which was chosen by it

@@ -17,10 +17,11 @@ from jumping_ant.base import tables
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import read_bytes, write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
-from jumping_ant.training import cluster, compute, curves, memory, seed_run
+from jumping_ant.training import cluster, compute, memory, seed_run
 from jumping_ant.training.checkpoint_key import checkpoint_key
 from jumping_ant.training.checkpoints import Checkpoints
 from jumping_ant.training.forced import is_forced

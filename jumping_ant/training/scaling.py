@@ -17,8 +17,8 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Progress
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
+from jumping_ant.experiment import scaling_table
 from jumping_ant.sim.world import World
-from jumping_ant.training import scaling_table
 
 REPEATS = 2  # the faster one counts: disturbances only add time
 

@@ -14,10 +14,10 @@ from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import to_json, write_all
 from jumping_ant.base.paths import SeedPaths
+from jumping_ant.experiment import curves
+from jumping_ant.experiment.curves import COLUMNS
 from jumping_ant.policies import policy_file
-from jumping_ant.training import curves
 from jumping_ant.training.checkpoints import Checkpoints, Saved
-from jumping_ant.training.curves import COLUMNS
 from jumping_ant.training.progress import TrainingProgress
 from jumping_ant.training.seed_run import Rejected, Report
 

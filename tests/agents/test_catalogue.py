@@ -13,10 +13,10 @@ from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
 from jumping_ant.agents.job import resolve, trainer_of
 from jumping_ant.base.archive import Archive
+from jumping_ant.looks.naming import BASELINE
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim.world import World
-from jumping_ant.words.naming import BASELINE
 
 AGENTS = small_agents.agents()
 LEARNERS = [name for name, algorithm in ALGORITHMS.items() if not algorithm.is_baseline]

@@ -10,9 +10,10 @@ from small_training import small_params
 from jumping_ant.agents.imitation.demonstrations import Demonstrations
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim.world import World
-from jumping_ant.training import curves, demonstrating, driver
+from jumping_ant.training import demonstrating, driver
 from jumping_ant.training.checkpoint_key import checkpoint_key
 
 COLUMNS = ",".join(["agent", "seed", *curves.COLUMNS])

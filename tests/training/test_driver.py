@@ -22,12 +22,13 @@ from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
+from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
-from jumping_ant.training import compute, curves, driver, seed_run
+from jumping_ant.training import compute, driver, seed_run
 from jumping_ant.training.seed_files import SeedFiles
 from jumping_ant.training.seed_run import Report
 from jumping_ant.training.workers import Work

@@ -5,9 +5,10 @@ import small_agents
 
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import scaling_table
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim.world import World
-from jumping_ant.training import scaling, scaling_table
+from jumping_ant.training import scaling
 
 SEEDS = [0, 5]
 

@@ -1,0 +1,155 @@
+"""The article's statements and the claims that test them, fixed beforehand in docs/claims.md.
+
+An agent represents its algorithm, whatever its name: with two SAC agents there are two claims on
+SAC and DQN. A claim whose agents or measurements are missing is left out.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from jumping_ant.comparison.claims.evidence import (
+    PUBLISHED,
+    Case,
+    Compare,
+    fewer_steps,
+    less_spread,
+    longer_training,
+    more,
+    more_effort,
+    more_in_version,
+    more_speed_up,
+    only_beside,
+)
+from jumping_ant.comparison.claims.field import Field, Select, each, pairs, twins
+from jumping_ant.comparison.claims.findings import Finding
+from jumping_ant.params.blocks import CompareParams
+
+STATEMENTS = {  # the article's, in our words
+    1: "DQN finds out that jumping is best",
+    2: "DQN's movements are not fluid, because its actions are discrete",
+    3: "SAC takes more time to train",
+    4: "SAC's results are much better",
+    5: "Actor-critic methods suit continuous problems; discretising is inefficient",
+    6: "PPO and SAC are steadier and more efficient than A2C",
+    7: "The more complex the model, the harder the training",
+    8: "A second critic helps",
+    9: "Evolution is robust",
+    10: "Evolution is computationally heavy",
+    11: "Evolution is an alternative where rewards are sparse",
+    12: "PGPE is the best evolutionary algorithm",
+    13: "The centre of PGPE's search is its best policy",
+    14: "A constant off the reward stabilises PGPE",
+    15: "A population runs in parallel, the others update one policy",
+    16: "Imitation skips exploration",
+    17: "A lighter body and stronger legs jump higher",
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A claim on any agents: its statement (None: a sceptic's), its text, and what it compares."""
+
+    statement: int | None
+    text: str
+    compare: Compare
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim on certain agents, and what was found."""
+
+    text: str
+    statement: int | None
+    finding: Finding
+
+
+ROUNDING = Row(
+    5,
+    "Discrete actions are inefficient: {0} with its actions rounded to the five commands returns "
+    "less than with its own.",
+    more_in_version("return", PUBLISHED, "rounded"),
+)
+# Which agents, in the order of their labels in the texts, and the claims on them.
+CLAIMS: tuple[tuple[Select, tuple[Row, ...]], ...] = (
+    (Field.beside_random, (
+        Row(1, "{0} learns to jump: it is in the air for longer than {1}, and its jumps are "
+            "higher.", more("flight", "apex")),
+    )),
+    (Field.beside_metronomes, (
+        Row(None, "{0} returns more than {1}, which does not look at the robot.", more("return")),
+    )),
+    (pairs("sac", "dqn"), (
+        Row(2, "{1} moves less fluidly than {0}.", more("fluidity")),
+        Row(3, "{0} takes more time to train than {1}, in all.", longer_training),
+        Row(4, "{0} ends much better than {1}: at least 2 times its return.",
+            more("return", factor=2.0)),
+    )),
+    (each("sac"), (
+        ROUNDING,
+        Row(2, "Discrete actions make movements less fluid: {0} with its actions rounded to the "
+            "five commands moves less fluidly than with its own.",
+            only_beside("dqn", more_in_version("fluidity", PUBLISHED, "rounded"))),
+    )),
+    (each("pgpe"), (ROUNDING,)),
+    (twins("actions"), (
+        Row(5, "Discrete actions are inefficient: {0} returns more than {1}, which chooses among "
+            "the five commands.", more("return")),
+    )),
+    (pairs("ppo sac", "a2c"), (
+        Row(6, "{0} is steadier than {1}: its return varies less from seed to seed.", less_spread),
+        Row(6, "{0} is more efficient than {1}, which needs more control steps to learn anything.",
+            fewer_steps),
+    )),
+    (pairs("dqn", "ddpg", "td3"), (
+        Row(7, "The more complex the model, the harder the training: {1} needs more control steps "
+            "than {0} to learn anything.", fewer_steps),
+    )),
+    (twins("n_critics"), (
+        Row(8, "A second critic helps: {0} returns more than {1}, which has one.", more("return")),
+    )),
+    (pairs("pgpe", "sac dqn"), (
+        Row(9, "{0} is robust: its return varies less from seed to seed than that of {1}.",
+            less_spread),
+        Row(10, "{0} is computationally heavy: it needs more control steps than {1} to learn "
+            "anything.", more_effort("env_steps")),
+        Row(10, "{0} is computationally heavy: it needs more training seconds than {1} to learn "
+            "anything.", more_effort("seconds")),
+        Row(15, "The population of {0} parallelises: all cores speed it up more than {1}, which "
+            "updates one policy.", more_speed_up),
+    )),
+    (Field.beside_sparse_rewards, (
+        Row(11, "{0} is an alternative where rewards are sparse: it returns more than {1}, which "
+            "learns from the returns of whole episodes, too.", more("return")),
+    )),
+    (each("pgpe"), (
+        Row(13, "The centre of {0}'s search is its best policy: it returns more than the best of "
+            "the policies sampled around it.",
+            more_in_version("return", "final", "best_sample")),
+    )),
+    (Field.beside_evolution, (
+        Row(12, "{0} is the best evolutionary algorithm: it returns more than {1}.",
+            more("return")),
+    )),
+    (twins("decrease_rewards_by"), (
+        Row(14, "A constant off the reward steadies PGPE: the return of {0} varies less from seed "
+            "to seed than that of {1}.", less_spread),
+    )),
+    (Field.imitators, (
+        Row(16, "Imitation skips exploration: {0} needs fewer control steps than {1}, which it "
+            "imitates, to learn anything.", fewer_steps),
+    )),
+    (twins("robot"), (
+        Row(17, "A lighter body and stronger legs jump higher: {0} gets higher than {1}, whose "
+            "robot is unedited.", more("apex")),
+    )),
+)  # fmt: skip
+
+
+def claims(field: Field, params: CompareParams) -> Iterator[Claim]:
+    """Yield all claims that the available agents can test."""
+    for select, rows in CLAIMS:
+        for agents in select(field):
+            labels = [agent.label for agent in agents]
+            for row in rows:
+                if finding := row.compare(Case(agents, field, params)):
+                    yield Claim(row.text.format(*labels), row.statement, finding)

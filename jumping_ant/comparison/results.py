@@ -1,0 +1,121 @@
+"""The measurements of every agent, read from the project folder.
+
+The sample of every statistic is one number per seed; `jumping_ant.comparison.comparison` and
+`jumping_ant.comparison.claims` compute the statistics.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.agents import catalogue
+from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.base.tables import Table
+from jumping_ant.experiment import curves, episodes, scaling_table
+from jumping_ant.experiment.models import Params
+from jumping_ant.looks.naming import Family
+
+Array = NDArray[np.float64]
+
+QUANTITIES = ("return", "peak_height", "torque_change")  # first in a summary
+
+
+@dataclass(frozen=True)
+class AgentResults:
+    """Everything measured of one agent.
+
+    Attributes:
+        name: The agent's name in `params.yaml`.
+        block: Its block of `params.yaml`.
+        quantities: Mean over each seed's episodes, by column of `episodes.csv`, (num_seeds,); NaN
+            where a seed has no episode with a value (see `Column.can_be_empty`).
+        curves: What `jumping_ant.experiment.curves.read_timed` returns: each seed's training, in
+            the same order of seeds.
+        episodes: What `jumping_ant.experiment.episodes.read` returns: every held-out episode.
+        variants: The same means for variants of each seed's policy, by variant and column.
+        demonstrator: Name of the agent that it imitates; empty if it imitates none.
+        step_seconds: Time of a unit of training for each seed [s], (num_seeds,), by number of
+            threads; empty for agents that do not train.
+    """
+
+    name: str
+    block: AgentBlock
+    quantities: dict[str, Array]
+    curves: dict[int, Table]
+    episodes: Table = field(default_factory=dict)
+    variants: dict[str, dict[str, Array]] = field(default_factory=dict)
+    demonstrator: str = ""
+    step_seconds: dict[int, Array] = field(default_factory=dict)
+
+    @property
+    def algorithm(self) -> str:
+        """Return the agent's algorithm."""
+        return self.block.algorithm
+
+    @property
+    def is_baseline(self) -> bool:
+        """Return whether the agent learns nothing."""
+        return self.block.is_baseline
+
+    @property
+    def family(self) -> Family:
+        """Return the family of the agent's algorithm."""
+        return catalogue.row(self.block).family
+
+    @property
+    def label(self) -> str:
+        """Return the agent's display name."""
+        return catalogue.label(self.name, self.algorithm)
+
+    @property
+    def env_steps(self) -> Array:
+        """Return each seed's training budget [control steps], (num_seeds,)."""
+        return np.array([curve["env_steps"][-1] for curve in self.curves.values()])
+
+    @property
+    def train_seconds(self) -> Array:
+        """Return each seed's training time [s], (num_seeds,)."""
+        return np.array([curve["seconds"][-1] for curve in self.curves.values()])
+
+
+def load(root: Path, params: Params) -> dict[str, AgentResults]:
+    """Read the results of all agents, in the order of `params.yaml`.
+
+    Raises:
+        InputError: A file is missing, malformed, or has other rows; the message says what to run.
+    """
+    results = {}
+    for name, block in params.agents.items():
+        played = episodes.read(root, params, name)
+        results[name] = AgentResults(
+            name=name,
+            block=block,
+            quantities=_seed_means(played, params.seeds),
+            curves=curves.read_timed(root, params, name),
+            episodes=played,
+            variants=episodes.read_variants(root, params, name),
+            demonstrator=params.demonstrator(block),
+            step_seconds=scaling_table.read(root, params, name),
+        )
+    return results
+
+
+def _seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
+    """Return each quantity's mean over the episodes of each seed, ignoring empty cells.
+
+    Not those of `seeds.csv`: pandas sums in another order, so that last digits differ.
+    """
+    others = (name for name in table if name not in (*episodes.EPISODE_KEYS, *QUANTITIES))
+    return {
+        name: np.array([_mean(table[name][table["seed"] == seed]) for seed in seeds])
+        for name in (*QUANTITIES, *others)
+    }
+
+
+def _mean(values: Array) -> float:
+    """Return the mean of the values that are not NaN, or NaN if all are."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else float("nan")

@@ -1,0 +1,194 @@
+"""The report's charts of learning and of all episodes, and what all its charts share.
+
+They are Plotly figures, in which agents keep the colours and markers of all other figures (see
+`jumping_ant.looks.looks`). Charts show exactly what `results/` holds: nothing is smoothed.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+
+from jumping_ant.comparison import charting
+from jumping_ant.comparison.comparison import LearningCurve
+from jumping_ant.comparison.results import AgentResults
+from jumping_ant.looks import measures
+from jumping_ant.looks.looks import INK, Look
+
+Array = NDArray[np.float64]
+
+FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
+GRID = "#E6E8EC"
+# Markers and lines of `jumping_ant.looks.looks` in Plotly's terms.
+SYMBOLS = {
+    "o": "circle",
+    "s": "square",
+    "^": "triangle-up",
+    "D": "diamond",
+    "v": "triangle-down",
+    "P": "cross",
+    "X": "x",
+    "x": "x-thin-open",
+}
+DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
+# Plotly chooses the numbers: powers of ten on a long axis, digits between them on a shorter one,
+# even steps within a decade. `nticks` is low enough to keep long axes to powers.
+LOG_AXIS = {"type": "log", "tickformat": "~s", "nticks": 4}
+ROW = 28  # [pixels] height of an agent's row
+MENU = 460  # [pixels] height of the menu of measures, open
+
+
+def learning(
+    results: Mapping[str, AgentResults],
+    curves: Mapping[str, LearningCurve],
+    against: str,
+    drawn: Mapping[str, Look],
+    reference: str | None = None,
+) -> go.Figure:
+    """Draw the return while learning, with its interval.
+
+    All `curves` give the axes, which charts thus share. `against` is a key of `charting.TIMES`.
+    With a `reference`, baselines are thin lines, of which only this one is named.
+    """
+    figure = go.Figure()
+    for name, agent in results.items():
+        if agent.is_baseline and reference:
+            _add_level(figure, agent, curves[name], against, drawn[name], name == reference)
+        else:
+            _add_curve(figure, agent, curves[name], against, drawn[name])
+    places = [getattr(curve, against) for curve in curves.values()]
+    highest = max(curve.returns.high.max() for curve in curves.values())
+    lowest = min(curve.returns.low.min() for curve in curves.values())
+    figure.update_xaxes(title=charting.TIMES[against], hoverformat=",.3~s", **_time_axis(places))
+    figure.update_yaxes(title=charting.LEARNING, range=[min(0, lowest), 1.05 * highest])
+    return finish(figure, 380, hovermode="x unified")
+
+
+def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> go.Figure:
+    """Draw every held-out episode, one measure at a time, chosen from a menu."""
+    figure = go.Figure()
+    first, *others = (agent.episodes for agent in results.values())
+    columns = [name for name in first if all(name in table for table in others)]
+    measured = {name: measures.of_column(name) for name in columns}
+    shown = {name: measure for name, measure in measured.items() if measure}
+    for measure in shown:
+        for name, agent in results.items():
+            table = agent.episodes
+            figure.add_box(
+                x=table[measure].tolist(),
+                name=agent.label,
+                marker={"color": drawn[name].colour, "size": 5, "opacity": 0.65},
+                boxpoints="all",
+                jitter=0.5,
+                pointpos=0,
+                text=[
+                    f"seed {seed:.0f}, episode {episode:.0f}"
+                    for seed, episode in zip(table["seed"], table["episode"], strict=True)
+                ],
+                hovertemplate="%{text}: %{x:,.4~g}<extra></extra>",
+                hoveron="points",
+                visible=measure == "return",
+                showlegend=False,
+            )
+    buttons = [
+        {
+            "label": shown[measure].label,
+            "method": "update",
+            "args": [
+                {"visible": [other == measure for other in shown for _ in results]},
+                {"xaxis.title.text": shown[measure].axis},
+            ],
+        }
+        for measure in shown
+    ]
+    menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom"}
+    figure.update_layout(updatemenus=[menu | {"pad": {"b": 10}}])
+    figure.update_xaxes(title=shown["return"].axis, rangemode="tozero")
+    figure.update_yaxes(autorange="reversed")
+    return finish(figure, max(MENU, 130 + ROW * len(results)), top=70)
+
+
+def _add_curve(
+    figure: go.Figure, agent: AgentResults, curve: LearningCurve, against: str, look: Look
+) -> None:
+    """Add a learning curve with its interval."""
+    x = getattr(curve, against)
+    _add_band(figure, x, curve.returns.low, curve.returns.high, look, agent.name)
+    figure.add_scatter(
+        x=x.tolist(),
+        y=curve.returns.value.tolist(),
+        name=agent.label,
+        legendgroup=agent.name,
+        mode="lines" if agent.is_baseline else "lines+markers",
+        line={"color": look.colour, "dash": DASHES[look.line]},
+        marker={"symbol": SYMBOLS[look.marker], "size": 7},
+        hovertemplate="%{y:,.0f}",
+    )
+
+
+def _add_level(
+    figure: go.Figure,
+    agent: AgentResults,
+    curve: LearningCurve,
+    against: str,
+    look: Look,
+    is_named: bool,
+) -> None:
+    """Add a baseline as a thin line."""
+    hover = {"hovertemplate": "%{y:,.0f}"} if is_named else {"hoverinfo": "skip"}
+    figure.add_scatter(
+        x=getattr(curve, against).tolist(),
+        y=curve.returns.value.tolist(),
+        name=agent.label,
+        mode="lines",
+        line={"color": look.colour, "width": 1},
+        showlegend=is_named,
+        **hover,
+    )
+
+
+def _add_band(figure: go.Figure, x: Array, low: Array, high: Array, look: Look, group: str) -> None:
+    red, green, blue = (int(look.colour[i : i + 2], 16) for i in (1, 3, 5))
+    figure.add_scatter(
+        x=[*x.tolist(), *x[::-1].tolist()],
+        y=[*high.tolist(), *low[::-1].tolist()],
+        fill="toself",
+        fillcolor=f"rgba({red}, {green}, {blue}, 0.15)",
+        line={"width": 0},
+        mode="lines",
+        hoverinfo="skip",
+        legendgroup=group,
+        showlegend=False,
+    )
+
+
+def _time_axis(times: Sequence[Array]) -> dict[str, Any]:
+    """Return an axis on which all curves' times have room."""
+    ends = charting.log_ends(times)
+    if ends:
+        return LOG_AXIS | {"range": np.log10(ends).tolist()}
+    return linear_axis(max(float(own[-1]) for own in times), 0.03)
+
+
+def linear_axis(most: float, room: float) -> dict[str, Any]:
+    """Return an axis from 0 to `most`, with so much room of that on either side."""
+    return {"range": [-room * most, (1 + room) * most], "tickformat": "~s"}
+
+
+def finish(figure: go.Figure, height: int, top: int = 16, **layout: Any) -> go.Figure:
+    """Give a figure the page's look; its width is that of the page."""
+    figure.update_layout(
+        template="plotly_white",
+        height=height,
+        margin={"l": 60, "r": 16, "t": top, "b": 50},
+        font={"family": FONT, "size": 13, "color": INK},
+        paper_bgcolor="rgba(0,0,0,0)",
+        plot_bgcolor="rgba(0,0,0,0)",
+        legend={"orientation": "h", "x": 0, "y": -0.2, "yanchor": "top"},
+        **layout,
+    )
+    figure.update_xaxes(gridcolor=GRID, zeroline=False, automargin=True)
+    figure.update_yaxes(gridcolor=GRID, zeroline=False, automargin=True)
+    return figure

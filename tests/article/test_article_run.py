@@ -1,0 +1,262 @@
+"""The command that trains as the article did, and says which printed values come out."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.article import figures as article_figures
+from jumping_ant.article import printed_values, reproduction
+from jumping_ant.base.errors import InputError, StoppedError, WorkerError
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.experiment import params_file, presets
+from jumping_ant.experiment.models import Params
+from jumping_ant.looks.looks import looks
+from jumping_ant.sim import robot
+from jumping_ant.training.driver import train
+from scripts import article as command
+from scripts import publish
+from scripts.checkout import Checkout, renew_project
+
+TINY: dict[str, dict[str, Any]] = {
+    "dqn": {"total_steps": 300, "learning_starts": 100, "buffer_size": 300, "net_arch": [8]},
+    "sac": {"total_steps": 160, "learning_starts": 60, "buffer_size": 200, "net_arch": [8]},
+    "pgpe": {"population_size": 2, "episode_steps": 3},
+}
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Params]:
+    """A project with the article's agents, each trained for moments on two seeds."""
+    root = tmp_path_factory.mktemp("project")
+    params = presets.load("article")
+    agents = {name: params.agent(name).model_copy(update=TINY[name]) for name in TINY}
+    training = params.training.model_copy(update={"evaluations": 1, "evaluation_episodes": 1})
+    params = params.model_copy(
+        update={
+            "seeds": [3, 5],
+            "agents": agents,
+            "training": training,
+            "env": params.env.model_copy(update={"max_episode_steps": 20}),
+            "compute": params.compute.model_copy(update={"workers": 1}),
+        }
+    )
+    with (root / "params.yaml").open("w", encoding="utf-8") as file:
+        YAML().dump(params.model_dump(), file)
+    (root / "assets").mkdir()
+    (root / "assets" / "edited.xml").write_text(robot.build(params.robot), encoding="utf-8")
+    for name in agents:
+        train(root, params, name)
+    return root, params
+
+
+@pytest.fixture(scope="module")
+def reproduced(tiny: tuple[Path, Params]) -> reproduction.Reproduction:
+    return reproduction.reproduce(*tiny)
+
+
+def test_tests_of_trained_agents_are_as_long_as_the_articles(
+    reproduced: reproduction.Reproduction,
+) -> None:
+    for trace in reproduced.totals.values():
+        assert trace.ours.shape == (2, 1000)
+        rewards = trace.ours[:, 1:] - trace.ours[:, :-1]
+        assert rewards.min() > -1e-9 and rewards.max() < 10 + 1e-9
+        assert trace.ours[0, -1] != trace.ours[1, -1]
+    for trace in reproduced.fitness.values():
+        assert trace.ours.shape == (2, 100)
+
+
+def test_fitness_is_that_of_the_generations_in_the_curve(
+    tiny: tuple[Path, Params], reproduced: reproduction.Reproduction
+) -> None:
+    lines = (
+        (tiny[0] / "models" / "pgpe" / "seed-5" / "curve.csv")
+        .read_text(encoding="utf-8")
+        .splitlines()
+    )
+    rows = [dict(zip(lines[0].split(","), line.split(","), strict=True)) for line in lines[1:]]
+    (row,) = [row for row in rows if row["updates"] == "60"]
+    point = reproduced.fitness["fitness_median"].places()[2]
+    assert (point["at"], point["ours"][1]) == (60, float(row["fitness_median"]))
+
+
+def test_the_same_models_are_tested_alike(
+    tiny: tuple[Path, Params], reproduced: reproduction.Reproduction
+) -> None:
+    again = reproduction.reproduce(*tiny)
+    assert again.summary() == reproduced.summary()
+
+
+def test_the_contract_of_the_results(reproduced: reproduction.Reproduction) -> None:
+    content = json.loads(json.dumps(reproduced.summary()))
+    printed = content["printed"]
+    assert {name: own["value"] for name, own in printed.items()} == {
+        "dqn": 527.5, "sac": 8311.7, "pgpe": 110.4,
+    }  # fmt: skip
+    for own in printed.values():
+        assert len(own["ours"]) == 2
+        assert own["percentile"] in (0, 50, 100)
+        assert own["reproduced"] is None  # two seeds decide nothing
+    assert len(printed["dqn"]["points"]) == len(printed["sac"]["points"]) == 11
+    assert printed["dqn"]["points"][-1]["ours"] == printed["dqn"]["ours"]
+    assert [point["at"] for point in printed["pgpe"]["traces"]["fitness_best"]] == [
+        20, 40, 60, 80, 100,
+    ]  # fmt: skip
+    assert printed["pgpe"]["film"]["value"] == 5276.6  # 50,741.5 + 11,865 in 11,865 steps
+    assert len(printed["pgpe"]["trained_normalizer"]["ours"]) == 2
+    assert content["seeds"] == [3, 5]
+    seconds = content["training"]["seconds"]
+    assert content["training"]["hours_on_2_cores"] == pytest.approx(
+        sum(sum(own) for own in seconds.values()) / 7200
+    )
+    assert all(len(own) == 2 and min(own) > 0 for own in seconds.values())
+
+
+def test_the_table_of_printed_values_tells_what_came_out() -> None:
+    ours = reproduction.place(9.0, np.arange(8.0))
+    few = reproduction.place(200.0, np.array([100.0, 300.0]))
+    printed = {"dqn": ours, "sac": few, "pgpe": ours | {"film": few}}
+    *_, dqn, sac, _, film = publish.printed_table(printed).splitlines()
+    assert dqn == "| DQN's test, total of 1,000 steps | 9 | 3.5 [0, 7] | 100 % | no |"
+    assert sac.endswith("| 200 | 200 [100, 300] | 50 % | too few seeds |")
+    assert film.startswith("| PGPE's film, ") and film.endswith("| too few seeds |")
+
+
+def test_the_document_has_a_place_for_the_table() -> None:
+    text = (publish.DOCS / "article.md").read_text(encoding="utf-8")
+    assert text.index("<!-- printed -->\n") < text.index("<!-- end of printed -->")
+
+
+def test_figures_show_each_seed_and_what_was_printed(
+    reproduced: reproduction.Reproduction,
+) -> None:
+    drawn = article_figures.draw(
+        reproduced, looks({name: ALGORITHMS[name].family for name in TINY})
+    )
+    assert list(drawn) == ["dqn", "sac", "pgpe"]
+    (axes,) = drawn["sac"].axes
+    *seeds, printed = axes.lines
+    assert [line.get_ydata()[-1] for line in seeds] == reproduced.totals["sac"].last()["ours"]
+    assert list(printed.get_xdata()) == list(printed_values.SAC_TOTALS)
+    assert list(printed.get_ydata()) == list(printed_values.SAC_TOTALS.values())
+    assert printed.get_linewidth() > 2 * seeds[0].get_linewidth()
+    assert [len(panel.lines) for panel in drawn["pgpe"].axes] == [3, 3, 3]
+    for figure in drawn.values():
+        content = article_figures.picture(figure)
+        assert content.startswith(b"\x89PNG") and len(content) < 100_000
+
+
+def test_measuring_writes_into_the_project(
+    tiny: tuple[Path, Params],
+    reproduced: reproduction.Reproduction,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(command, "RESULTS", tmp_path)
+    monkeypatch.setattr(sys, "argv", ["article", "--measure", "--folder", str(tiny[0])])
+    command.main()
+    content = json.loads((tmp_path / "article.json").read_text(encoding="utf-8"))
+    assert content["printed"] == json.loads(json.dumps(reproduced.summary()["printed"]))
+    assert content["article_settings"] is False
+    assert content["machine"]["cores"] >= 1 and content["machine"]["versions"]["mujoco"]
+    assert sorted(path.name for path in (tmp_path / "article").iterdir()) == [
+        "dqn.png", "pgpe.png", "sac.png",
+    ]  # fmt: skip
+    assert "hours on 2 cores" in capsys.readouterr().out
+
+
+def test_measuring_nothing_says_so(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="given no project, allowed: what `make article`"):
+        command.measure(tmp_path)
+
+
+def test_an_agent_that_is_not_trained_is_named(tiny: tuple[Path, Params]) -> None:
+    root, params = tiny
+    with pytest.raises(InputError, match=r"dqn/seed-9/final.zip: No such file"):
+        reproduction.reproduce(root, params.model_copy(update={"seeds": [3, 9]}))
+
+
+def test_another_algorithm_under_an_articles_name_is_refused(tiny: tuple[Path, Params]) -> None:
+    root, params = tiny
+    agents = params.agents | {"sac": params.agent("pgpe")}
+    with pytest.raises(InputError, match="agents.sac.algorithm: given pgpe, allowed: sac"):
+        reproduction.reproduce(root, params.model_copy(update={"agents": agents}))
+
+
+def test_a_shorter_evolution_is_refused(tiny: tuple[Path, Params], tmp_path: Path) -> None:
+    root, params = tiny
+    *rows, last = (
+        (root / "models" / "pgpe" / "seed-3" / "curve.csv")
+        .read_text(encoding="utf-8")
+        .splitlines(keepends=True)[:52]
+    )
+    evaluated = last.split(",")[:3] + ["", "", "", "", "1.0", "0.0"]
+    cells = evaluated + [""] * (last.count(",") + 1 - len(evaluated))
+    short = tmp_path / "models" / "pgpe" / "seed-3" / "curve.csv"
+    short.parent.mkdir(parents=True)
+    short.write_text("".join([*rows, ",".join(cells) + "\n"]), encoding="utf-8")
+    half = params.agent("pgpe").model_copy(update={"generations": 50})
+    fewer = params.model_copy(update={"seeds": [3], "agents": {"pgpe": half}})
+    with pytest.raises(InputError, match="given 50 generations, allowed: 100 or more"):
+        reproduction._fitness(tmp_path, fewer)
+
+
+def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    renew_project(copy)
+    code = copy / "jumping_ant" / "params" / "article.py"
+    assert code.read_text(encoding="utf-8") == (
+        PROJECT_ROOT / "jumping_ant" / "params" / "article.py"
+    ).read_text(encoding="utf-8")
+    assert not (copy / "results").exists() and not (copy / "dvc.lock").exists()
+    kept = [".checkpoints/sac/a", "models/sac/policy.zip", "results/a.json", "dvc.lock"]
+    for name in kept:
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        (copy / name).write_text("kept", encoding="utf-8")
+    code.write_text("old", encoding="utf-8")
+    (copy / "jumping_ant" / "gone.py").write_text("old", encoding="utf-8")
+    renew_project(copy)
+    assert code.read_text(encoding="utf-8") == (
+        PROJECT_ROOT / "jumping_ant" / "params" / "article.py"
+    ).read_text(encoding="utf-8")
+    assert not (copy / "jumping_ant" / "gone.py").exists()
+    assert {(copy / name).read_text(encoding="utf-8") for name in kept} == {"kept"}
+
+
+def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
+    """Have copies find a shell script in place of DVC."""
+    (folder / "dvc").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    (folder / "dvc").chmod(0o755)
+    monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
+
+
+def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
+    params, copy = presets.load("article"), tmp_path / "copy"
+    command.run(copy, params)
+    assert (copy / "called").read_text(encoding="utf-8") == f"{copy} repro\n"
+    assert params_file.load(copy / "params.yaml") == params
+
+
+def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace_dvc(monkeypatch, tmp_path, "exit 3")
+    with pytest.raises(WorkerError, match="ended with status 3; .* `make article` resumes"):
+        command.run(tmp_path / "copy", presets.load("article"))
+
+
+def test_an_interrupt_waits_for_the_pipeline_to_save(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_dvc(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
+    with pytest.raises(StoppedError, match="resumes from the last checkpoints"):
+        command.run(tmp_path / "copy", presets.load("article"))
+    assert (tmp_path / "copy" / "saved").exists()

@@ -1,0 +1,65 @@
+"""Agents of a run with results that tests choose, and the claims about them."""
+
+from dataclasses import replace
+
+import numpy as np
+import small_agents
+from small_project import COMPARE
+
+from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison.results import AgentResults
+
+LOW, MIDDLE, HIGH = (np.linspace(start, 1.1 * start, 8) for start in (300.0, 700.0, 3000.0))
+TORN = np.array([100.0, 150.0, 200.0, 290.0, 340.0, 500.0, 700.0, 900.0])  # on both sides of LOW
+JUMPS, OPEN_LOOP, FLUID = "learns to jump", "does not look at the robot", "less fluidly than SAC."
+STIFF, SLOW, BETTER = "make movements less fluid", "more time to train", "much better"
+ROUNDED, ROBUST, HEAVY = "Discrete actions are inefficient", "is robust", "is computationally heavy"
+CENTRE, CONSTANT, PARALLEL = "its best policy", "A constant off the reward", "parallelises"
+LIGHTER = "A lighter body"
+COMMANDS = {"kind": "commands", "amplitude": 0.5, "hold": 3}
+
+
+def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block):
+    """Return an agent whose seeds all reach their return at `reached_at`, from 0 before."""
+    steps = np.array([50.0, reached_at, budget])
+    curves = {
+        seed: {
+            "env_steps": steps,
+            "seconds": steps * (1 + 0.001 * seed) / 1000,
+            "evaluation_return_mean": np.where(steps >= reached_at, float(value), 0.0),
+        }
+        for seed, value in enumerate(returns)
+    }
+    whole = small_agents.agents()[algorithm]
+    settings = type(whole).model_validate(whole.model_dump() | block)
+    quantities = dict.fromkeys(("flight", "apex", "fluidity"), np.linspace(1.0, 1.2, len(returns)))
+    quantities |= {"return": np.array(returns, dtype=float)}
+    return AgentResults(name, settings, quantities, curves, episodes={"return": LOW})
+
+
+def having(one, variants=None, **quantities):
+    """Return an agent with other quantities, and with variants as {variant: {quantity: values}}."""
+    own = {name: np.asarray(values, dtype=float) for name, values in quantities.items()}
+    variants = {
+        variant: {name: np.asarray(values, dtype=float) for name, values in columns.items()}
+        for variant, columns in (variants or {}).items()
+    }
+    return replace(one, quantities=one.quantities | own, variants=variants)
+
+
+def check(*agents):
+    return verdicts.check({one.name: one for one in agents}, COMPARE, 2)
+
+
+def the_claim(part, *agents):
+    """Return the only claim whose text has a part."""
+    matching = [claim for claim in check(*agents) if part in claim["text"]]
+    assert len(matching) == 1
+    return matching[0]
+
+
+def one_verdict(part, *agents):
+    return the_claim(part, *agents)["verdict"]
+
+
+RANDOM, METRONOME = agent("random", "random", LOW), agent("metronome", "open_loop", LOW)

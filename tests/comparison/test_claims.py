@@ -1,0 +1,336 @@
+"""The claims: each compares what docs/claims.md says."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_field import (
+    BETTER,
+    CENTRE,
+    COMMANDS,
+    CONSTANT,
+    FLUID,
+    HEAVY,
+    HIGH,
+    JUMPS,
+    LIGHTER,
+    LOW,
+    METRONOME,
+    MIDDLE,
+    OPEN_LOOP,
+    PARALLEL,
+    RANDOM,
+    ROBUST,
+    ROUNDED,
+    SLOW,
+    STIFF,
+    TORN,
+    agent,
+    check,
+    having,
+    one_verdict,
+    the_claim,
+)
+
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.comparison.claims.field import out_of_luck
+from jumping_ant.comparison.claims.statements import CLAIMS, STATEMENTS
+from jumping_ant.experiment import curves
+
+
+def test_every_statement_of_the_article_has_a_title_and_claims():
+    text = (PROJECT_ROOT / "docs" / "claims.md").read_text(encoding="utf-8")
+    numbers = set(map(int, re.findall(r"^\| (\d+)[ab]? \|", text, re.M)))
+    assert STATEMENTS.keys() == numbers
+    assert {row.statement for _, rows in CLAIMS for row in rows} == numbers | {None}
+
+
+@pytest.mark.parametrize(
+    ("flight", "apex", "verdict"),
+    [
+        (HIGH, HIGH, "supported"),
+        (LOW, LOW, "refuted"),
+        (HIGH, np.append(LOW[:4], HIGH[4:]), "inconclusive"),
+        (LOW, HIGH, "inconclusive"),  # in the air for less time, but higher
+    ],
+)
+def test_jumping_is_flight_and_height(flight, apex, verdict):
+    dqn = having(agent("dqn", "dqn"), flight=flight, apex=apex)
+    random = having(RANDOM, flight=MIDDLE, apex=MIDDLE)
+    assert one_verdict(JUMPS, dqn, random) == verdict
+
+
+def test_the_weaker_half_of_jumping_decides():
+    half = np.append(LOW[:3], HIGH[3:])
+    random = having(RANDOM, flight=MIDDLE, apex=MIDDLE)
+    both = the_claim(JUMPS, having(agent("dqn", "dqn"), flight=HIGH, apex=half), random)
+    weak = the_claim(JUMPS, having(agent("dqn", "dqn"), flight=half, apex=half), random)
+    assert both["p"] == weak["p"] > 0.05
+    assert both["effect"]["value"] == pytest.approx(5 / 8)
+    assert both["plot"]["axis"] == "Apex of a jump [m]"
+
+
+def test_random_commands_come_before_random_torques():
+    torques, commands = RANDOM, agent("typing", "random", actions=COMMANDS)
+    claim = the_claim(JUMPS, agent("dqn", "dqn"), torques, commands)
+    assert "than typing" in claim["text"]
+
+
+@pytest.mark.parametrize(
+    ("returns", "verdict"), [(HIGH, "supported"), (LOW / 9, "refuted"), (TORN, "inconclusive")]
+)
+@pytest.mark.parametrize("algorithm", ["dqn", "sac", "pgpe"])
+def test_sceptics_ask_for_more_than_open_loop(algorithm, returns, verdict):
+    learner, worse = agent(algorithm, algorithm, returns), agent("worse", "open_loop", LOW / 10)
+    claim = the_claim(OPEN_LOOP, learner, worse, METRONOME)
+    assert (claim["verdict"], claim["statement"]) == (verdict, None)
+    assert "more than metronome" in claim["text"]  # the better one
+
+
+def test_a_metronome_is_no_stronger_than_the_learner():
+    dqn = agent("dqn", "dqn", LOW, actions=COMMANDS)
+    weak = agent("weak", "open_loop", LOW / 10, amplitude=0.5)
+    strong = agent("strong", "open_loop", HIGH, amplitude=1.0)
+    assert "more than weak" in the_claim(OPEN_LOOP, dqn, weak, strong)["text"]
+    assert "more than strong" in the_claim(OPEN_LOOP, agent("sac", "sac"), weak, strong)["text"]
+    assert not [c for c in check(dqn, strong) if OPEN_LOOP in c["text"]]
+
+
+@pytest.mark.parametrize(
+    ("part", "first", "second", "verdict"),
+    [
+        (FLUID, {"fluidity": -LOW}, {"fluidity": -HIGH}, "supported"),
+        (FLUID, {"fluidity": -HIGH}, {"fluidity": -LOW}, "refuted"),
+        (FLUID, {"fluidity": -LOW}, {"fluidity": -TORN}, "inconclusive"),
+        (BETTER, {"return": HIGH}, {"return": MIDDLE}, "supported"),
+        (BETTER, {"return": 1.5 * MIDDLE}, {"return": MIDDLE}, "refuted"),
+        (BETTER, {"return": 2 * LOW}, {"return": TORN}, "inconclusive"),
+    ],
+)
+def test_sac_beside_dqn(part, first, second, verdict):
+    sac, dqn = having(agent("sac", "sac"), **first), having(agent("dqn", "dqn"), **second)
+    assert one_verdict(part, sac, dqn) == verdict
+
+
+@pytest.mark.parametrize(
+    ("budget", "verdict"), [(9000, "supported"), (200, "refuted"), (1000, "inconclusive")]
+)
+def test_training_time_is_that_in_all(budget, verdict):
+    agents = agent("sac", "sac", budget=budget), agent("dqn", "dqn", budget=1000)
+    assert one_verdict(SLOW, *agents) == verdict
+
+
+@pytest.mark.parametrize(
+    ("rounded", "verdict"),
+    [(MIDDLE - 50, "supported"), (MIDDLE + 50, "refuted"), (MIDDLE, "inconclusive")],
+)
+@pytest.mark.parametrize("algorithm", ["sac", "pgpe"])
+def test_rounding_is_judged_on_the_same_seeds(algorithm, rounded, verdict):
+    # The spread over seeds exceeds the difference: only pairs tell them apart.
+    learner = having(agent(algorithm, algorithm), {"rounded": {"return": rounded}})
+    assert one_verdict(ROUNDED, learner) == verdict
+
+
+def test_rounding_stiffens_where_the_robot_moves():
+    rounded = -HIGH.copy()
+    rounded[0] = np.nan
+    variants = {"rounded": {"return": MIDDLE, "fluidity": rounded}}
+    sac = having(agent("sac", "sac"), variants, fluidity=-LOW)
+    claim = the_claim(STIFF, sac, agent("dqn", "dqn"))
+    assert claim["p"] == 2 / 2**7
+    assert "left out: 1 of SAC, rounded" in claim["evidence"]
+    assert claim["plot"]["values"]["SAC, rounded"][0] is None
+    assert claim["plot"]["paired"] is True
+
+
+def test_where_nothing_moves_nothing_is_said_of_fluidity():
+    sac = having(agent("sac", "sac"), fluidity=np.full(8, np.nan))
+    claim = the_claim(FLUID, sac, agent("dqn", "dqn"))
+    assert (claim["verdict"], claim["p"], claim["effect"]["value"]) == ("inconclusive", 1.0, None)
+    assert "no seed has a value" in claim["evidence"]
+
+
+@pytest.mark.parametrize(
+    ("spread", "rivals_spread", "verdict"),
+    [(0.01, 0.5, "supported"), (0.5, 0.01, "refuted"), (0.3, 0.3, "inconclusive")],
+)
+def test_robust_means_less_spread_relative_to_the_median(spread, rivals_spread, verdict):
+    shape = np.array([-1.0, -0.9, -0.8, -0.7, 0.7, 0.8, 0.9, 1.0])
+    # In absolute terms PGPE always spreads most: it returns the most.
+    pgpe = agent("pgpe", "pgpe", 1e6 * (1 + spread * shape))
+    claim = the_claim(ROBUST, pgpe, agent("sac", "sac", 100 * (1 + rivals_spread * shape)))
+    assert claim["verdict"] == verdict
+    assert f"worst seed {1e6 * (1 - spread):,.0f}" in claim["evidence"]
+
+
+def test_a_rival_that_never_learned_in_its_shorter_budget_settles_nothing():
+    pgpe = agent("pgpe", "pgpe", HIGH, reached_at=900)
+    stuck = agent("dqn", "dqn", LOW, budget=500)
+    claim = the_claim("more control steps", pgpe, stuck, RANDOM)
+    assert (claim["verdict"], claim["p"]) == ("inconclusive", 1.0)
+    assert "0 of 8 seeds got there" in claim["evidence"]
+    longer = agent("dqn", "dqn", LOW, budget=2000)
+    assert one_verdict("more control steps", pgpe, longer, RANDOM) == "refuted"
+
+
+def test_a_return_counts_where_it_lasts():
+    luck = {"evaluation_return_mean": np.array([9.0, np.nan, 0.0, 8.0, 9.0])}
+    assert curves.sustained(luck, 5.0) == 3
+    assert curves.sustained(luck, 8.0) == 4
+    assert curves.sustained(luck, -1.0) == 0
+    assert curves.sustained(luck, 9.0) is None
+
+
+def test_random_policies_stay_below_what_counts_as_learning():
+    generator = np.random.default_rng(0)
+    returns = generator.gamma(2.0, 200.0, 1000)  # skewed, as theirs are
+    threshold = out_of_luck(replace(RANDOM, episodes={"return": returns}), 5)
+    assert threshold == pytest.approx(returns.mean() + 5 * returns.std() / np.sqrt(5))
+    assert np.mean(generator.gamma(2.0, 200.0, (20_000, 5)).mean(axis=1) > threshold) < 0.001
+
+
+@pytest.mark.parametrize(
+    ("best_sample", "verdict"),
+    [(MIDDLE - 1, "supported"), (MIDDLE + 1, "refuted"), (MIDDLE, "inconclusive")],
+)
+def test_the_centre_is_that_of_the_final_search(best_sample, verdict):
+    variants = {"final": {"return": MIDDLE}, "best_sample": {"return": best_sample}}
+    assert one_verdict(CENTRE, having(agent("pgpe", "pgpe", HIGH), variants)) == verdict
+
+
+@pytest.mark.parametrize(
+    ("speed_up", "rivals", "verdict"),
+    [(1.9, 1.1, "supported"), (1.0, 1.5, "refuted"), (1.5, 1.5, "inconclusive")],
+)
+def test_a_population_parallelises_if_cores_bring_more_than_to_one_policy(
+    speed_up, rivals, verdict
+):
+    one = np.linspace(2.0, 2.1, 8)
+    jitter = np.linspace(-0.02, 0.02, 8)
+    pgpe, sac = (
+        replace(agent(name, name), step_seconds={1: one, 2: one / (factor + jitter)})
+        for name, factor in (("pgpe", speed_up), ("sac", rivals))
+    )
+    assert one_verdict(PARALLEL, pgpe, sac) == verdict
+
+
+def test_one_core_says_nothing_of_parallel_work():
+    alone = [replace(agent(n, n), step_seconds={1: np.ones(8)}) for n in ("pgpe", "sac")]
+    claim = the_claim(PARALLEL, *alone)
+    assert (claim["verdict"], claim["seeds_needed"]) == ("inconclusive", None)
+
+
+def test_claims_without_their_agents_are_left_out():
+    dqn, sac, pgpe = (agent(name, name) for name in ("dqn", "sac", "pgpe"))
+    for agents, parts in [
+        ((RANDOM, METRONOME), []),
+        ((RANDOM, dqn), [JUMPS]),
+        ((dqn, METRONOME), [OPEN_LOOP]),
+        ((dqn, sac), [FLUID, SLOW, BETTER]),
+        ((pgpe, RANDOM), []),
+        ((pgpe, sac), [ROBUST]),
+        ((pgpe, sac, RANDOM), [ROBUST, HEAVY, HEAVY]),
+    ]:
+        texts = [claim["text"] for claim in check(*agents)]
+        assert len(texts) == len(parts)
+        assert all(part in text for part, text in zip(parts, texts, strict=True))
+
+
+def test_agents_stand_for_their_algorithm_whatever_their_name():
+    buttons, levers = agent("buttons", "dqn"), agent("levers", "dqn")
+    texts = [claim["text"] for claim in check(agent("noise", "random"), buttons, levers)]
+    assert [text.split(":")[0] for text in texts] == [
+        "buttons learns to jump", "levers learns to jump"
+    ]  # fmt: skip
+    assert all("noise" in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("returns", "verdict"), [(LOW, "supported"), (HIGH, "refuted"), (MIDDLE, "inconclusive")]
+)
+@pytest.mark.parametrize(
+    ("part", "own", "algorithm", "settings"),
+    [
+        (ROUNDED, "pgpe", "pgpe", {"actions": COMMANDS}),
+        ("A second critic", "td3", "td3", {"n_critics": 1}),
+        ("rewards are sparse", "pgpe", "sac", {"sparse_rewards": True}),
+        ("rewards are sparse", "pgpe", "dqn", {"sparse_rewards": True}),
+        ("best evolutionary", "pgpe", "snes", {}),
+        ("best evolutionary", "pgpe", "cmaes", {}),
+    ],
+)
+def test_an_agent_returns_more_than_another(part, own, algorithm, settings, returns, verdict):
+    other = agent("other", algorithm, returns, **settings)
+    assert one_verdict(part, agent(own, own), other) == verdict
+
+
+def test_a_constant_steadies_the_pgpe_like_it():
+    plain = agent("plain", "pgpe", TORN, decrease_rewards_by=0.0)
+    assert one_verdict(CONSTANT, agent("pgpe", "pgpe"), plain) == "supported"
+
+
+def test_a_robot_jumps_higher_than_the_unedited_one():
+    plain = having(agent("plain", "sac", robot="unedited"), apex=LOW)
+    assert one_verdict(LIGHTER, plain, having(agent("sac", "sac"), apex=HIGH)) == "supported"
+
+
+ALONE = [
+    (CONSTANT, "pgpe", {"decrease_rewards_by": 0.0}),
+    (ROUNDED, "pgpe", {"actions": COMMANDS}),
+    ("A second critic", "td3", {"n_critics": 1}),
+    ("rewards are sparse", "sac", {"sparse_rewards": True}),
+    ("rewards are sparse", "dqn", {"sparse_rewards": True}),
+    (LIGHTER, "sac", {"robot": "unedited"}),
+]
+
+
+@pytest.mark.parametrize(("part", "algorithm", "settings"), ALONE)
+def test_agents_that_serve_one_comparison_stand_for_nothing_else(part, algorithm, settings):
+    others = [agent(name, name) for name in ("dqn", "sac", "pgpe", "ddpg", "td3", "a2c")]
+    found = check(*others, RANDOM, METRONOME, agent("only", algorithm, **settings))
+    (text,) = (claim["text"] for claim in found if "only" in claim["text"])
+    assert part in text
+
+
+@pytest.mark.parametrize(
+    ("part", "algorithm", "settings"), [row for row in ALONE if "sparse" not in row[0]]
+)
+def test_agents_that_differ_by_more_are_not_compared(part, algorithm, settings):
+    more = {"tumbled_starts": 0.9} if algorithm in ("sac", "td3") else {"episode_steps": 7}
+    other = agent("other", algorithm, **settings, **more)
+    assert not any(part in claim["text"] for claim in check(agent("own", algorithm), other))
+
+
+@pytest.mark.parametrize("rival", ["ppo", "sac"])
+@pytest.mark.parametrize(("returns", "verdict"), [(MIDDLE, "supported"), (TORN, "inconclusive")])
+def test_a2c_is_the_less_steady_one(rival, returns, verdict):
+    rivals = agent(rival, rival, returns), agent("a2c", "a2c", TORN)
+    assert one_verdict("steadier than", *rivals) == verdict
+
+
+@pytest.mark.parametrize(
+    ("reached_at", "verdict"), [(900, "supported"), (60, "refuted"), (100, "inconclusive")]
+)
+@pytest.mark.parametrize(
+    ("part", "fast", "slow"),
+    [
+        ("more efficient than", "ppo", "a2c"),
+        ("more efficient than", "sac", "a2c"),
+        ("The more complex", "dqn", "ddpg"),
+        ("The more complex", "ddpg", "td3"),
+        ("more control steps", "sac", "pgpe"),
+        ("more training seconds", "sac", "pgpe"),
+        ("skips exploration", "bc", "sac"),
+    ],
+)
+def test_effort_counts_until_something_is_learned(part, fast, slow, reached_at, verdict):
+    slower = agent(slow, slow, HIGH, reached_at)
+    faster = replace(agent(fast, fast, HIGH), demonstrator=slow if fast == "bc" else "")
+    assert one_verdict(part, faster, slower, RANDOM) == verdict
+
+
+def test_an_imitator_is_compared_with_nobody_else():
+    parrot = replace(agent("parrot", "bc", HIGH), demonstrator="sac")
+    (claim,) = check(parrot, agent("sac", "sac", HIGH), agent("wide", "sac", HIGH), RANDOM)
+    assert "parrot needs fewer control steps than SAC" in claim["text"]

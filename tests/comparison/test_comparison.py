@@ -1,0 +1,401 @@
+import json
+import random
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from small_project import (
+    COMPARE,
+    EPISODES,
+    curve_rows,
+    episode_row,
+    make_params,
+    read_csv,
+    timing_rows,
+    write_csv,
+    write_curve,
+    write_project,
+)
+
+from jumping_ant.base import tables
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.comparison import comparison
+from jumping_ant.comparison.results import load
+from jumping_ant.looks.looks import DASHES, LINES, looks
+
+AGENTS = {"random": "random", "sac-long": "sac", "dqn": "dqn"}
+SEEDS = [3, 1, 7, 5]  # any numbers in any order
+PARAMS = make_params(AGENTS, SEEDS)
+
+
+@pytest.fixture
+def project(tmp_path):
+    write_project(tmp_path, AGENTS, SEEDS)
+    return tmp_path
+
+
+def summarize(root, params=PARAMS):
+    return comparison.summarize(load(root, params), COMPARE)
+
+
+def numbers(summary, path=""):
+    """Return the leaves of nested dictionaries and lists by their path."""
+    if isinstance(summary, list):
+        summary = dict(enumerate(summary))
+    if not isinstance(summary, dict):
+        return {path: summary}
+    return {
+        name: leaf
+        for key in summary
+        for name, leaf in numbers(summary[key], f"{path}/{key}").items()
+    }
+
+
+def test_seeds_are_means_over_their_episodes(project):
+    results = load(project, PARAMS)
+    np.testing.assert_allclose(results["dqn"].quantities["return"], [700, 710, 720, 730])
+    np.testing.assert_allclose(results["dqn"].quantities["work"], [1400, 1420, 1440, 1460])
+    assert list(results["dqn"].curves) == SEEDS
+
+
+def test_summary_follows_its_contract(project):
+    summary = summarize(project)
+    json.dumps(summary, allow_nan=False)
+    assert list(summary["agents"]) == list(AGENTS)
+    dqn = summary["agents"]["dqn"]
+    assert list(dqn) == [
+        "seeds", "return", "peak_height", "torque_change", "length", "apex", "mean_height", "jumps",
+        "airborne_seconds", "flight", "fluidity", "work", "drift", "survived", "env_steps",
+        "train_seconds", "return_at_equal_steps", "return_at_equal_seconds",
+    ]  # fmt: skip
+    assert (dqn["seeds"], dqn["env_steps"], dqn["train_seconds"]) == (4, 1000, 500.0)
+    assert dqn["return"]["iqm"] == pytest.approx(715)  # the middle two of 700 ... 730
+    assert 690 < dqn["return"]["low"] < 715 < dqn["return"]["high"] < 740
+    assert dqn["return"]["mean"] == pytest.approx(715)
+    assert (dqn["return"]["worst"], dqn["return"]["best"]) == (700, 730)
+    assert set(dqn["survived"].values()) == {1.0}
+    assert summary["agents"]["random"]["env_steps"] == 0
+    assert summary["agents"]["random"]["train_seconds"] == 0.0
+
+
+def test_the_ranking_goes_by_interquartile_means(project):
+    results = load(project, PARAMS)
+    agents = summarize(project)["agents"]
+    assert comparison.ranking(agents) == ["sac-long", "dqn", "random"]
+    assert comparison.best_baseline(results, agents) == "random"
+    learners = {name: results[name] for name in ("dqn", "sac-long")}
+    some = {name: agents[name] for name in learners}
+    assert comparison.best_baseline(learners, some) is None
+
+
+@pytest.mark.parametrize(
+    ("points", "front"),
+    [
+        ({}, []),
+        ({"a": (1, 5)}, ["a"]),
+        ({"dear": (3, 9), "cheap": (1, 5), "mid": (2, 7)}, ["cheap", "mid", "dear"]),
+        ({"a": (1, 5), "worse": (2, 4), "b": (3, 6)}, ["a", "b"]),
+        ({"a": (1, 5), "as good": (2, 5)}, ["a"]),
+        ({"worse": (1, 4), "a": (1, 5)}, ["a"]),
+        ({"first": (1, 5), "twin": (1, 5)}, ["first"]),
+    ],
+)
+def test_the_pareto_front_holds_what_nothing_cheaper_exceeds(points, front):
+    costs = {name: cost for name, (cost, _) in points.items()}
+    gains = {name: gain for name, (_, gain) in points.items()}
+    assert comparison.pareto_front(costs, gains) == front
+
+
+def test_fronts_are_of_learners(project):
+    # SAC returns more than DQN, after fewer steps and seconds; random needs none at all.
+    summary = summarize(project)
+    assert (summary["pareto_steps"], summary["pareto_seconds"]) == (["sac-long"], ["sac-long"])
+    agents = {"dqn": "dqn", "pgpe": "pgpe"}  # 1000 steps to 700, 8000 steps to 5000
+    write_project(project, agents, SEEDS)
+    summary = summarize(project, make_params(agents, SEEDS))
+    assert (summary["pareto_steps"], summary["pareto_seconds"]) == (["dqn", "pgpe"],) * 2
+    nothing = {"random": "random"}
+    summary = summarize(project, make_params(nothing, SEEDS))
+    assert (summary["pareto_steps"], summary["pareto_seconds"]) == ([], [])
+
+
+def test_learners_are_compared_at_the_smallest_budget(project):
+    # Of 200 control steps and 100 s SAC's; DQN, evaluated at 250, had returned half at 250.
+    summary = summarize(project)
+    assert (summary["equal_steps"], summary["equal_seconds"]) == (200, 100.0)
+    sac, dqn = summary["agents"]["sac-long"], summary["agents"]["dqn"]
+    assert sac["return_at_equal_steps"]["iqm"] == sac["return"]["iqm"]
+    assert sac["return_at_equal_seconds"]["worst"] == pytest.approx(3000)
+    assert (dqn["return_at_equal_steps"], dqn["return_at_equal_seconds"]) == (None, None)
+    assert "return_at_equal_steps" not in summary["agents"]["random"]
+
+
+def test_returns_at_equal_budgets_lie_on_the_learning_curves(project):
+    rows = curve_rows(400, 3000.0)  # evaluated after 100, 200, 300, 400 steps
+    for seed in SEEDS:
+        write_curve(project, "sac-long", seed, rows)
+    timing = [row for seed in SEEDS for row in timing_rows("sac-long", seed, rows, pace=2.0)]
+    write_csv(project / "results" / "agents" / "sac-long" / "timing.csv", timing)
+    summary = summarize(project)  # DQN returns half after 250 steps, all of it after 500
+    assert (summary["equal_steps"], summary["equal_seconds"]) == (400, 500.0)
+    sac, dqn = summary["agents"]["sac-long"], summary["agents"]["dqn"]
+    assert dqn["return_at_equal_steps"]["iqm"] == pytest.approx(715 * (0.5 + 0.5 * 150 / 250))
+    assert dqn["return_at_equal_seconds"]["iqm"] == pytest.approx(dqn["return"]["iqm"])
+    assert sac["return_at_equal_seconds"]["iqm"] == pytest.approx(3000)
+
+
+def test_variants_are_read_like_the_policies(project):
+    variants = load(project, PARAMS)["sac-long"].variants
+    assert list(variants) == ["final", "rounded"]
+    np.testing.assert_allclose(variants["rounded"]["return"], [2993, 3003, 3013, 3023])
+    assert list(load(project, PARAMS)["dqn"].variants) == ["final"]
+
+
+def test_every_ordered_pair_has_a_probability(project):
+    pairs = summarize(project)["probability_of_improvement"]
+    assert list(pairs) == [
+        "random>sac-long", "random>dqn", "sac-long>random", "sac-long>dqn", "dqn>random",
+        "dqn>sac-long",
+    ]  # fmt: skip
+    assert pairs["sac-long>dqn"] == {"p": 1.0, "low": 1.0, "high": 1.0}
+    assert pairs["dqn>sac-long"] == {"p": 0.0, "low": 0.0, "high": 0.0}
+
+
+def test_a_pair_read_backwards_is_its_complement(project):
+    for name, values in {"dqn": [1, 5, 6, 9], "sac-long": [2, 4, 7, 8]}.items():
+        rows = [
+            episode_row(name, seed, episode, value)
+            for seed, value in zip(SEEDS, values, strict=True)
+            for episode in range(EPISODES)
+        ]
+        write_csv(project / "results" / "agents" / name / "episodes.csv", rows)
+    pairs = summarize(project)["probability_of_improvement"]
+    forth, back = pairs["dqn>sac-long"], pairs["sac-long>dqn"]
+    assert forth["p"] == pytest.approx(8 / 16)  # 0 + 2 + 2 + 4
+    assert forth["low"] < 0.5 < forth["high"]
+    assert back["low"] == pytest.approx(1 - forth["high"])
+    assert back["high"] == pytest.approx(1 - forth["low"])
+
+
+def test_more_episodes_of_the_same_seeds_narrow_nothing(project, tmp_path_factory):
+    twice = tmp_path_factory.mktemp("twice")
+    shutil.copytree(project, twice, dirs_exist_ok=True)
+    for name in AGENTS:
+        path = twice / "results" / "agents" / name / "episodes.csv"
+        again = [
+            row | {key: int(row[key]) + more for key in ("episode", "episode_seed")}
+            for row in read_csv(path)
+            for more in range(0, 10 * EPISODES, EPISODES)
+        ]
+        write_csv(path, again)
+    evaluate = PARAMS.evaluate.model_copy(update={"episodes": 10 * EPISODES})
+    params = PARAMS.model_copy(update={"evaluate": evaluate})
+    assert numbers(summarize(twice, params)) == pytest.approx(numbers(summarize(project)))
+
+
+def test_neither_the_order_of_rows_nor_that_of_seeds_matters(project):
+    summary = summarize(project)
+    for name in AGENTS:
+        path = project / "results" / "agents" / name / "episodes.csv"
+        rows = read_csv(path)
+        random.Random(0).shuffle(rows)
+        write_csv(path, rows)
+    shuffled = summarize(project, make_params(AGENTS, sorted(SEEDS)))
+    assert numbers(shuffled) == pytest.approx(numbers(summary))
+
+
+def test_a_single_seed_is_compared_without_spread(tmp_path):
+    write_project(tmp_path, AGENTS, [0])
+    summary = summarize(tmp_path, make_params(AGENTS, [0]))
+    assert set(summary["agents"]["dqn"]["return"].values()) == {700.0}
+    assert summary["probability_of_improvement"]["dqn>random"]["p"] == 1.0
+
+
+def test_labels_capitalise_acronyms_alone(project):
+    results = load(project, PARAMS)
+    assert [agent.label for agent in results.values()] == ["random", "sac-long", "DQN"]
+
+
+def test_learning_curves_are_means_over_seeds_where_policies_were_evaluated(project):
+    curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["dqn"]
+    np.testing.assert_allclose(curve.env_steps, [250, 500, 750, 1000])
+    np.testing.assert_allclose(curve.seconds, [125, 250, 375, 500])
+    np.testing.assert_allclose(curve.returns.value, [357.5, 715, 715, 715])
+    assert (curve.returns.low <= curve.returns.value).all()
+    assert (curve.returns.high >= curve.returns.value).all()
+
+
+def test_learning_curves_of_unlike_seeds_share_a_grid(project):
+    rows = curve_rows(2000, 700.0)  # the others stop at 1000
+    write_curve(project, "dqn", 7, rows)
+    path = project / "results" / "agents" / "dqn" / "timing.csv"
+    timing = [row for row in read_csv(path) if row["seed"] != "7"]
+    timing += timing_rows("dqn", 7, rows)
+    write_csv(path, timing)
+    curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["dqn"]
+    np.testing.assert_allclose(curve.env_steps, [500, 1000, 1500, 2000])
+    np.testing.assert_allclose(curve.returns.value[-1], (700 + 710) / 2)  # 700, 700, 710, 730
+
+
+def test_the_baselines_curve_is_level_over_the_others_budgets(project):
+    curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["random"]
+    np.testing.assert_allclose(curve.env_steps, [50, 1000])  # SAC's first, DQN's last
+    np.testing.assert_allclose(curve.seconds, [25, 500])
+    np.testing.assert_allclose(curve.returns.value, [345, 345])
+    assert curve.returns.low[0] == curve.returns.low[1] < 345
+
+
+def test_the_curve_of_a_search_without_learning_is_level_at_its_end(tmp_path):
+    agents = {"metronome": "open_loop", "sac": "sac"}
+    write_project(tmp_path, agents, SEEDS)
+    results = load(tmp_path, make_params(agents, SEEDS))
+    curve = comparison.learning_curves(results, COMPARE)["metronome"]
+    np.testing.assert_allclose(curve.env_steps, [50, 200])  # SAC's, not those of the search
+    np.testing.assert_allclose(curve.returns.value, [515, 515])
+
+
+def test_baselines_alone_can_be_compared(tmp_path):
+    agents = {"random": "random", "other": "random"}
+    write_project(tmp_path, agents, SEEDS)
+    results = load(tmp_path, make_params(agents, SEEDS))
+    curves = comparison.learning_curves(results, COMPARE)
+    np.testing.assert_allclose(curves["other"].env_steps, [0])
+    pair = comparison.summarize(results, COMPARE)["probability_of_improvement"]["random>other"]
+    assert pair["p"] == 0.5
+
+
+def test_tables_are_tidy(project):
+    results = load(project, PARAMS)
+    curves = comparison.learning_curves(results, COMPARE)
+    families = {name: agent.family for name, agent in results.items()}
+    write_csv(project / "curves.csv", comparison.curve_rows(curves, families))
+    write_text(project / "seeds.csv", tables.to_csv(comparison.seed_rows(results)))
+    table = read_csv(project / "curves.csv")
+    columns = ["agent", "env_steps", "seconds", "return_iqm", "low", "high", "colour", "line"]
+    assert list(table[0]) == columns
+    assert [row["agent"] for row in table] == ["random"] * 2 + ["sac-long"] * 4 + ["dqn"] * 4
+    table = read_csv(project / "seeds.csv")
+    assert table[0] == {
+        "agent": "random", "seed": "3", "env_steps": "0", "seconds": "0.0",
+        "evaluation_return": "330.0",
+    }  # fmt: skip
+    assert len(table) == 4 + 4 * 4 + 4 * 4
+
+
+def test_dvc_plots_take_each_agents_look_by_name(project):
+    """Not by its place among the agents: the table says it, and the template draws what it says."""
+    results = load(project, PARAMS)
+    families = {name: agent.family for name, agent in results.items()}
+    rows = comparison.curve_rows(comparison.learning_curves(results, COMPARE), families)
+    drawn = looks(families)
+    for row in rows:
+        assert (row["colour"], row["line"]) == (
+            drawn[row["agent"]].colour,
+            drawn[row["agent"]].line,
+        )
+    template = json.loads((PROJECT_ROOT / ".dvc/plots/agents.json").read_text(encoding="utf-8"))
+    for view in template["hconcat"]:
+        assert view["encoding"]["color"] == {"field": "colour", "type": "nominal", "scale": None}
+        assert view["encoding"]["strokeDash"]["field"] == "line"
+        assert set(view["encoding"]["strokeDash"]["scale"]["domain"]) == {*LINES, *DASHES}
+
+
+@pytest.mark.parametrize(
+    ("path", "stage"),
+    [
+        ("results/agents/sac-long/episodes.csv", "evaluate@sac-long"),
+        ("results/agents/dqn/timing.csv", "train@dqn"),
+        ("models/dqn/seed-7/curve.csv", "train@dqn"),
+    ],
+)
+def test_a_missing_file_names_the_stage_to_run(project, path, stage):
+    (project / path).unlink()
+    with pytest.raises(InputError, match="No such file") as error:
+        load(project, PARAMS)
+    assert path in str(error.value)
+    assert f"dvc repro {stage}" in str(error.value)
+
+
+def empty_fluidity(project, seed_episodes):
+    """Empty the fluidity of DQN's episodes of these (seed, episode)."""
+    path = project / "results" / "agents" / "dqn" / "episodes.csv"
+    rows = read_csv(path)
+    for row in rows:
+        if (int(row["seed"]), int(row["episode"])) in seed_episodes:
+            row["fluidity"] = ""
+    write_csv(path, rows)
+
+
+def test_episodes_and_seeds_without_fluidity_are_left_out(project):
+    one, other = SEEDS[:2]
+    empty_fluidity(project, [(one, 0), (one, 1), *((other, episode) for episode in range(3))])
+    results = load(project, PARAMS)
+    fluidity = results["dqn"].quantities["fluidity"]
+    assert fluidity[0] == pytest.approx(-1000 / 705)  # its last episode returned 705
+    assert np.isnan(fluidity[1])
+    summary = comparison.summarize(results, COMPARE)["agents"]["dqn"]
+    assert summary["fluidity"]["iqm"] == pytest.approx(fluidity[[0, 2, 3]].mean())  # all of three
+    assert summary["fluidity"]["worst"] == pytest.approx(fluidity[0])
+    json.dumps(summary, allow_nan=False)
+
+
+def test_a_quantity_that_no_seed_has_is_left_out(project):
+    empty_fluidity(project, [(seed, episode) for seed in SEEDS for episode in range(3)])
+    agents = summarize(project)["agents"]
+    assert "fluidity" not in agents["dqn"]
+    assert "fluidity" in agents["sac-long"]
+
+
+def run_stage(project: Path) -> subprocess.CompletedProcess[str]:
+    """Run the stage in a folder that has the project's code, and so is the project."""
+    for package in ("jumping_ant", "stages"):
+        shutil.copytree(PROJECT_ROOT / package, project / package, dirs_exist_ok=True)
+    return subprocess.run(
+        [sys.executable, "-m", "stages.compare"], cwd=project, capture_output=True, encoding="utf-8"
+    )
+
+
+def test_the_stage_writes_the_same_files_every_time(tmp_path):
+    content = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
+    agents = {name: name for name in ("random", "dqn", "sac", "pgpe")}
+    made = make_params(agents, SEEDS).model_dump()
+    content |= {name: made[name] for name in ("seeds", "compare", "agents", "evaluate", "env")}
+    with (tmp_path / "params.yaml").open("w", encoding="utf-8") as file:
+        YAML().dump(content, file)
+    write_project(tmp_path, agents, SEEDS)
+    results = tmp_path / "results"
+    written = []
+    for _ in range(2):
+        ran = run_stage(tmp_path)
+        assert ran.returncode == 0, ran.stderr
+        paths = [
+            results / "comparison.json",
+            *sorted((results / "plots").iterdir()),
+            *sorted((results / "figures").iterdir()),
+        ]
+        written.append({path.relative_to(results).as_posix(): path.read_bytes() for path in paths})
+    assert written[0] == written[1]
+    assert {"plots/learning_curves.csv", "plots/seeds.csv"} <= set(written[0])
+    result = json.loads(written[0]["comparison.json"])
+    assert list(result) == [
+        "agents", "equal_steps", "equal_seconds", "pareto_steps", "pareto_seconds",
+        "probability_of_improvement", "claims",
+    ]  # fmt: skip
+    assert list(result["agents"]) == list(agents)
+    for claim in result["claims"]:
+        assert list(claim)[:4] == ["text", "statement", "verdict", "evidence"]
+        assert claim["verdict"] in ("supported", "refuted", "inconclusive")
+
+
+def test_the_stage_ends_with_one_clear_line(tmp_path):
+    shutil.copy(PROJECT_ROOT / "params.yaml", tmp_path)
+    ran = run_stage(tmp_path)
+    assert ran.returncode == 2
+    assert ran.stderr.startswith("error: ")
+    assert "run `dvc repro evaluate@" in ran.stderr
+    assert ran.stderr.count("\n") == 1

@@ -1,0 +1,291 @@
+"""What is measured of an episode, by hand-made episodes and by real ones."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.evaluation import evaluation, motion
+from jumping_ant.evaluation.evaluation import measure, replay
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.episodes import QUANTITIES
+from jumping_ant.experiment.models import Params
+from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
+from jumping_ant.sim import rollout
+from jumping_ant.sim.rollout import Episode
+from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.sim.world import World
+
+KINDS = ("hip", "ankle")
+
+
+@pytest.fixture(scope="module")
+def world(robot_xml: str, known_params: Params) -> World:
+    return World(robot_xml, known_params.env)
+
+
+@pytest.fixture(scope="module")
+def short_world(robot_xml: str, short: Params) -> World:
+    return World(robot_xml, short.env)
+
+
+@pytest.fixture(scope="module")
+def short(known_params: Params) -> Params:
+    """Three short episodes."""
+    return known_params.model_copy(
+        update={
+            "env": known_params.env.model_copy(
+                update={"max_episode_steps": 60, "min_torso_height": 0.3}
+            ),
+            "evaluate": known_params.evaluate.model_copy(update={"episodes": 3, "seed": 9}),
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def evaluated(short_world: World, short: Params) -> tuple[pd.DataFrame, Trajectory]:
+    return evaluation.evaluate(
+        short_world,
+        short.evaluate,
+        "random",
+        {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)},
+    )
+
+
+def still_episode(steps: int = 4) -> Episode:
+    """An episode of a robot that hangs at 0.5 m and does nothing."""
+    qpos = np.zeros((steps, 15))
+    qpos[:, 2:4] = 0.5, 1.0
+    return Episode(
+        start_qpos=qpos[0],
+        start_qvel=np.zeros(14),
+        qpos=qpos,
+        qvel=np.zeros((steps, 14)),
+        torques=np.zeros((steps, 8)),
+        rewards=np.zeros(steps),
+        terms={},
+        airborne=np.zeros(steps, dtype=np.bool_),
+        terminated=False,
+    )
+
+
+def test_a_robot_that_does_nothing(world: World, known_params: Params) -> None:
+    expected = {
+        "length": 4,
+        "return": 0,
+        "peak_height": 0.5,
+        "apex": 0.5,
+        "mean_height": 0.5,
+        "jumps": 0,
+        "airborne_seconds": 0,
+        "flight": 0,
+        "torque_change": 0,
+        "fluidity": np.nan,
+        "work": 0,
+        "drift": 0,
+        "survived": 1,
+    }
+    measured = measure(world, known_params.evaluate, still_episode())
+    assert measured == pytest.approx(expected, abs=0, nan_ok=True)
+
+
+def test_quantities_by_hand(world: World, known_params: Params) -> None:
+    episode = still_episode()
+    episode.qpos[:, :3] = [[1, 0, 0.7], [2, 5, 1.5], [1, 1, 1.0], [3, 4, 0.8]]
+    episode.torques[:, 0] = [1, -1, -1, 0]  # hip_4
+    episode.torques[2:, 3] = 0.5  # ankle_1
+    joints = [world.model.joint(name).dofadr[0] for name in ("hip_4", "ankle_1")]
+    assert joints == [12, 7]
+    episode.qvel[:, joints] = [[2, 9], [3, 9], [0, -4], [5, 1]]
+    episode = replace(
+        episode,
+        start_qpos=np.array([0, 0, 0.5, 1, *[0] * 11]),
+        rewards=np.array([1.0, 2.0, 3.5, 0.0]),
+        airborne=np.array([True, True, False, True]),
+        terminated=True,
+    )
+    gear = known_params.robot.gear
+    changes = [2**2, 0.5**2, 1**2]  # of any motor, from step to step
+    assert measure(world, known_params.evaluate, episode) == pytest.approx(
+        {
+            "length": 4,
+            "return": 6.5,
+            "peak_height": 1.5,
+            "apex": 1.5,  # of 0.7 and 1.5; the last step is too short for a jump
+            "mean_height": (0.5 + 0.7 + 1.5 + 1.0 + 0.8) / 5,
+            "jumps": 1,  # 0.1 s are two control steps
+            "airborne_seconds": 3 * 0.05,
+            "flight": 3 / 4,
+            "torque_change": sum(changes) / (3 * 8),
+            "fluidity": np.nan,  # shorter than a window
+            "work": gear * (1 * 2 + 1 * 3 + 0 + 0.5 * 4 + 0 * 5 + 0.5 * 1) * 0.05,
+            "drift": 5.0,
+            "survived": 0,
+        },
+        nan_ok=True,
+    )
+
+
+def test_apexes_are_those_of_jumps_alone(world: World, known_params: Params) -> None:
+    episode = still_episode(8)
+    episode.qpos[:, 2] = [0.9, 1.2, 2.0, 1.4, 1.1, 0.6, 3.0, 0.5]
+    airborne = np.array([True, True, False, True, True, False, True, False])
+    measured = measure(world, known_params.evaluate, replace(episode, airborne=airborne))
+    assert measured["jumps"] == 2
+    assert measured["apex"] == pytest.approx((1.2 + 1.4) / 2)
+    assert measured["peak_height"] == 3.0
+
+
+def test_fluidity_is_that_of_all_driven_joints(world: World, known_params: Params) -> None:
+    seconds = 0.05 * np.arange(101)
+    swing = 0.5 * np.sin(2 * np.pi * 2.0 * seconds)  # [ranges]
+    ranges = [np.ptp(world.model.joint(f"{kind}_{leg}").range) for leg in "1234" for kind in KINDS]
+    states = np.concatenate([np.ones((101, 7)), np.outer(swing, ranges)], axis=1)
+    episode = replace(still_episode(100), start_qpos=states[0], qpos=states[1:])
+    expected = motion.fluidity(np.outer(swing, np.ones(8)), 0.05)
+    assert measure(world, known_params.evaluate, episode)["fluidity"] == pytest.approx(expected)
+    states[-21:] = np.nan  # the second window is whole no more
+    expected = motion.fluidity(np.outer(swing[:41], np.ones(8)), 0.05)
+    assert measure(world, known_params.evaluate, episode)["fluidity"] == pytest.approx(expected)
+
+
+def test_constant_torques_have_no_torque_change(world: World, known_params: Params) -> None:
+    for steps in (1, 4):
+        episode = still_episode(steps)
+        episode.torques[:] = np.linspace(-1, 1, 8)
+        assert measure(world, known_params.evaluate, episode)["torque_change"] == 0.0
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_broken_state_is_left_out(world: World, known_params: Params, bad: float) -> None:
+    episode = still_episode()
+    episode.qpos[1] = 2.0
+    episode.qpos[-1] = episode.qvel[-1] = bad
+    measured = measure(world, known_params.evaluate, episode)
+    assert np.isnan(measured.pop("fluidity"))
+    assert np.isfinite(list(measured.values())).all()
+    assert measured["length"] == 4
+    assert measured["peak_height"] == 2.0
+    assert measured["drift"] == 0.0  # to the last place there is
+
+
+def test_replay_is_the_episode_to_the_last_bit(short_world: World) -> None:
+    episode = rollout.run(short_world, UniformPolicy(0, ActionSet(), 8), [3, 4, 5], 2)[1]
+    skip = short_world.env.frame_skip
+    trajectory = replay(short_world, episode, "sac", 0, 1)
+    np.testing.assert_array_equal(trajectory.qpos[0], episode.start_qpos)
+    np.testing.assert_array_equal(trajectory.qvel[0], episode.start_qvel)
+    np.testing.assert_array_equal(trajectory.qpos[skip::skip], episode.qpos)
+    np.testing.assert_array_equal(trajectory.qvel[skip::skip], episode.qvel)
+    np.testing.assert_array_equal(trajectory.torques, episode.torques)
+    assert (trajectory.seed, trajectory.episode) == (0, 1)
+    assert (trajectory.timestep, trajectory.frame_skip) == (0.01, 5)
+    assert trajectory.episode_return == trajectory.rewards.sum()
+
+
+def test_replay_keeps_an_episode_that_broke_down(robot_xml: str, short: Params) -> None:
+    wild = World(robot_xml, short.env.model_copy(update={"reset_noise_scale": 1e150}))
+    episode = rollout.run(wild, UniformPolicy(0, ActionSet(), 8), [3])[0]
+    assert episode.terminated
+    assert len(episode.rewards) == 1
+    assert len(replay(wild, episode, "sac", 0, 0).qpos) == 6
+    measured = measure(wild, short.evaluate, episode)
+    assert np.isnan(measured.pop("fluidity"))
+    assert np.isfinite(list(measured.values())).all()
+
+
+def test_every_policy_meets_the_same_episodes(
+    evaluated: tuple[pd.DataFrame, Trajectory], short_world: World
+) -> None:
+    table, _ = evaluated
+    assert list(table.columns) == ["seed", "episode", "episode_seed", *QUANTITIES]
+    assert table["seed"].tolist() == [4, 4, 4, 7, 7, 7]
+    assert table["episode"].tolist() == [0, 1, 2, 0, 1, 2]
+    assert table["episode_seed"].tolist() == [9, 10, 11, 9, 10, 11]
+    for seed in (4, 7):
+        ran = rollout.run(short_world, UniformPolicy(seed, ActionSet(), 8), [9, 10, 11])
+        returns = [float(episode.rewards.sum()) for episode in ran]
+        assert table.loc[table["seed"] == seed, "return"].tolist() == returns
+
+
+def test_a_policy_that_seeds_share_runs_once(
+    short_world: World, short: Params, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy, alike = (OpenLoopPolicy(ActionSet(np.ones((2, 8)))) for _ in range(2))
+    evaluate = partial(evaluation.evaluate, short_world, short.evaluate, "metronome")
+    expected, _ = evaluate({4: policy, 7: alike})
+    runs, run = [], rollout.run
+    monkeypatch.setattr(rollout, "run", lambda *given: runs.append(given) or run(*given))
+    table, _ = evaluate({4: policy, 7: policy})
+    assert len(runs) == 1
+    pd.testing.assert_frame_equal(table, expected)
+
+
+def test_the_trajectory_is_that_of_the_median_return(
+    evaluated: tuple[pd.DataFrame, Trajectory], short_world: World, short: Params
+) -> None:
+    table, trajectory = evaluated
+    row = table.sort_values("return").iloc[2]  # the lower one of the middle two
+    assert trajectory.agent == "random"
+    assert trajectory.episode_return == row["return"]
+    assert (trajectory.seed, trajectory.episode) == (row["seed"], row["episode"])
+    one_seed, of_three = evaluation.evaluate(
+        short_world, short.evaluate, "random", {4: UniformPolicy(4, ActionSet(), 8)}
+    )
+    assert of_three.episode_return == one_seed["return"].median()
+
+
+def test_no_number_depends_on_threads(
+    evaluated: tuple[pd.DataFrame, Trajectory], short_world: World, short: Params
+) -> None:
+    policies: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
+    table, trajectory = evaluation.evaluate(short_world, short.evaluate, "random", policies, 2)
+    pd.testing.assert_frame_equal(table, evaluated[0], check_exact=True)
+    np.testing.assert_array_equal(trajectory.qpos, evaluated[1].qpos)
+
+
+def test_the_terms_of_a_reward_stand_beside_their_sum(short_world: World, short: Params) -> None:
+    content = short.model_dump()
+    content["env"]["reward"]["alive"] = {"weight": 2.0}
+    both = replace(short_world, env=params_file.check(content).env)
+    uniform: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
+    table, trajectory = evaluation.evaluate(both, short.evaluate, "random", uniform)
+    terms = table[["return_torso_height", "return_alive"]]
+    np.testing.assert_allclose(terms.sum(axis=1), table["return"], rtol=1e-12)
+    assert (table["return_alive"] == 2 * (table["length"] - 1 + table["survived"])).all()
+    assert list(trajectory.terms) == ["torso_height", "alive"]
+    np.testing.assert_allclose(sum(trajectory.terms.values()), trajectory.rewards)
+    assert "return_alive" in evaluation.summarize(table)
+    alone, _ = evaluation.evaluate(short_world, short.evaluate, "random", uniform)
+    assert not [name for name in alone if name.startswith("return_")]
+
+
+def test_seeds_count_alike_in_the_means() -> None:
+    table = pd.DataFrame(
+        {name: [1.0, 2.0, 6.0, 10.0] for name in QUANTITIES} | {"seed": [3, 3, 3, 5]}
+    )
+    by_seed = evaluation.seed_means(table)
+    assert list(by_seed.columns) == ["seed", *QUANTITIES]
+    assert by_seed["seed"].tolist() == [3, 5]
+    assert by_seed["return"].tolist() == [3.0, 10.0]
+    assert evaluation.summarize(table) == dict.fromkeys(QUANTITIES, 6.5)
+
+
+def test_means_leave_out_episodes_without_fluidity() -> None:
+    table = pd.DataFrame({name: 1.0 for name in QUANTITIES} | {"seed": [3, 3, 5, 5, 7]})
+    table["fluidity"] = [-2.0, np.nan, -4.0, -6.0, np.nan]
+    by_seed = evaluation.seed_means(table)
+    np.testing.assert_array_equal(by_seed["fluidity"], [-2.0, -5.0, np.nan])
+    assert evaluation.summarize(table)["fluidity"] == -3.5
+
+
+def test_metrics_leave_out_what_no_episode_has() -> None:
+    table = pd.DataFrame({name: [1.0] for name in QUANTITIES} | {"seed": [3]})
+    table["fluidity"] = np.nan
+    metrics = evaluation.summarize(table)
+    assert metrics == {name: 1.0 for name in QUANTITIES if name != "fluidity"}

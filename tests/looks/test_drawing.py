@@ -1,0 +1,158 @@
+"""Drawing: the same pictures from one process and from several, and errors that come through."""
+
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.looks import drawing
+from jumping_ant.looks.drawing import Shots
+
+SCENE = """
+<mujoco>
+  <visual><quality shadowsize="256"/><map haze="0.3" zfar="10"/><rgba haze="1 0 0 1"/></visual>
+  <asset><texture type="skybox" builtin="flat" rgb1="0 0 1" width="8" height="8"/></asset>
+  <worldbody>
+    <light pos="0 0 4" dir="0 0 -1" type="directional"/>
+    <geom type="plane" size="50 50 50" rgba="0 1 0 1"/>
+    <body><joint type="slide" axis="1 0 0"/><geom size="0.3" pos="0 0 1"/></body>
+  </worldbody>
+</mujoco>
+"""
+NUM_SHOTS = 7  # no multiple of the numbers of processes below
+IMPORTED_IN_VAIN = {"gymnasium", "mlflow", "pydantic", "rerun", "scipy", "torch"}
+
+
+@pytest.fixture(scope="module")
+def shots() -> Shots:
+    """A ball that slides past the camera, from its left to its right."""
+    return Shots(
+        model=mujoco.MjModel.from_xml_string(SCENE),
+        qpos=np.linspace(-1, 1, NUM_SHOTS)[:, None],
+        lookat=np.tile([0.0, 0.0, 1.0], (NUM_SHOTS, 1)),
+        width=96,
+        height=64,
+        distance=4.0,
+        azimuth=90.0,
+        elevation=-5.0,
+    )
+
+
+@pytest.fixture
+def started(shots: Shots, monkeypatch: pytest.MonkeyPatch) -> list[subprocess.Popen[bytes]]:
+    """The processes that draw in a test."""
+    list(drawing.draw(shots, 1))  # OpenGL has been found by then
+    processes: list[subprocess.Popen[bytes]] = []
+    start = subprocess.Popen.__init__
+
+    def record(process: subprocess.Popen[bytes], *args: object, **options: object) -> None:
+        start(process, *args, **options)  # type: ignore[call-overload]
+        processes.append(process)
+
+    monkeypatch.setattr(subprocess.Popen, "__init__", record)
+    return processes
+
+
+def pictures(shots: Shots, processes: int) -> NDArray[np.uint8]:
+    return np.array(list(drawing.draw(shots, processes)))
+
+
+def test_pictures_show_the_shots_in_order(shots: Shots) -> None:
+    drawn = pictures(shots, 1)
+    assert drawn.shape == (NUM_SHOTS, 64, 96, 3)
+    balls = drawn.min(axis=-1) > 10  # grey on green and blue
+    middles = [np.nonzero(ball)[1].mean() for ball in balls]
+    assert (np.diff(middles) > 4).all()
+    assert middles[NUM_SHOTS // 2] == pytest.approx(47.5, abs=1)
+
+
+@pytest.mark.parametrize("processes", [2, 3])
+def test_any_number_of_processes_draws_the_same(shots: Shots, processes: int) -> None:
+    np.testing.assert_array_equal(pictures(shots, processes), pictures(shots, 1))
+
+
+def test_ground_meets_sky_in_haze(shots: Shots) -> None:
+    red, green, blue = pictures(shots, 1)[0, :, 90].T.astype(int)
+    horizon = int(np.argmax(green > 100))
+    assert 20 < horizon < 30
+    assert red[horizon - 1] > 150
+    assert blue[0] > 250
+    assert red[0] == 0
+    assert (red[horizon + 1 :] < 30).all()
+
+
+def test_only_the_ball_casts_a_shadow(shots: Shots) -> None:
+    below = pictures(shots, 1)[NUM_SHOTS // 2, 40:, :, 1] < 100
+    columns = np.nonzero(below)[1]
+    assert 20 < len(columns) < 200
+    assert abs(columns - 47.5).max() < 15
+
+
+def test_few_pictures_start_no_process(
+    shots: Shots, started: list[subprocess.Popen[bytes]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("jumping_ant.base.machine.num_cores", lambda: 8)
+    pictures(shots, 0)
+    assert len(started) == 0
+    monkeypatch.setattr(drawing, "PICTURES_PER_PROCESS", 3)
+    pictures(shots, 0)
+    assert [process.returncode for process in started] == [0, 0]
+
+
+def test_processes_end_with_whom_they_draw_for(
+    shots: Shots, started: list[subprocess.Popen[bytes]]
+) -> None:
+    drawn = drawing.draw(shots, 2)
+    next(drawn)
+    assert len(started) == 2
+    drawn.close()  # type: ignore[attr-defined]
+    assert None not in [process.returncode for process in started]
+
+
+def test_a_process_whose_pictures_nobody_reads_ends_in_silence(shots: Shots) -> None:
+    program = subprocess.Popen(
+        [sys.executable, "-c", "from jumping_ant.looks import drawing; drawing.serve()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=PROJECT_ROOT,
+    )
+    assert program.stdin is not None and program.stdout is not None
+    program.stdout.close()
+    _, said = program.communicate(pickle.dumps(shots))
+    assert (program.returncode, said) == (0, b"")
+
+
+def test_a_process_that_cannot_draw_says_why(
+    shots: Shots, started: list[subprocess.Popen[bytes]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "glfw")  # the choice made above stands, but not for others
+    with pytest.raises(InputError, match="MUJOCO_GL: given 'glfw', which draws nothing here"):
+        pictures(shots, 2)
+    assert None not in [process.returncode for process in started]
+
+
+def test_a_process_that_dies_is_missed(shots: Shots, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drawing, "_PROGRAM", "raise SystemExit(7)")
+    with pytest.raises(RuntimeError, match="exit status 7"):
+        pictures(shots, 2)
+
+
+def test_a_mistake_in_the_shots_comes_through(shots: Shots) -> None:
+    with pytest.raises(RuntimeError, match="exit status 1"):
+        pictures(replace(shots, qpos=np.zeros((NUM_SHOTS, 5))), 2)
+
+
+def test_a_process_imports_little() -> None:
+    code = f"import sys, jumping_ant.looks.drawing; print({IMPORTED_IN_VAIN} & sys.modules.keys())"
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, encoding="utf-8"
+    )
+    assert run.stdout.strip() == "set()", run.stderr
