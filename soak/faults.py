@@ -79,8 +79,9 @@ class Faults:
         projects.await_checkpoint(self._project, AGENT, process)
         everybody = projects.family(process)
         projects.kill([one for one in everybody if "follow" in projects.command_line(one)])
+        is_trained = process.wait() == 0
         tracked = self._project.run(sys.executable, "-m", "stages.track")
-        return process.wait() == tracked.returncode == 0
+        return is_trained and tracked.returncode == 0
 
     def _mlflow_slow(self) -> bool:
         """Give MLflow the address of a server that never answers."""
