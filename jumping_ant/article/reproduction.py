@@ -47,15 +47,10 @@ Act = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Trace:
-    """A printed series beside ours.
+    """A printed series beside ours."""
 
-    Attributes:
-        printed: Printed values, by control step or generation.
-        ours: Values at steps or generations 1, 2, ..., one row per seed, (num_seeds, length).
-    """
-
-    printed: Mapping[int, float]
-    ours: Array
+    printed: Mapping[int, float]  # by control step or generation
+    ours: Array  # at steps or generations 1, 2, ..., (num_seeds, length)
 
     def places(self) -> list[dict[str, Any]]:
         """Return where each printed value lies among ours, with its step or generation as `at`."""
@@ -72,24 +67,14 @@ class Trace:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All values that are compared with the article.
-
-    Attributes:
-        seeds: Seeds of the trainings.
-        totals: Running total of the rewards in the test of DQN and of SAC.
-        fitness: PGPE's population by generation: mean, best and median.
-        film: Return of PGPE's centre with raw observations, in 1,000 control steps, shape
-            (num_seeds,).
-        trained: The same with observations normalised as in training, shape (num_seeds,).
-        seconds: Training time of each seed by agent [s], excluding validation.
-    """
+    """All values that are compared with the article."""
 
     seeds: list[int]
-    totals: Mapping[str, Trace]
-    fitness: Mapping[str, Trace]
-    film: Array
-    trained: Array
-    seconds: Mapping[str, list[float]]
+    totals: Mapping[str, Trace]  # running totals of the rewards in the tests of DQN and SAC
+    fitness: Mapping[str, Trace]  # of PGPE's population by generation: mean, best and median
+    film: Array  # return of PGPE's centre with raw observations in 1,000 steps, (num_seeds,)
+    trained: Array  # the same with observations normalised as in training
+    seconds: Mapping[str, list[float]]  # training time by agent and seed [s], without validation
 
     def summary(self) -> dict[str, Any]:
         """Return all values as JSON-compatible data; docs/article.md describes the keys."""
@@ -115,15 +100,7 @@ class Reproduction:
 
 
 def reproduce(root: Path, params: Params) -> Reproduction:
-    """Run the article's tests on the trained agents of a project.
-
-    Args:
-        root: The project's folder.
-        params: Its parameters, with the agents `dqn`, `sac` and `pgpe`.
-
-    Raises:
-        InputError: An agent is not in the parameters, has another algorithm, or is not trained.
-    """
+    """Run the article's tests on the trained agents of a project, which must have all `AGENTS`."""
     dqn, _, _ = (_agent(params, name) for name in AGENTS)
     world = World(robot.read(root), params.env)
     dqn_totals = _test(root, world, params, "dqn", epsilon=dqn.exploration_final_eps)
@@ -169,16 +146,7 @@ def without_normalizer(policy: LinearPolicy) -> LinearPolicy:
 
 
 def place(value: float, ours: Array) -> dict[str, Any]:
-    """Return where a printed value lies among ours.
-
-    Args:
-        value: The printed value.
-        ours: Our values, shape (num_seeds,).
-
-    Returns:
-        `value` and `ours`; the `percentile` of the value, and whether it is `reproduced`, None with
-        too few seeds; the `median` of ours, and the ends of their central 95 %, `low` and `high`.
-    """
+    """Return where a printed value lies among ours, (num_seeds,); docs/article.md has the keys."""
     percentile = percentile_among(value, ours)
     return {
         "value": value,
@@ -213,10 +181,7 @@ def _agent(params: Params, name: str) -> Any:
 
 
 def _test(root: Path, world: World, params: Params, agent: str, **exploration: float) -> Array:
-    """Return the running totals of an agent's tests, shape (num_seeds, TEST_STEPS).
-
-    `exploration` has further arguments of its policy's `explore`.
-    """
+    """Return running totals, (num_seeds, TEST_STEPS); `exploration` goes to `explore`."""
     rewards = []
     for seed in params.seeds:
         policy = _final_policy(root, agent, seed)

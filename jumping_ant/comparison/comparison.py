@@ -31,26 +31,15 @@ FRONTS = {"env_steps": "pareto_steps", "train_seconds": "pareto_seconds"}  # by 
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """The return of an agent's policies during training, over its seeds.
+    """The return of an agent's policies during training, over its seeds; all are (num_points,)."""
 
-    Attributes:
-        env_steps: Control steps simulated so far, shape (num_points,).
-        seconds: Training seconds so far, mean over seeds, (num_points,).
-        returns: Interquartile mean over seeds with its interval, arrays of (num_points,).
-    """
-
-    env_steps: Array
-    seconds: Array
-    returns: Estimate
+    env_steps: Array  # simulated so far [control steps]
+    seconds: Array  # of training so far, mean over seeds
+    returns: Estimate  # interquartile mean over seeds, with its interval
 
 
 def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dict[str, Any]:
-    """Return the agents' figures and pairwise comparisons, as in `results/comparison.json`.
-
-    Args:
-        results: Results from `results.load`.
-        params: Confidence, number of resamples and seed.
-    """
+    """Return the agents' figures and pairwise comparisons, as in `results/comparison.json`."""
     returns = {name: agent.quantities["return"] for name, agent in results.items()}
     pairs = {}
     for one, other in combinations(returns, 2):
@@ -77,28 +66,19 @@ def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dic
 
 
 def ranking(agents: Mapping[str, Any]) -> list[str]:
-    """Return the agents' names, the highest interquartile mean of the return first.
-
-    Args:
-        agents: `agents` of `results/comparison.json`.
-    """
+    """Return the names in a summary's `agents`, the highest interquartile mean return first."""
     return sorted(agents, key=lambda name: -agents[name]["return"]["iqm"])
 
 
 def best_baseline(results: Mapping[str, AgentResults], agents: Mapping[str, Any]) -> str | None:
-    """Return the baseline that returns most, if there is any; arguments as above."""
+    """Return the baseline that returns most in a summary's `agents`, if there is any."""
     return next((name for name in ranking(agents) if results[name].is_baseline), None)
 
 
 def pareto_front(costs: Mapping[str, float], gains: Mapping[str, float]) -> list[str]:
-    """Return the agents that gain more than every other agent that costs no more.
+    """Return the agents that gain more than all others that cost no more, in the order of cost.
 
-    Args:
-        costs: What each agent costs, by name.
-        gains: What each agent gains, by name.
-
-    Returns:
-        Their names, in the order of cost; of agents equal in both, the first.
+    Of agents equal in both, the first one is returned.
     """
     front: list[str] = []
     for name in sorted(costs, key=lambda name: (costs[name], -gains[name])):
@@ -135,10 +115,6 @@ def curve_rows(
     """Return the learning curves as a tidy table for `dvc plots`, one row per point.
 
     Each row holds its agent's colour and line style, which the plots' template takes as they are.
-
-    Args:
-        curves: Each agent's learning curve, by name.
-        families: Each agent's family, by name.
     """
     drawn = looks(families)
     return [
@@ -181,10 +157,7 @@ def _each(agents: Mapping[str, Mapping[str, Any]], key: str) -> dict[str, float]
 
 
 def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
-    """Return an agent's figures; seeds without a value of a quantity are left out of its estimate.
-
-    A quantity that no seed has is left out altogether.
-    """
+    """Return an agent's figures, of the seeds that have a value; a quantity of none is left out."""
     known = {name: values[~np.isnan(values)] for name, values in agent.quantities.items()}
     return {
         "seeds": len(agent.curves),
@@ -195,16 +168,7 @@ def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
 
 
 def describe(sample: Array, confidence: float) -> dict[str, float]:
-    """Return summary statistics of a sample.
-
-    Args:
-        sample: One number per seed, shape (num_seeds,).
-        confidence: Confidence level of the interval.
-
-    Returns:
-        The interquartile mean with its interval (`iqm`, `low`, `high`), the `mean`, the smallest
-        (`worst`) and the largest (`best`).
-    """
+    """Return the summary of one number per seed, with the interval of the interquartile mean."""
     return {
         **estimate_iqm(sample, confidence).as_dict("iqm"),
         "mean": float(sample.mean()),
@@ -216,17 +180,7 @@ def describe(sample: Array, confidence: float) -> dict[str, float]:
 def _return_at(
     agent: AgentResults, against: Unit, place: float, confidence: float
 ) -> dict[str, float] | None:
-    """Return an agent's return after a given amount of training, from its learning curves.
-
-    Args:
-        agent: The agent.
-        against: Unit of `place`.
-        place: Amount of training, in control steps or seconds.
-        confidence: Confidence level of the interval.
-
-    Returns:
-        The result of `describe`; None if a seed was first evaluated later.
-    """
+    """Describe the return after an amount of training; None if a seed was first evaluated later."""
     own = [evaluations(curve, against) for curve in agent.curves.values()]
     returns = [np.interp(place, *evaluated, left=np.nan) for evaluated in own]
     known = not np.isnan(returns).any()

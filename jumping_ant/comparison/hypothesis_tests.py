@@ -53,7 +53,11 @@ def rank_test(
     x_exact: NDArray[np.bool_] | None = None,
     y_exact: NDArray[np.bool_] | None = None,
 ) -> Significance:
-    """Test whether two independent samples beat each other equally often (Mann and Whitney).
+    """Test whether two independent samples beat each other equally often (Mann and Whitney 1947).
+
+    Null: both samples come from one distribution. The statistic is proportional to Mann and
+    Whitney's U (pairs that x wins, ties counting half) less its mean. A pair that bounds leave
+    undecided is a tie (Gehan 1965).
 
     Args:
         x: First sample, shape (num_x,).
@@ -77,10 +81,12 @@ def rank_test(
 def spread_test(x: Array, y: Array, seed: int) -> Significance:
     """Test whether two independent samples spread equally, relative to their medians.
 
-    Both are divided by their medians and then permuted; the statistic is the difference in
-    `relative_spread`. As the medians are estimates, the test is not quite exact: for samples of
-    eight that spread equally it finds a difference at the 5 % level in 5 % of normal, 3 % of
-    lognormal and 8 % of bimodal samples (a fifth of failures).
+    Null: divided by their medians, both come from one distribution. So both are divided by their
+    medians and then permuted; the statistic is the difference in `relative_spread`, a mean of
+    deviations from the median (Levene 1960; Brown and Forsythe 1974). As the medians are estimates,
+    the test is not quite exact: for samples of eight that spread equally it finds a difference at
+    the 5 % level in 5 % of normal, 3 % of lognormal and 8 % of bimodal samples (a fifth of
+    failures).
 
     Args:
         x: First sample, shape (num_x,).
@@ -97,6 +103,9 @@ def spread_test(x: Array, y: Array, seed: int) -> Significance:
 
 def sign_test(differences: Array, seed: int) -> Significance:
     """Test whether differences have a mean of 0: of pairs, or between a sample and a constant.
+
+    Null: differences are distributed symmetrically around 0, so every sign is equally likely
+    (Fisher 1935, section 21). The statistic is their sum.
 
     Args:
         differences: Shape (num,).
@@ -148,12 +157,7 @@ def _two_samples(
 ) -> Significance:
     """Test the difference in a statistic against all ways to assign the data to two samples.
 
-    Args:
-        name: Name of the test.
-        pooled: The samples, x first, shape (num_x + num_y,).
-        num_x: Size of the first sample.
-        statistic: Statistic of samples along the last axis.
-        seed: Seed of the random assignments, if there are too many to enumerate.
+    `pooled` has the samples, x first; `statistic` reduces the last axis.
     """
     num = len(pooled)
     if math.comb(num, num_x) <= MOST:
@@ -168,10 +172,7 @@ def _two_samples(
 
 @lru_cache(maxsize=4)
 def _all_deals(num: int, num_x: int) -> NDArray[np.intp]:
-    """Return all assignments of `num` indices to two samples, shape (num_deals, num).
-
-    The first one keeps the order.
-    """
+    """Return all deals of `num` indices to two samples, (num_deals, num), the first in order."""
     chosen = np.array(list(combinations(range(num), num_x)), dtype=np.intp)
     is_left = np.ones((len(chosen), num), dtype=bool)
     np.put_along_axis(is_left, chosen, False, axis=1)

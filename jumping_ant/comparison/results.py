@@ -25,29 +25,18 @@ QUANTITIES = ("return", "peak_height", "torque_change")  # first in a summary
 
 @dataclass(frozen=True)
 class AgentResults:
-    """Everything measured of one agent.
-
-    Attributes:
-        name: The agent's name in `params.yaml`.
-        block: Its block of `params.yaml`.
-        quantities: Mean over each seed's episodes, by column of `episodes.csv`, (num_seeds,); NaN
-            where a seed has no episode with a value (see `Column.can_be_empty`).
-        curves: What `jumping_ant.experiment.curves.read_timed` returns: each seed's training, in
-            the same order of seeds.
-        episodes: What `jumping_ant.experiment.episodes.read` returns: every held-out episode.
-        variants: The same means for variants of each seed's policy, by variant and column.
-        demonstrator: Name of the agent that it imitates; empty if it imitates none.
-        step_seconds: Time of a unit of training for each seed [s], (num_seeds,), by number of
-            threads; empty for agents that do not train.
-    """
+    """Everything measured of one agent."""
 
     name: str
     block: AgentBlock
+    # Means over each seed's episodes, by column, (num_seeds,); NaN for a seed without a value.
     quantities: dict[str, Array]
-    curves: dict[int, Table]
-    episodes: Table = field(default_factory=dict)
+    curves: dict[int, Table]  # as `curves.read_timed` returns it, seeds in the same order
+    episodes: Table = field(default_factory=dict)  # as `episodes.read` returns it
+    # The same means of variants of each seed's policy, by variant.
     variants: dict[str, dict[str, Array]] = field(default_factory=dict)
-    demonstrator: str = ""
+    demonstrator: str = ""  # the agent that it imitates; empty if it imitates none
+    # Time of a unit of training [s], (num_seeds,), by number of threads; empty without training.
     step_seconds: dict[int, Array] = field(default_factory=dict)
 
     @property
@@ -82,11 +71,7 @@ class AgentResults:
 
 
 def load(root: Path, params: Params) -> dict[str, AgentResults]:
-    """Read the results of all agents, in the order of `params.yaml`.
-
-    Raises:
-        InputError: A file is missing, malformed, or has other rows; the message says what to run.
-    """
+    """Read the results of all agents, in the order of `params.yaml`."""
     results = {}
     for name, block in params.agents.items():
         played = episodes.read(root, params, name)

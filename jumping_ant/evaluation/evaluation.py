@@ -50,11 +50,9 @@ def evaluate(
     policies: dict[int, Policy],
     num_threads: int = 1,
 ) -> tuple[pd.DataFrame, Trajectory]:
-    """Run the held-out episodes of an agent's policies.
+    """Return the held-out episodes of each seed's policy, and the trajectory of one of them.
 
-    Returns:
-        One row per episode (columns `seed`, `episode`, `episode_seed`, then `QUANTITIES`), and the
-        trajectory of the episode of median return (the lower one of an even number).
+    It is the episode of median return, the lower one of an even number.
     """
     table, episodes = _play(world, settings, policies, num_threads)
     median = int(table["return"].argsort(kind="stable").iloc[(len(table) - 1) // 2])
@@ -70,14 +68,10 @@ def evaluate_variants(
     variants: dict[int, dict[str, Policy]],
     num_threads: int = 1,
 ) -> pd.DataFrame:
-    """Run the held-out episodes of each seed's variants (see `jumping_ant.evaluation.variants`).
+    """Return the means over the held-out episodes of each seed's variants, a row for each.
 
     A variant that is the published policy itself is not run again: `published` has those policies,
     and their episodes as `evaluate` returns them.
-
-    Returns:
-        Means over episodes: one row for each seed and variant (columns `seed`, `variant`, then
-        `QUANTITIES`).
     """
     policies, episodes = published
     rows = []
@@ -115,13 +109,7 @@ def _play(
 
 
 def seed_means(table: pd.DataFrame) -> pd.DataFrame:
-    """Return each seed's mean of every quantity over its episodes, the sample of all statistics.
-
-    Episodes in which a quantity is not defined (NaN) are left out of its mean.
-
-    Args:
-        table: Episodes, as `evaluate` returns them.
-    """
+    """Return each seed's mean of every quantity over the episodes in which it is defined."""
     return table.groupby("seed", as_index=False)[_quantities(table)].mean()
 
 
@@ -132,11 +120,7 @@ def to_csv(agent: str, table: pd.DataFrame) -> str:
 
 
 def summarize(table: pd.DataFrame) -> dict[str, float]:
-    """Return the mean over seeds of every quantity that is defined in at least one episode.
-
-    Args:
-        table: Episodes, as `evaluate` returns them.
-    """
+    """Return the mean over seeds of every quantity that is defined in at least one episode."""
     means = seed_means(table)[_quantities(table)].mean().dropna()
     return {str(name): float(mean) for name, mean in means.items()}
 
@@ -183,10 +167,7 @@ def _returns_of_terms(episode: Episode) -> dict[str, float]:
 
 
 def joint_angles(world: World, qpos: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the angle of every motor's joint over the joint's range, (num_states, num_motors).
-
-    The range of a joint without limits is a full turn.
-    """
+    """Return motor joints' angles over their ranges (unlimited: a full turn), (n, num_motors)."""
     model, joints = world.model, world.anatomy.motor_joints
     low, high = model.jnt_range[joints].T
     ranges = np.where(model.jnt_limited[joints] == 1, high - low, 2 * np.pi)
@@ -194,10 +175,7 @@ def joint_angles(world: World, qpos: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def motor_power(world: World, episode: Episode) -> NDArray[np.float64]:
-    """Return the power of every motor [W], shape (T, num_motors), at the end of each control step.
-
-    The power is zero where a velocity is not finite.
-    """
+    """Return motor power [W] at each step's end, (T, num_motors); 0 if a velocity is not finite."""
     velocities = episode.qvel[:, world.model.jnt_dofadr[world.anatomy.motor_joints]]
     velocities = np.where(np.isfinite(velocities), velocities, 0.0)
     return episode.torques * world.anatomy.peak_torques * velocities

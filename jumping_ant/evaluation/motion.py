@@ -83,11 +83,18 @@ def fluidity(angles: Array, dt: float) -> float:
 
 
 def spectral_arc_length(signal: Array, dt: float) -> float:
-    """Return the spectral arc length of a signal that is not zero throughout (SPARC).
+    """Return the spectral arc length (SPARC) of a signal that is not zero throughout.
+
+    It is -sum(hypot(df / F, dA)) over frequencies f, where A is the spectrum's amplitude over its
+    peak (Balasubramanian et al. 2015). The sum runs from the first to the last frequency up to
+    `MAX_FREQUENCY` where A is at least `MIN_AMPLITUDE`; F is their distance.
 
     Args:
         signal: Shape (T,).
         dt: Duration of a step [s].
+
+    Returns:
+        A negative number without a unit.
     """
     num_points = 2 ** (int(np.ceil(np.log2(len(signal)))) + PADDING)
     frequencies = np.fft.rfftfreq(num_points, dt)
@@ -104,9 +111,7 @@ def spectral_arc_length(signal: Array, dt: float) -> float:
 def _score(velocities: Array, dt: float) -> float:
     """Return the joints' mean arc length, each weighted by its mean square velocity.
 
-    Args:
-        velocities: Velocities in one window, shape (T, num_joints), not zero throughout.
-        dt: Duration of a step [s].
+    The velocities in one window, (T, num_joints), are not zero throughout.
     """
     velocities = velocities / np.abs(velocities).max()
     weights = np.square(velocities).mean(axis=0)

@@ -34,15 +34,10 @@ AMPLITUDE = 0.5  # of the article's commands
 
 @dataclass(frozen=True)
 class RoundedPolicy:
-    """A policy whose torques are replaced by the nearest command.
-
-    Attributes:
-        policy: The policy that chooses.
-        commands: Torques over peak torques of each command, shape (num_commands, num_motors).
-    """
+    """A policy whose torques are replaced by the nearest command."""
 
     policy: Policy
-    commands: Array
+    commands: Array  # torques over peak torques, (num_commands, num_motors)
 
     @property
     def actions(self) -> ActionSet:
@@ -62,11 +57,7 @@ class RoundedPolicy:
 
 @dataclass(frozen=True)
 class SideBySide:
-    """Policies of the same actions, each of which plays as many of the episodes, in order.
-
-    Attributes:
-        policies: The policies.
-    """
+    """Policies of the same actions, each of which plays as many of the episodes, in order."""
 
     policies: Sequence[Policy]
 
@@ -100,8 +91,7 @@ def make(
 ) -> dict[str, Policy]:
     """Return the variants of one seed's published policy, by name.
 
-    Samples of the last policy's search distribution are drawn by the agent's seed, and play the
-    validation episodes, the first of which has `validation_seed`.
+    `validation_seed` is that of the first episode by which the best sample is chosen.
     """
     names = variant_names.names(algorithm, chooses_torques=published.actions.table is None)
     variants: dict[str, Policy] = {"final": final}

@@ -42,11 +42,7 @@ class Look:
 
 
 def looks(families: Mapping[str, Family]) -> dict[str, Look]:
-    """Return each agent's look.
-
-    Args:
-        families: Each agent's family, by name, in the order of `params.yaml`.
-    """
+    """Return each agent's look, which depends on their order, that of `params.yaml`."""
     grouped = by_family(families)
     drawn = {name: _baseline(place) for place, name in enumerate(grouped.pop(BASELINE, []))}
     learners = [(name, family, i) for family, own in grouped.items() for i, name in enumerate(own)]

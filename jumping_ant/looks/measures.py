@@ -7,21 +7,13 @@ from jumping_ant.base.tables import Column
 
 @dataclass(frozen=True)
 class Measure:
-    """A column of `episodes.csv`.
-
-    Attributes:
-        label: Its name.
-        unit: Its unit, empty for pure numbers.
-        about: What it is, in a sentence.
-        is_better: 1 where more is better, -1 where less is, 0 where neither.
-        column: The values that it may have; a cell is empty where an episode has none.
-    """
+    """A column of `episodes.csv`."""
 
     label: str
-    unit: str
-    about: str
-    is_better: int
-    column: Column = Column()
+    unit: str  # empty for pure numbers
+    about: str  # what it is, in a sentence
+    is_better: int  # 1 where more is better, -1 where less is, 0 where neither
+    column: Column = Column()  # the values that it may have
 
     @property
     def axis(self) -> str:

@@ -52,21 +52,7 @@ def film(xml: str, trajectory: Trajectory, params: RecordParams, processes: int 
 def frames(
     xml: str, trajectory: Trajectory, params: RecordParams, processes: int = 0
 ) -> Iterator[NDArray[np.uint8]]:
-    """Draw an episode.
-
-    Args:
-        xml: The robot.
-        trajectory: The episode; its first `params.seconds` are drawn, or all of a shorter one.
-        params: Size, frame rate, shadow and camera.
-        processes: Number of processes that draw (see `drawing.draw`).
-
-    Returns:
-        Pictures, shape (height, width, 3), drawn on demand.
-
-    Raises:
-        InputError: The frame rate does not divide the simulation's, the XML is not a robot with
-            a torso and a floor or not the trajectory's robot, or this machine cannot render.
-    """
+    """Draw an episode's first seconds on demand, as pictures of shape (height, width, 3)."""
     rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
     model = scene(xml, params.shadow_size)
     trajectory.check(model)
@@ -84,15 +70,9 @@ def frames(
 
 
 def camera_path(torso: NDArray[np.float64], params: RecordParams) -> NDArray[np.float64]:
-    """Return the points the camera looks at.
+    """Return the points that the camera looks at [m], (num_frames, 3): the torso's path, smoothed.
 
-    Args:
-        torso: The torso's position in each frame [m], shape (num_frames, 3).
-        params: Frame rate and distance of the camera.
-
-    Returns:
-        Points [m], shape (num_frames, 3): the path, smoothed, at a height that is constant until
-        the torso would leave the picture.
+    Their height is constant until the torso would leave the picture.
     """
     height = CAMERA_HEIGHT * params.camera_distance
     slack = CAMERA_SLACK * params.camera_distance
@@ -106,14 +86,8 @@ def camera_path(torso: NDArray[np.float64], params: RecordParams) -> NDArray[np.
 def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
     """Compile a robot for rendering: a tiled floor to the horizon, a sky, and an overhead lamp.
 
-    Only the looks change, not the robot. The source's lamp hangs at 1.3 m, lower than a jump.
-
-    Args:
-        xml: The robot.
-        shadow_size: Side of the shadow map [pixels]; 0 draws no shadow.
-
-    Raises:
-        InputError: The XML is not MJCF, or not a robot on a floor.
+    Only the looks change. The source's lamp hangs at 1.3 m, lower than a jump. `shadow_size` is the
+    side of the shadow map [pixels]; 0 draws no shadow.
     """
     spec = mjcf.parse(xml)
     planes = [geom for geom in spec.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
@@ -134,14 +108,8 @@ def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
 def encode(pictures: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
     """Encode pictures as an MP4 file that every browser plays: H.264, yuv420p, index first.
 
-    Equal pictures make equal bytes: one encoder thread, no dates, no versions.
-
-    Args:
-        pictures: Pictures of one size, shape (height, width, 3), both even.
-        fps: Frame rate [1/s].
-
-    Raises:
-        OSError: The encoder failed, as on a full disk.
+    Equal pictures, (height, width, 3) with even sides, make equal bytes: one encoder thread, no
+    dates, no versions. Raise `OSError` if the encoder fails, as on a full disk.
     """
     options = (
         "-crf 19 -preset veryfast -threads 1 "

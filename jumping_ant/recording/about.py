@@ -28,15 +28,10 @@ zoom; the camera follows the torso. Click a shape or a line for its values."""
 
 @dataclass(frozen=True)
 class Opening:
-    """The part that plays first.
+    """The part that plays first."""
 
-    Attributes:
-        peak: Time of the highest jump [s].
-        end: End of the part in which it is the highest [s].
-    """
-
-    peak: float
-    end: float
+    peak: float  # time of the highest jump [s]
+    end: float  # of the part in which it is the highest [s]
 
 
 def log_page(stream: rr.RecordingStream, text: str) -> None:
@@ -76,13 +71,7 @@ The blue learning curve is this seed's, the grey ones are the other seeds'.
 def lineup_page(
     stories: Mapping[str, Story], trajectories: Mapping[str, Trajectory], opening: Opening
 ) -> str:
-    """Describe all agents' episodes side by side, the agent that returns most first.
-
-    Args:
-        stories: What is known about each agent's episode.
-        trajectories: The episodes.
-        opening: The part that plays first.
-    """
+    """Describe all agents' episodes side by side, the agent that returns most first."""
     ranked = sorted(stories.items(), key=lambda item: -item[1].mean_return)
     is_crowded = panels.is_crowded({agent: story.family for agent, story in ranked})
     tabs = "\nThe tabs show the best agent of each family, and each family." if is_crowded else ""

@@ -28,13 +28,7 @@ LABEL_COLOR: Color = (170, 178, 190)
 def log_curves(
     stream: rr.RecordingStream, curves: Mapping[int, tuple[Array, Array]], own_seed: int
 ) -> None:
-    """Log the learning curves.
-
-    Args:
-        stream: The recording.
-        curves: Steps and returns of each seed (see `story.Story`).
-        own_seed: The seed whose episode is recorded; its curve stands out.
-    """
+    """Log each seed's learning curve (see `story.Story`); that of `own_seed` stands out."""
     right = max(max(steps.max(initial=0.0) for steps, _ in curves.values()), 1.0)
     top = max(max(returns.max(initial=0.0) for _, returns in curves.values()), 1.0)
     scale = rr.Transform3D(scale=[WIDTH / right, -HEIGHT / top, 1.0])

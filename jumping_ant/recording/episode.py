@@ -30,16 +30,9 @@ from jumping_ant.sim.world import World
 
 
 def record(world: World, trajectory: Trajectory, story: Story, mp4: bytes) -> bytes:
-    """Return an episode as the content of an `.rrd` file (see `file.write`).
+    """Return a whole episode as an `.rrd` file, which loops over the highest jump of its film.
 
-    It loops over the highest jump of its film.
-
-    The episode is recorded whole, at the simulation's rate. The film, `mp4`, starts with it and
-    may end before it.
-
-    Raises:
-        InputError: The XML is not the robot, or has an unsupported shape, or the film is not an
-            MP4.
+    The film, `mp4`, starts with the episode and may end before it.
     """
     video = film.Film(mp4)
     found = states.derive(world, trajectory, trajectory.rows())

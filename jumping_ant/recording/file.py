@@ -20,12 +20,6 @@ def write(
 
     Recordings of equal input hold equal data (`rerun rrd compare`), though not equal bytes: Rerun
     numbers its chunks by the clock.
-
-    Args:
-        name: Identifier of the recording.
-        title: Its title in the viewer.
-        layout: The layout it opens in.
-        log: Logs all of its content.
     """
     was_strict = rr.strict_mode()
     rr.set_strict_mode(True)  # otherwise Rerun skips invalid data with a warning

@@ -11,17 +11,7 @@ FRAMES = "film/frames"
 
 
 class Film:
-    """A film that begins with its episode.
-
-    Args:
-        mp4: The file's content.
-
-    Attributes:
-        times: Time of every frame [ns], shape (num_frames,).
-
-    Raises:
-        InputError: The content is not an MP4 file.
-    """
+    """A film that begins with its episode; `times` are those of its frames [ns]."""
 
     def __init__(self, mp4: bytes) -> None:
         self._video = rr.AssetVideo(contents=mp4, media_type="video/mp4")

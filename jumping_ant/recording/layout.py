@@ -28,10 +28,7 @@ def around(peak: int, end: int) -> Moment:
 
 
 def episode_layout(world: World, moment: Moment, film_end: int) -> rrb.Blueprint:
-    """Arrange a recorded episode: the robot beside text, film, learning curve and series.
-
-    `moment` plays in a loop; the film ends at `film_end` [ns].
-    """
+    """Arrange a recorded episode; `moment` plays in a loop, the film ends at `film_end` [ns]."""
     film = rrb.Spatial2DView(origin="film", name=f"Film of the first {film_end / 1e9:g} s")
     left = rrb.Vertical(
         scene_view(world, "Robot"),
@@ -65,8 +62,7 @@ def lineup_layout(
 ) -> rrb.Blueprint:
     """Arrange agents side by side, with their heights and text; `moment` plays in a loop.
 
-    `labels` are the titles of the views. `groups` are the agents that are seen at once, by title;
-    several groups are tabs.
+    `groups` are the agents that are seen at once, by title; several groups are tabs.
     """
     about = rrb.TextDocumentView(origin="about", name="About")
     scenes, heights = [], []

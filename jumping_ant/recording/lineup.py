@@ -34,13 +34,7 @@ def record(
     trajectories: Mapping[str, Trajectory],
     stories: Mapping[str, Story],
 ) -> bytes:
-    """Return the agents' episodes as the content of one `.rrd` file (see `file.write`).
-
-    It loops over the highest jump of the first seconds.
-
-    Raises:
-        InputError: The XML is not the robot, or has an unsupported shape.
-    """
+    """Return the episodes as an `.rrd` file that loops over the highest jump of its opening."""
     colors = _colors(stories)
     found = {
         agent: states.derive(worlds[agent], trajectory, trajectory.rows(STRIDE))

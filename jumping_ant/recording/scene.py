@@ -28,28 +28,16 @@ METRES_PER_NEWTON = 0.01  # length of the arrows of contact forces
 
 @dataclass(frozen=True)
 class Scene:
-    """One robot in a recording.
-
-    Attributes:
-        stream: The recording.
-        world: The robot and the task.
-        root: Prefix of its entity paths: empty, or a name and a slash.
-        torso_color: Colour of the torso's shape and arrow.
-        trail_color: Colour of the torso's trail.
-    """
+    """One robot in a recording."""
 
     stream: rr.RecordingStream
     world: World
-    root: str = ""
-    torso_color: Color = TORSO_COLOR
+    root: str = ""  # prefix of its entity paths: empty, or a name and a slash
+    torso_color: Color = TORSO_COLOR  # of the torso's shape and arrow
     trail_color: Color = TRAIL_COLOR
 
     def log_shapes(self) -> None:
-        """Log static data: every geom in the frame of its body, and the drawing styles.
-
-        Raises:
-            InputError: The robot has an unsupported shape.
-        """
+        """Log static data: every geom in the frame of its body, and the drawing styles."""
         self.stream.log(self.root or "/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         limbs = limbs_of_bodies(self.world)[self.world.model.geom_bodyid]
         for geom, path in enumerate(geom_paths(self.world)):

@@ -16,42 +16,24 @@ TIMELINE = "sim_time"
 
 @dataclass(frozen=True)
 class States:
-    """States of a trajectory, one per row.
+    """States of a trajectory, one per row, in the world frame."""
 
-    Attributes:
-        rows: Their row numbers in the trajectory, (num_rows,).
-        times: Times [ns], (num_rows,).
-        steps: The control step each belongs to, (num_rows,).
-        positions: World positions of the bodies [m], (num_rows, num_bodies, 3).
-        quaternions: Their orientations (x, y, z, w), (num_rows, num_bodies, 4).
-        normal_forces: Sum of the normal forces at each limb's contacts [N], (num_rows, num_limbs).
-        contact_forces: Sum of the forces that act on each limb at its contacts, friction
-            included, in the world frame [N], (num_rows, num_limbs, 3).
-        contact_points: Mean position of these contacts [m], (num_rows, num_limbs, 3).
-        limb_contacts: Number of these contacts, (num_rows, num_limbs).
-        contacts: Number of contacts of the whole robot, (num_rows,).
-    """
-
-    rows: NDArray[np.int64]
-    times: NDArray[np.int64]
-    steps: NDArray[np.int64]
-    positions: NDArray[np.float64]
-    quaternions: NDArray[np.float64]
-    normal_forces: NDArray[np.float64]
-    contact_forces: NDArray[np.float64]
-    contact_points: NDArray[np.float64]
-    limb_contacts: NDArray[np.int64]
-    contacts: NDArray[np.int64]
+    rows: NDArray[np.int64]  # their numbers in the trajectory, (num_rows,)
+    times: NDArray[np.int64]  # [ns], (num_rows,)
+    steps: NDArray[np.int64]  # the control step that each belongs to, (num_rows,)
+    positions: NDArray[np.float64]  # of the bodies [m], (num_rows, num_bodies, 3)
+    quaternions: NDArray[np.float64]  # of the bodies (x, y, z, w), (num_rows, num_bodies, 4)
+    normal_forces: NDArray[np.float64]  # sums over each limb's contacts [N], (num_rows, num_limbs)
+    contact_forces: NDArray[np.float64]  # sums, with friction [N], (num_rows, num_limbs, 3)
+    contact_points: NDArray[np.float64]  # mean of the contacts [m], (num_rows, num_limbs, 3)
+    limb_contacts: NDArray[np.int64]  # number of contacts, (num_rows, num_limbs)
+    contacts: NDArray[np.int64]  # their number on the whole robot, (num_rows,)
 
 
 def derive(
     world: World, trajectory: Trajectory, rows: NDArray[np.int64], first_step: int = 0
 ) -> States:
-    """Compute poses and contacts in some rows of an episode, or of a part from `first_step` on.
-
-    Raises:
-        InputError: The trajectory belongs to another robot.
-    """
+    """Compute poses and contacts in some rows of an episode, or of a part from `first_step` on."""
     model = world.model
     trajectory.check(model)
     skip, num_rows = trajectory.frame_skip, len(rows)

@@ -21,26 +21,15 @@ MEASURES = ("return", "peak_height", "jumps", "airborne_seconds")
 
 @dataclass(frozen=True)
 class Story:
-    """An agent and one of its episodes.
-
-    Attributes:
-        agent: The agent's name.
-        algorithm: The algorithm it runs.
-        family: The algorithm's family.
-        robot: Which robot it moves, `edited` or `unedited`.
-        measures: The episode's `MEASURES` (see `jumping_ant.evaluation.evaluation`).
-        mean_return: Mean over all the agent's held-out episodes.
-        curves: Each seed's learning curve: the control steps at which its policy was evaluated,
-            and the returns there, both of shape (num_evaluations,).
-    """
+    """An agent and one of its episodes."""
 
     agent: str
     algorithm: str
     family: Family
-    robot: str
-    measures: Mapping[str, float]
-    mean_return: float
-    curves: Mapping[int, tuple[Array, Array]]
+    robot: str  # `edited` or `unedited`
+    measures: Mapping[str, float]  # the episode's `MEASURES`
+    mean_return: float  # over all of the agent's held-out episodes
+    curves: Mapping[int, tuple[Array, Array]]  # control steps and returns of evaluations, by seed
 
     @property
     def is_baseline(self) -> bool:
@@ -54,17 +43,7 @@ class Story:
 
 
 def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Story:
-    """Read what is known about an episode.
-
-    Args:
-        root: The project folder.
-        params: Its parameters.
-        agent: The agent.
-        trajectory: Its episode.
-
-    Raises:
-        InputError: A file is missing or malformed, or does not hold the episode.
-    """
+    """Read what is known about an episode."""
     block = params.agent(agent)
     table = episodes.read(root, params, agent)
     shown = episodes.find(table, agent, trajectory, Paths(root).agent(agent).trajectory)

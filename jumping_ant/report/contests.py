@@ -49,10 +49,7 @@ def improvement_width(num_agents: int) -> int:
 
 
 def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
-    """Draw the evidence that a claim was judged by: a point for each seed of each sample.
-
-    `drawn` are looks by the agents' labels, `seeds` the training seeds in the order of the values.
-    """
+    """Draw the evidence that a claim was judged by; `drawn` are looks by the agents' labels."""
     plot = entry["plot"]
     figure = go.Figure()
     if plot.get("paired"):

@@ -35,10 +35,9 @@ class Row:
 def returns(
     results: Mapping[str, AgentResults], summary: Mapping[str, Any], confidence: float
 ) -> list[Row]:
-    """Return the returns of each agent; `summary` is `agents` of `results/comparison.json`.
+    """Return each agent's returns: of published and final policies, and after equal budgets.
 
-    They are the interquartile mean, the mean and the worst seed of the published policies, then
-    interquartile means of the final policies, and after equal budgets if any agent learns.
+    `summary` is `agents` of `results/comparison.json`.
     """
     budgets = BUDGETS if charting.learners(results) else ()
 

@@ -42,15 +42,7 @@ MODEL, POLICY_DIGEST = "jumping-ant-", "policy_digest"
 
 
 def build(root: Path, params: Params) -> str:
-    """Return the page's HTML.
-
-    Args:
-        root: The project's folder; assets, models, results and media are read.
-        params: All parameters.
-
-    Raises:
-        InputError: A file is missing or damaged, or this machine cannot render.
-    """
+    """Return the page's HTML, from the project's assets, models, results and media."""
     summary = read_json(Paths(root).comparison, "compare")
     loaded = load(root, params)
     families = charting.families(loaded)

@@ -47,7 +47,12 @@ Compare = Callable[[Case], Finding | None]  # None where the run lacks what it n
 
 
 def more(*quantities: str, factor: float = 1.0) -> Compare:
-    """Ask whether the first agent exceeds the second, times a factor, in each quantity."""
+    """Ask whether the first agent exceeds the second, times a factor, in each quantity.
+
+    In each: the probability that a seed of the first does, and the rank test of it, or a sign-flip
+    test where one agent's seeds all agree (`findings.independent`). All of them must hold
+    (`findings.both`).
+    """
     return lambda case: findings.both(
         [
             findings.independent(AXES[name], *case.samples(_mean(name)), case.params, factor)
@@ -57,7 +62,11 @@ def more(*quantities: str, factor: float = 1.0) -> Compare:
 
 
 def more_in_version(quantity: str, one: str, other: str) -> Compare:
-    """Ask whether one version of an agent's policies exceeds the other, seed by seed."""
+    """Ask whether one version of an agent's policies exceeds the other, seed by seed.
+
+    The mean difference of the same seeds, and the sign-flip test (`findings.paired`). The versions
+    are keys of `VERSIONS`; there is no finding if the agent lacks one.
+    """
 
     def compare(case: Case) -> Finding | None:
         (agent,) = case.agents
@@ -70,18 +79,26 @@ def more_in_version(quantity: str, one: str, other: str) -> Compare:
 
 
 def less_spread(case: Case) -> Finding:
-    """Ask whether the first agent's return varies less than the second's."""
+    """Ask whether the first agent's return varies less than the second's.
+
+    The difference in spread over seeds relative to the median, and the permutation test of it
+    (`findings.less_spread`).
+    """
     return findings.less_spread(AXES["return"], *case.samples(_mean("return")), case.params)
 
 
 def longer_training(case: Case) -> Finding:
-    """Ask whether the first agent trains for longer than the second."""
+    """Ask whether the first agent trains for longer than the second, in seconds (as `more`)."""
     samples = case.samples(lambda agent: Sample(agent.label, agent.train_seconds))
     return findings.independent("Training time [s]", *samples, case.params)
 
 
 def more_speed_up(case: Case) -> Finding | None:
-    """Ask whether all cores speed the first agent's training up more than the second's."""
+    """Ask whether all cores speed the first agent's training up more than the second's.
+
+    The speed-up is the time of a unit of training on one thread over that on all cores, seed by
+    seed, and is tested as in `more`. There is no finding for agents that do not train.
+    """
     if not all(agent.step_seconds for agent in case.agents):
         return None
     axis = "Speed-up from one thread to all cores"
@@ -89,7 +106,13 @@ def more_speed_up(case: Case) -> Finding | None:
 
 
 def more_effort(unit: curves.Unit) -> Compare:
-    """Ask whether the first agent needs more than the second to learn anything, for good."""
+    """Ask whether the first agent needs more than the second to learn anything, for good.
+
+    A seed's effort is what it spends, in `unit`, up to the evaluation from which on all exceed
+    `Field.threshold`. A seed that never gets there counts with its whole budget, a lower bound, so
+    the rank test is the one with bounds (Gehan 1965; `findings.more_effort`). There is no finding
+    without a random agent, which gives the threshold.
+    """
 
     def compare(case: Case) -> Finding | None:
         threshold = case.field.threshold
@@ -103,7 +126,10 @@ def more_effort(unit: curves.Unit) -> Compare:
 
 
 def fewer_steps(case: Case) -> Finding | None:
-    """Ask whether the first agent needs fewer control steps than the second to learn anything."""
+    """Ask whether the first agent needs fewer control steps than the second to learn anything.
+
+    It is `more_effort` of the agents in reverse order.
+    """
     return more_effort("env_steps")(replace(case, agents=case.agents[::-1]))
 
 

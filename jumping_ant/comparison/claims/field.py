@@ -22,19 +22,14 @@ Select = Callable[["Field"], Iterable[tuple[AgentResults, ...]]]
 
 
 class Field:
-    """The agents of a run; one that only serves certain comparisons represents no algorithm.
-
-    Attributes:
-        twins: By setting, each agent with those that are like it, but lack what the setting gives.
-        threshold: Mean return of an evaluation that random agents do not exceed by luck; None if
-            there are none.
-    """
+    """The agents of a run; one that only serves certain comparisons represents no algorithm."""
 
     def __init__(self, agents: Sequence[AgentResults], evaluation_episodes: int) -> None:
         self._edited = [agent for agent in agents if agent.block.robot == "edited"]
         self._sparse = [
             agent for agent in _of(self._edited, "sac dqn") if settings(agent)["sparse_rewards"]
         ]
+        # By setting, each agent with those that are like it, but lack what the setting gives.
         self.twins = {
             key: _twins(_of(self._edited, algorithm), self._edited, key, lacks)
             for key, (algorithm, lacks) in SETTINGS.items()
@@ -45,6 +40,7 @@ class Field:
         self.twins["robot"] = _twins(
             self.of(f"{LEARNERS} open_loop"), agents, "robot", lambda name: name == "unedited"
         )
+        # Mean return of an evaluation that random agents do not exceed by luck; None without them.
         self.threshold = max(
             (out_of_luck(agent, evaluation_episodes) for agent in self.of("random")), default=None
         )

@@ -213,8 +213,7 @@ def more_effort(quantity: str, first: Sample, second: Sample, params: ComparePar
 def both(findings: Sequence[Finding]) -> Finding:
     """Return the finding on a claim that holds only if all of several findings do.
 
-    Its effect is that of the least significant finding. If they lie on different sides, nothing is
-    decided.
+    Its effect is that of the least significant one. On different sides, they decide nothing.
     """
     tested = joint([finding.tested for finding in findings])
     decisive = next(finding for finding in findings if finding.tested == tested)

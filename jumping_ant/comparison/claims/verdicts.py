@@ -24,17 +24,9 @@ ROUNDING = 1e-12  # 1 - 0.95 is a little more than 0.05
 def check(
     results: Mapping[str, AgentResults], params: CompareParams, evaluation_episodes: int
 ) -> list[dict[str, Any]]:
-    """Return a verdict on each claim, with the numbers behind it.
+    """Return a verdict on each claim and the numbers behind it (docs/metrics.md has the keys).
 
-    Args:
-        results: Results from `results.load`.
-        params: Confidence, power, number of resamples and seed.
-        evaluation_episodes: Episodes per evaluation during training.
-
-    Returns:
-        For each claim `text`, `statement` (its number in the article, or None), `verdict`
-        (supported, refuted or inconclusive), `evidence`, `effect`, `test`, `p`, `p_holm`,
-        `seeds_needed` (only of inconclusive claims) and `plot`.
+    `evaluation_episodes` are those per evaluation during training.
     """
     field = Field(list(results.values()), evaluation_episodes)
     judged = list(claims(field, params))
