@@ -32,14 +32,9 @@ class Archive(Mapping[str, bytes]):
     """The entries of a zip archive, each read when it is asked for.
 
     Entries must be stored as they are, without compression: then none takes more memory than the
-    archive itself, whatever its author intended.
-
-    Args:
-        source: The archive, or an open file of it; entries that nobody asks for are not read.
-
-    Raises:
-        zipfile.BadZipFile: The content is not a zip archive; from any method, an entry is damaged.
-        ValueError: From any method, an entry is compressed or not as large as it says.
+    archive itself, whatever its author intended. A file that is no zip archive raises a
+    `zipfile.BadZipFile`. From any method, a damaged entry raises it, too, and one that is
+    compressed or not as large as it says raises a ValueError.
     """
 
     def __init__(self, source: bytes | BinaryIO) -> None:
@@ -68,22 +63,14 @@ class Archive(Mapping[str, bytes]):
 
 
 def from_array(array: Array) -> bytes:
-    """Return an array as the content of an `.npy` file.
-
-    Raises:
-        ValueError: The array holds objects, which only pickle could write.
-    """
+    """Return an array as the content of an `.npy` file; objects in it raise a ValueError."""
     buffer = io.BytesIO()
     np.save(buffer, array, allow_pickle=False)
     return buffer.getvalue()
 
 
 def to_array(content: bytes) -> Array:
-    """Return the array that an `.npy` file holds.
-
-    Raises:
-        ValueError: The file holds objects, which only pickle could read, or is damaged.
-    """
+    """Return the array of an `.npy` file; damage or objects in it raise a ValueError."""
     file = io.BytesIO(content)
     read_header = _NPY_HEADERS.get(npy.read_magic(file))
     if read_header is None:

@@ -4,11 +4,5 @@ import argparse
 
 
 def parser(docstring: str | None, name: str | None = None) -> argparse.ArgumentParser:
-    """Return a parser for a command.
-
-    Args:
-        docstring: What the command does; only the first line is used. Python drops docstrings
-            with `-OO`.
-        name: How the command is called, where that is not its file's name.
-    """
+    """Return a parser whose help has a docstring's first line (`-OO` drops docstrings)."""
     return argparse.ArgumentParser(prog=name, description=(docstring or "").partition("\n")[0])

@@ -18,11 +18,7 @@ def read(path: Path) -> str:
 
 
 def effective(text: str) -> str:
-    """Return Python source without comments, blank lines, and statements that are only a string.
-
-    Raises:
-        SyntaxError: It is not Python source.
-    """
+    """Return Python source without comments, blank lines, and statements that are only a string."""
     lines = list(io.StringIO(text))
     statement: list[tokenize.TokenInfo] = []
     for token in tokenize.generate_tokens(iter(lines.copy()).__next__):

@@ -131,11 +131,7 @@ def write_json(path: Path, content: Any) -> None:
 
 
 def to_json(content: Any) -> str:
-    """Return JSON as files have it: indented, keys in the order given, ending in a newline.
-
-    Raises:
-        ValueError: The content holds a number that JSON cannot express (NaN or infinity).
-    """
+    """Return indented JSON that ends in a newline; NaN or infinity raises a ValueError."""
     return json.dumps(content, indent=2, allow_nan=False) + "\n"
 
 
@@ -146,10 +142,7 @@ def digest(path: Path) -> str:
 
 
 def folder_digest(folder: Path) -> str:
-    """Return the SHA-256 of a folder's files, names and contents.
-
-    Python's caches do not count, nor does what is hidden, such as `.DS_Store`.
-    """
+    """Return the SHA-256 of a folder's names and contents, without hidden files and caches."""
     names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
     own = [name for name in names if not any(map(_is_no_content, name.parts))]
     listed = {str(name): digest(folder / name) for name in own}
@@ -161,11 +154,7 @@ def _is_no_content(name: str) -> bool:
 
 
 def read_bytes(path: Path, stage: str) -> bytes:
-    """Read a file that a stage has written.
-
-    Raises:
-        InputError: The file cannot be read; the message says what to run.
-    """
+    """Read a file that a stage has written; an InputError says what to run if that fails."""
     try:
         return path.read_bytes()
     except OSError as error:
@@ -173,11 +162,7 @@ def read_bytes(path: Path, stage: str) -> bytes:
 
 
 def read_json(path: Path, stage: str) -> dict[str, Any]:
-    """Read a JSON object that a stage has written.
-
-    Raises:
-        InputError: The file cannot be read or is not a JSON object; the message says what to run.
-    """
+    """Read a JSON object that a stage has written; an InputError says what to run if that fails."""
     try:
         content = json.loads(read_bytes(path, stage))
         if not isinstance(content, dict):

@@ -9,12 +9,7 @@ from jumping_ant.base.files import CODE_ROOT
 
 @functools.cache  # each stage of the digests imports much that others import
 def direct(path: Path, root: Path = CODE_ROOT) -> frozenset[Path]:
-    """Return the project's files that a file imports, except empty ones.
-
-    Args:
-        path: A Python file.
-        root: The folder that contains the project's packages.
-    """
+    """Return the project's files that a Python file imports, except empty ones."""
     found: set[Path] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -30,12 +25,7 @@ def direct(path: Path, root: Path = CODE_ROOT) -> frozenset[Path]:
 
 
 def files_of(module: str, root: Path = CODE_ROOT) -> set[Path]:
-    """Return the project's files that importing a module runs, except empty ones.
-
-    Args:
-        module: Its name with dots; its parent packages are run before it.
-        root: The folder that contains the project's packages.
-    """
+    """Return the project's non-empty files that importing a module runs, with parent packages."""
     parts = module.split(".")
     places = [root.joinpath(*parts[: length + 1]) for length in range(len(parts))]
     files = {file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")}

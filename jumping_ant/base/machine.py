@@ -39,10 +39,7 @@ def num_cores() -> int:
 
 
 def available_memory() -> float:
-    """Return how much memory this process may still take [bytes]; infinity if Linux does not say.
-
-    A container may have less than the machine.
-    """
+    """Return the bytes this process may still take, also in a container; infinity if unknown."""
     available = math.inf
     with suppress(OSError, ValueError, StopIteration):
         lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()

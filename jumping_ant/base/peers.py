@@ -5,7 +5,7 @@ import socket
 import struct
 from pathlib import Path
 
-Address = tuple[str, int]
+Address = tuple[str, int]  # IPv4 address and port
 
 CONNECTIONS = Path("/proc/net/tcp")
 CONNECTIONS_OVER_IPV6 = Path("/proc/net/tcp6")
@@ -18,23 +18,14 @@ def is_own(client: Address, server: Address) -> bool:
     """Tell whether a connection comes from this process's user or from root.
 
     On systems without `/proc/net/tcp` users cannot be told apart, and all pass.
-
-    Args:
-        client: IPv4 address and port of the other end.
-        server: Those of this end.
     """
     return not CONNECTIONS.exists() or user_of(client, server) in (os.getuid(), ROOT)
 
 
 def user_of(client: Address, server: Address) -> int | None:
-    """Return the id of the user at the other end of a connection within this machine.
+    """Return the id of the user at a connection's other end, `client`.
 
-    Args:
-        client: IPv4 address and port of the other end.
-        server: Those of this end.
-
-    Returns:
-        None if the connection is closed, even by half, or comes from another machine.
+    It is None if the connection is closed, even by half, or comes from another machine.
     """
     for table, prefix in ((CONNECTIONS, b""), (CONNECTIONS_OVER_IPV6, MAPPED)):
         ends = [_entry(prefix, client), _entry(prefix, server)]

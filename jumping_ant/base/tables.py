@@ -119,19 +119,9 @@ def read(
 def read_growing(
     path: Path, stage: str, owner: Mapping[str, str | int], columns: Mapping[str, Column]
 ) -> Table:
-    """Read a CSV file that may be in the making: missing, or with a last line that is cut off.
+    """Read the whole lines of a CSV file, which may be in the making; {} before it has a header.
 
-    Args:
-        path: The file.
-        stage: The stage that writes it, for the message.
-        owner: Whose table it is, as above.
-        columns: The columns that follow; further ones hold numbers or nothing.
-
-    Returns:
-        The columns of the whole lines, without those of the owner; none before there is a header.
-
-    Raises:
-        InputError: It is not such a table.
+    Columns after `columns` hold numbers or nothing.
     """
     try:
         content = path.read_bytes()
@@ -152,15 +142,9 @@ def to_csv(rows: Sequence[Mapping[str, Any]], columns: Iterable[str] = ()) -> st
 
 
 def exactly(table: Table, asked: Sequence[Sequence[float | str]], *keys: str) -> Table:
-    """Return the rows of a table that are asked for, in the order in which they are.
+    """Return the rows whose cells in the columns `keys` are those of `asked`, in that order.
 
-    Args:
-        table: The table.
-        asked: What each row has in the key columns.
-        keys: Names of the key columns.
-
-    Raises:
-        ValueError: It lacks one of the rows, or has one twice, or one that is not asked for.
+    A row that is missing, is there twice or is not asked for raises a ValueError.
     """
     given = list(zip(*(table[key].tolist() for key in keys), strict=True))
     wanted, counts = dict.fromkeys(map(tuple, asked)), Counter(given)

@@ -53,12 +53,7 @@ class ConflictError(InputError):
 
 @contextmanager
 def failures_as_input_errors(uri: str) -> Iterator[None]:
-    """Convert errors of MLflow and its database into one-line input errors.
-
-    Raises:
-        ConflictError: Another process wrote the same thing at the same time.
-        InputError: MLflow failed.
-    """
+    """Convert errors of MLflow and its database into one-line input errors, or ConflictErrors."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -73,11 +68,7 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
 
 
 def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
-    """Open the store and the project's experiment, which is created if needed.
-
-    Raises:
-        InputError: It cannot be reached, or is not a store of this project.
-    """
+    """Open the store and the project's experiment, which is created if needed."""
     uri = tracking_uri(root)
     internals.silence()
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))

@@ -34,11 +34,7 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
     """Log the learning curves of an agent's seeds until training ends.
 
     An MLflow failure is reported once, on standard error, and the update is retried later.
-
     `has_ended` waits for at most the given seconds and returns whether training has ended.
-
-    Raises:
-        InputError: `params.yaml` is invalid, or has no such agent.
     """
     follower = _Follower(agent, root)
     failures: list[InputError] = []

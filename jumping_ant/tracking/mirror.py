@@ -41,9 +41,6 @@ def track(
 
     `say` receives one line for each change, and one at the end. With `pages_at`, where MLflow's
     pages will be served unless a server already serves them, a last one says where to look.
-
-    Raises:
-        InputError: A file is damaged, or MLflow cannot be reached.
     """
     comparison = records.read(root, params_file.load(root / "params.yaml"))
     if comparison.missing:

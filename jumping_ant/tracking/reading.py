@@ -15,15 +15,7 @@ Point = tuple[str, int]
 
 
 def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:
-    """Read a learning curve, also one that is being written.
-
-    Returns:
-        Values by column and control steps; empty cells are left out. Empty if there is no such
-        file.
-
-    Raises:
-        InputError: The file is not that seed's learning curve.
-    """
+    """Read a learning curve, also one in the making, without empty cells; {} if it has no file."""
     path = Paths(root).agent(agent).seed(seed).curve
     owner, steps = curves.owner(agent, seed), {"env_steps": curves.COUNT}
     table = tables.read_growing(path, f"train@{agent}", owner, steps)
@@ -36,11 +28,7 @@ def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:
 
 
 def filmed_seed(root: Path, agent: str) -> int | None:
-    """Return the seed whose episode the agent's video shows; None if it has none yet.
-
-    Raises:
-        InputError: The episode's file is damaged, or another agent's.
-    """
+    """Return the seed whose episode the agent's video shows; None if it has none yet."""
     path = Paths(root).agent(agent).trajectory
     if not path.exists():
         return None

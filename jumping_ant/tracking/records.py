@@ -95,10 +95,7 @@ class SeedRecord:
 
     @cached_property
     def summary(self) -> dict[str, float]:
-        """Means over the seed's held-out episodes, validation, final return and training time.
-
-        Missing and non-finite values are left out.
-        """
+        """Means over held-out episodes, validation and final return, training time; all finite."""
         means: dict[str, float] = {}
         evaluation = f"evaluate@{self.agent}"
         for row in self._rows(self.paths.seed_means, evaluation, {"seed": SEED}):
@@ -217,11 +214,7 @@ class ComparisonRecord:
 
 
 def read(root: Path, params: Params) -> ComparisonRecord:
-    """Find every trained policy of `params.yaml`.
-
-    Raises:
-        InputError: A file is there but damaged.
-    """
+    """Find every trained policy of `params.yaml`."""
     found, missing = [], []
     looked = looks({name: catalogue.row(block).family for name, block in params.agents.items()})
     for agent in params.agents:

@@ -33,11 +33,7 @@ def main() -> None:
 
 
 def run(root: Path, port: int) -> None:
-    """Bring MLflow up to date with a project, print where to look, and serve until Ctrl-C.
-
-    Raises:
-        InputError: A file is damaged, MLflow cannot be reached, or the port cannot be had.
-    """
+    """Bring MLflow up to date with a project, print where to look, and serve until Ctrl-C."""
     uri = connection.tracking_uri(root)
     if connection.is_server(uri):
         track(root, pages_at=uri)

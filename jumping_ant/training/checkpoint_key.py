@@ -16,11 +16,7 @@ DRIVER = Path(__file__).with_name("driver.py")
 def checkpoint_key(
     world: World, training: TrainingParams, agent: AgentBlock, demonstrations: bytes | None = None
 ) -> str:
-    """Return a digest of everything that the output files of an agent's seeds depend on.
-
-    It covers the robot, the task, how snapshots are evaluated, the agent's block, demonstrations,
-    the effective code of training and of the agent's algorithm, and the machine with its versions.
-    """
+    """Return a digest of everything that the output files of an agent's seeds depend on."""
     content = {
         "robot": world.xml,
         "params": [block.model_dump() for block in (world.env, training, agent)],

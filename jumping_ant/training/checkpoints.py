@@ -39,17 +39,11 @@ _HEADER, _CONTENT, _BEST = "header.json", "content", "best"
 
 @dataclass(frozen=True)
 class Owner:
-    """Whose a checkpoint is; its place says the same.
-
-    Attributes:
-        agent: The agent's name.
-        seed: The seed.
-        key: Digest of what the seed's results depend on.
-    """
+    """Whose a checkpoint is; its place says the same."""
 
     agent: str
     seed: int
-    key: str
+    key: str  # digest of what the seed's results depend on
 
     def __str__(self) -> str:
         return f"agent {self.agent}, seed {self.seed}, key {self.key}"
@@ -57,27 +51,16 @@ class Owner:
 
 @dataclass(frozen=True)
 class Saved:
-    """The saved state of a seed.
-
-    Attributes:
-        env_steps: Control steps so far.
-        seconds: Training seconds so far.
-        timing: Training seconds at each row of the curve: (control steps, seconds).
-        machine: For a finished seed, the machine that it was trained on.
-        curve: Content of `curve.csv` so far.
-        best_return: Mean validation return of the best snapshot, None before the first.
-        best: That snapshot's policy file.
-        content: The trainer's checkpoint; for a finished seed, the last policy's file.
-    """
+    """The saved state of a seed."""
 
     env_steps: int
-    seconds: float
-    timing: list[tuple[int, float]]
-    machine: dict[str, Any] | None
-    curve: str
-    best_return: float | None
-    best: bytes
-    content: bytes
+    seconds: float  # of training
+    timing: list[tuple[int, float]]  # (control steps, training seconds) at each row of the curve
+    machine: dict[str, Any] | None  # of a finished seed: where it was trained
+    curve: str  # content of `curve.csv`
+    best_return: float | None  # mean in validation of the best snapshot; None before the first
+    best: bytes  # that snapshot's policy file
+    content: bytes  # the trainer's checkpoint; of a finished seed, the last policy's file
 
     def to_bytes(self, owner: Owner) -> bytes:
         """Return the content of the owner's file."""
@@ -89,11 +72,7 @@ class Saved:
 
     @classmethod
     def from_bytes(cls, file: bytes, owner: Owner) -> "Saved":
-        """Read the content of the owner's file.
-
-        Raises:
-            ValueError: The file is damaged, or another owner's.
-        """
+        """Read the owner's file; a damaged one or another owner's raises a ValueError."""
         digest, _, packed = file.partition(b"\n")
         if hashlib.sha256(packed).hexdigest().encode() != digest:
             raise ValueError("the digest does not match")
@@ -109,14 +88,7 @@ class Saved:
 
 
 class Checkpoints:
-    """The checkpoints of an agent's seeds.
-
-    Args:
-        root: The project's folder.
-        agent: The agent's name.
-        key: Digest of what the seeds' results depend on.
-        say: Called with each message.
-    """
+    """The checkpoints of an agent's seeds; `key` is the digest of what their results depend on."""
 
     def __init__(self, root: Path, agent: str, key: str, say: Callable[[str], None]) -> None:
         self._workspace = root / ".checkpoints" / agent
@@ -131,9 +103,6 @@ class Checkpoints:
 
         Another process may be training the agent already, such as one whose `dvc repro` was killed.
         This waits until it ends, then resumes from its last checkpoint.
-
-        Args:
-            seeds: Seeds to train.
         """
         with ExitStack() as stack:
             for folder in (self._workspace, self._folder):
@@ -166,11 +135,7 @@ class Checkpoints:
         self._finished_path(seed).unlink(missing_ok=True)
 
     def save(self, seed: int, saved: Saved) -> None:
-        """Write a seed's next checkpoint.
-
-        Raises:
-            OSError: It cannot be written, as on a full disk; older ones are unchanged.
-        """
+        """Write a seed's next checkpoint; older ones stay if that fails, as on a full disk."""
         old = self._generations(seed)
         number = int(old[-1].suffixes[-2][1:]) + 1 if old else 1
         path = self._folder / f"seed-{seed}.{number}.checkpoint"
@@ -179,11 +144,7 @@ class Checkpoints:
             path.unlink()
 
     def finish(self, seed: int, saved: Saved) -> None:
-        """Write a trained seed, and remove its checkpoints.
-
-        Raises:
-            OSError: It cannot be written, as on a full disk; older ones are unchanged.
-        """
+        """Write a trained seed, then remove its checkpoints; they stay if writing fails."""
         write_bytes(self._finished_path(seed), saved.to_bytes(self._owner(seed)))
         for path in self._generations(seed):
             path.unlink()

@@ -58,14 +58,7 @@ def _answers(address: str) -> bool:
 
 
 class Cluster:
-    """Actors of a Ray cluster, each of which runs one job (see `workers.Workers`).
-
-    Args:
-        address: The cluster's address.
-
-    Raises:
-        InputError: The cluster cannot be joined.
-    """
+    """Actors of a Ray cluster, each of which runs one job (see `workers.Workers`)."""
 
     def __init__(self, address: str) -> None:
         import ray  # takes a second, which training on one machine does without

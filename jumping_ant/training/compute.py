@@ -27,12 +27,7 @@ SECONDS_BETWEEN_LOOKS = 1.0
 
 
 def num_workers(requested: int, num_jobs: int) -> int:
-    """Return how many workers to use.
-
-    Args:
-        requested: As in `params.yaml`; 0 means one per core, or on a cluster one per job.
-        num_jobs: Number of jobs, which is the most workers that are useful.
-    """
+    """Return how many workers to use; 0 requests one per core, or on a cluster one per job."""
     available = num_jobs if cluster.address() else machine.num_cores()
     return max(1, min(requested or available, num_jobs))
 
@@ -41,11 +36,7 @@ def num_threads(requested: int, num_jobs: int) -> list[int]:
     """Return how many threads each job may use, so that no core is idle at the end.
 
     As many jobs as there are workers run at a time, with one thread each; the jobs of a smaller
-    last round share the cores.
-
-    Args:
-        requested: As in `params.yaml`; 0 means every core.
-        num_jobs: Total number of jobs.
+    last round share the cores. `requested` 0 means every core.
     """
     if cluster.address() or num_jobs == 0:
         return [1] * num_jobs
@@ -61,27 +52,14 @@ def stream(
     say: Say = print,
     name: Callable[[Key], str] = str,
 ) -> Iterator[tuple[Key, Any]]:
-    """Run generators and yield their items as they arrive.
+    """Run generators and yield (key, item) as the items arrive.
 
     The first SIGTERM or Ctrl-C asks them to stop, by setting the event that each was given, and
     keeps others from starting; the second ends everything immediately.
 
-    A generator whose worker dies is restarted by another call of `start`.
-
-    Args:
-        start: Returns a function that creates a key's generator; to run in another process, that
-            function must be picklable.
-        keys: Keys of all generators, in the order they start.
-        workers: Number of generators that run at once.
-        say: Called with a message when a worker dies.
-        name: Returns the name of a key in such messages.
-
-    Yields:
-        Key and item. The items of one generator keep their order.
-
-    Raises:
-        InputError: `RAY_ADDRESS` names a cluster that cannot be joined.
-        WorkerError: The workers of one job died repeatedly, or no worker can be started.
+    `start` returns a function that creates a key's generator; with more than 1 worker it must be
+    picklable. A generator whose worker dies is restarted by another call of `start`; after repeated
+    deaths, a WorkerError is raised.
     """
     return _inline(start, keys) if workers == 1 else _apart(start, keys, workers, say, name)
 

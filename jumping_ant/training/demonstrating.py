@@ -23,11 +23,7 @@ from jumping_ant.sim.world import World
 
 
 def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1) -> Demonstrations:
-    """Return what an agent demonstrates for an algorithm that has an entry in `demonstrations`.
-
-    Raises:
-        InputError: A file is missing or damaged.
-    """
+    """Return what an agent demonstrates for an algorithm that has an entry in `demonstrations`."""
     settings = params.demonstrations[algorithm]
     agent = params.agent(settings.agent)
     best = max(params.seeds, key=lambda seed: _validated(root, params, settings.agent, seed))

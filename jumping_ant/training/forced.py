@@ -7,10 +7,7 @@ import psutil  # type: ignore[import-untyped]
 
 
 def is_forced() -> bool:
-    """Tell whether DVC runs this process and was told to run everything.
-
-    DVC does not tell a stage, but the command line that DVC was called with does.
-    """
+    """Tell whether DVC was told to run everything; only DVC's command line says so."""
     for process in psutil.Process().parents():
         words: list[str] = []
         with suppress(psutil.Error):

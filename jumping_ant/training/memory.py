@@ -13,11 +13,7 @@ WORTH_TELLING = 2**20  # [bytes]
 def check(
     world: World, name: str, agent: AgentBlock, num_seeds: int, say: Callable[[str], None]
 ) -> None:
-    """Tell how much memory training so many seeds at a time needs; refuse it if there is less.
-
-    Raises:
-        InputError: There is too little memory.
-    """
+    """Tell how much memory training so many seeds at a time needs; refuse it if there is less."""
     anatomy = world.anatomy
     needed = num_seeds * agent.memory(anatomy.num_observations, anatomy.num_motors)
     available = machine.available_memory()

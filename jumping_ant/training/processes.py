@@ -91,11 +91,7 @@ class Processes:
 
 
 def _start() -> _Worker:
-    """Start a worker.
-
-    Raises:
-        WorkerError: The system lets no process start.
-    """
+    """Start a worker; a WorkerError says why the system lets no process start."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs,))

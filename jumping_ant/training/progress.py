@@ -14,14 +14,7 @@ SECONDS_BETWEEN_LINES = 10.0
 
 
 class TrainingProgress:
-    """Shows the progress of each seed of an agent: steps, return, rate and time left.
-
-    Args:
-        agent: The agent's name.
-        seeds: Its seeds.
-        total: Control steps of one seed's budget.
-        stream: Where the lines go; by default standard error.
-    """
+    """Shows each seed's steps of a total budget, its return, rate and time left."""
 
     def __init__(
         self, agent: str, seeds: list[int], total: int, stream: TextIO | None = None
@@ -67,14 +60,7 @@ class TrainingProgress:
             bar.close()
 
     def update(self, seed: int, env_steps: int, seconds: float, mean_return: float | None) -> None:
-        """Show the progress of a seed.
-
-        Args:
-            seed: The seed.
-            env_steps: Control steps so far.
-            seconds: Training seconds so far.
-            mean_return: Latest return of its training episodes, None if none ended recently.
-        """
+        """Show the progress of a seed; its return is None if no training episode ended recently."""
         if mean_return is not None:
             self._returns[seed] = f"{mean_return:,.0f}"
         if self._is_terminal:
@@ -91,13 +77,7 @@ class TrainingProgress:
         self._stream.flush()
 
     def finish(self, seed: int, env_steps: int, seconds: float) -> None:
-        """Report that a seed is finished.
-
-        Args:
-            seed: The seed.
-            env_steps: Control steps in total.
-            seconds: Training seconds in total.
-        """
+        """Report that a seed is finished."""
         if not self._is_terminal:
             self._print(
                 f"{self.agent} seed {seed}: done, {env_steps:,} steps in "

@@ -26,13 +26,10 @@ REPEATS = 2  # the faster one counts: disturbances only add time
 def measure(
     world: World, agent: AgentBlock, seeds: Sequence[int], cores: int | None = None
 ) -> list[dict[str, Any]]:
-    """Time a unit of an agent's training on one or more threads.
+    """Time a unit of an agent's training on one or more threads, at most as many as cores.
 
-    There are at most as many threads as cores, by default all that this process may use.
-
-    Returns:
-        Rows of `scaling_table.COLUMNS`: the seconds that it took with each number of threads; empty
-        for an agent whose algorithm's speed-up no claim compares.
+    The rows have `scaling_table.COLUMNS`; there are none if no claim compares the algorithm's
+    speed-up.
     """
     timed = scaling_table.timed(agent)
     if timed is None:

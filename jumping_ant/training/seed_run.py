@@ -26,30 +26,19 @@ WRONG_CONTENT = (ValueError, TypeError, LookupError, AttributeError, RuntimeErro
 
 @dataclass(frozen=True)
 class Rejected:
-    """Instead of events: the trainer cannot resume from its checkpoint.
-
-    Attributes:
-        reason: What is wrong with it.
-    """
+    """Instead of events: the trainer cannot resume from its checkpoint."""
 
     reason: str
 
 
 @dataclass(frozen=True)
 class Report:
-    """An event as a worker sends it.
-
-    Attributes:
-        event: The trainer's event.
-        seconds: Training seconds of this seed so far, excluding evaluations.
-        returns: Returns of the evaluation of a snapshot, shape (episodes,).
-        machine: With the last event, the machine that the seed was trained on.
-    """
+    """An event as a worker sends it."""
 
     event: Event | Rejected
-    seconds: float
-    returns: tuple[float, ...] = ()
-    machine: dict[str, Any] | None = None
+    seconds: float  # of this seed's training so far, without evaluations
+    returns: tuple[float, ...] = ()  # of a snapshot's evaluation, (episodes,)
+    machine: dict[str, Any] | None = None  # with the last event: where the seed was trained
 
 
 def run(
@@ -59,14 +48,9 @@ def run(
     seconds: float = 0.0,
     checkpoint_seconds: float = math.inf,
 ) -> Iterator[Report]:
-    """Train one seed, and evaluate its snapshots.
+    """Train one seed, and evaluate its snapshots; `stop` ends it with a last checkpoint.
 
-    Args:
-        job: What to train.
-        training: On which episodes snapshots are evaluated.
-        stop: Once it is set, training ends with a last checkpoint.
-        seconds: Training seconds before the checkpoint that the job resumes from.
-        checkpoint_seconds: Interval between checkpoints [s].
+    `seconds` is the training time before the checkpoint that the job resumes from.
     """
     episode_seeds = [training.evaluation_seed + i for i in range(training.evaluation_episodes)]
     started = last = time.perf_counter()

@@ -11,11 +11,7 @@ Work = Callable[[threading.Event], Iterator[Any]]
 
 @dataclass(frozen=True)
 class Item:
-    """The next item of a job.
-
-    Attributes:
-        content: The item.
-    """
+    """The next item of a job."""
 
     content: Any
 
@@ -27,11 +23,7 @@ class Ended:
 
 @dataclass(frozen=True)
 class Died:
-    """The worker of a job has died.
-
-    Attributes:
-        cause: How, in a few words.
-    """
+    """The worker of a job has died."""
 
     cause: str
 
@@ -43,21 +35,10 @@ class Workers(Protocol):
     """Processes that each run one job at a time."""
 
     def run(self, key: Hashable, work: Work) -> None:
-        """Start a job, in a process that is idle or else a new one.
-
-        Raises:
-            WorkerError: No process can be started.
-        """
+        """Start a job, in an idle process or a new one; if none starts, raise a WorkerError."""
 
     def news(self, timeout: float) -> Iterator[tuple[Any, News]]:
-        """Wait for news of running jobs, and yield each job's key with the next of it.
-
-        Args:
-            timeout: How long to wait at most [s].
-
-        Raises:
-            Exception: What a job raised.
-        """
+        """Yield (key, news) of jobs within `timeout` seconds; raise what a job raised."""
 
     def stop(self) -> None:
         """Ask all running jobs to stop."""

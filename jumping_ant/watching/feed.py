@@ -12,11 +12,8 @@ MEMORY = 256 * 2**20  # bytes kept for readers that come late: minutes of an epi
 class Feed:
     """What is logged to a stream, as the content of an `.rrd` file that grows.
 
-    Each batch is a recording by itself; Rerun reads those that follow each other as one.
-
-    Args:
-        stream: The stream, which nothing else reads.
-        memory: Bytes to keep of all batches but the first.
+    Each batch is a recording by itself; Rerun reads those that follow each other as one. Nothing
+    else may read the stream. `memory` is the bytes to keep of all batches but the first.
     """
 
     def __init__(self, stream: rr.RecordingStream, memory: int = MEMORY) -> None:

@@ -19,21 +19,13 @@ from jumping_ant.sim.world import World
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A control step as it is played.
+    """A control step as it is played."""
 
-    Attributes:
-        qpos: Positions at its start, shape (num_positions,).
-        qvel: Velocities at its start, shape (num_velocities,).
-        torques: Torques over peak torques, shape (num_motors,).
-        reward: Its reward.
-        terms: What each term of the reward added to it.
-    """
-
-    qpos: NDArray[np.float64]
-    qvel: NDArray[np.float64]
-    torques: NDArray[np.float64]
+    qpos: NDArray[np.float64]  # at its start, (num_positions,)
+    qvel: NDArray[np.float64]  # at its start, (num_velocities,)
+    torques: NDArray[np.float64]  # over peak torques, (num_motors,)
     reward: float
-    terms: dict[str, float]
+    terms: dict[str, float]  # what each term of the reward added to it
 
 
 class LiveRecording:

@@ -15,16 +15,9 @@ from jumping_ant.watching.live import Step
 def play(
     env: RobotEnv, policy: Policy, first_seed: int, num_episodes: int | None
 ) -> Iterator[Step]:
-    """Play episodes in real time.
+    """Play episodes, endlessly if `num_episodes` is None; yield control steps in real time.
 
-    Args:
-        env: Where the policy plays.
-        policy: The policy that acts.
-        first_seed: Seed of the first episode; the others count up from it.
-        num_episodes: Number of episodes; None means endless.
-
-    Yields:
-        Control steps, no faster than real time.
+    The seeds of the episodes count up from `first_seed`.
     """
     numbers = itertools.count() if num_episodes is None else range(num_episodes)
     for number in numbers:

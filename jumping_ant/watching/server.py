@@ -33,17 +33,7 @@ TOKEN_BYTES = 16
 
 @contextmanager
 def serve(name: str) -> Iterator[tuple[rr.RecordingStream, Feed, str]]:
-    """Serve a recording while the context is open.
-
-    Args:
-        name: Its name in the viewer.
-
-    Yields:
-        The recording to log to, the feed that publishes it, and the address to open.
-
-    Raises:
-        WorkerError: The viewer does not start.
-    """
+    """Serve a recording; yield it, the feed that publishes its content, and the address to open."""
     files = viewer.read_files()
     with rr.RecordingStream(APPLICATION_ID) as stream:
         feed = Feed(stream)

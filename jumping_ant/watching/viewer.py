@@ -26,11 +26,7 @@ CONTENT_TYPES = {
 
 
 def read_files() -> dict[str, bytes]:
-    """Return the content of the files in `CONTENT_TYPES`, whose page finds the others beside it.
-
-    Raises:
-        WorkerError: Rerun does not start, or has other files.
-    """
+    """Return the content of the files in `CONTENT_TYPES`, whose page finds the others beside it."""
     with _serving() as port:
         connection = http.client.HTTPConnection(HOST, port, timeout=START_SECONDS)
         files = {}

@@ -65,21 +65,13 @@ def run() -> None:
 
 
 def best_seed(root: Path, params: Params, agent: str) -> int:
-    """Return the seed whose policy has the highest return in the held-out episodes.
-
-    Raises:
-        InputError: The agent has not been evaluated.
-    """
+    """Return the seed whose policy has the highest return in the held-out episodes."""
     table = episodes.read_means(root, params, agent)
     return int(table["seed"][np.argmax(table["return"])])
 
 
 def load_policy(root: Path, agent: str, seed: int) -> Policy:
-    """Read a trained policy.
-
-    Raises:
-        InputError: The seed is not trained; the message lists those that are.
-    """
+    """Read a trained policy; an InputError lists the seeds that are trained."""
     paths = Paths(root).agent(agent)
     trained = sorted(
         int(path.parent.name.removeprefix("seed-"))
@@ -100,11 +92,7 @@ def has_screen() -> bool:
 def _in_window(
     world: World, policy: Policy, name: str, first_seed: int, num_episodes: int | None
 ) -> None:
-    """Play in a window; closing it also ends the program.
-
-    Raises:
-        InputError: No window can be opened.
-    """
+    """Play in a window; closing it also ends the program."""
     env = RobotEnv(world, render_mode="human")
     warnings.simplefilter("error", glfw.GLFWError)
     try:
