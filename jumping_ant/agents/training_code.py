@@ -14,14 +14,10 @@ def packages() -> list[str]:
 
 
 def training_code(algorithm: str, script: Path) -> set[Path]:
-    """Return the files that a training run depends on.
+    """Return the files that a training run depends on, if `script` calls the trainer.
 
     The catalogue imports the settings of every algorithm and names what its trainer builds; of the
     packages that train, only the algorithm's own counts.
-
-    Args:
-        algorithm: A name of the catalogue.
-        script: The file that calls the trainer.
     """
     row = ALGORITHMS[algorithm]
     own = imports.files_of(row.trainer) | imports.files_of(row.learner.partition(":")[0])

@@ -40,14 +40,9 @@ def owner(agent: str, seed: int) -> dict[str, str | int]:
 
 
 def read(root: Path, params: Params, agent: str, seed: int) -> Table:
-    """Read the learning curve of a seed that is trained.
+    """Read the learning curve of a seed that is trained: columns of shape (num_rows,).
 
-    Returns:
-        Its columns, (num_rows,) each; a row is of training or of an evaluation, and has NaN in the
-        columns of the other.
-
-    Raises:
-        InputError: The file is missing, malformed, another seed's, or ends before training does.
+    A row is of training or of an evaluation, and has NaN in the columns of the other.
     """
     path, stage = Paths(root).agent(agent).seed(seed).curve, f"train@{agent}"
     table = tables.read(path, stage, owner(agent, seed), COLUMNS, ANY)
@@ -58,14 +53,7 @@ def read(root: Path, params: Params, agent: str, seed: int) -> Table:
 
 
 def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
-    """Read the learning curves of all seeds of an agent, with the seconds of their rows.
-
-    Returns:
-        For each seed what `read` returns, and `seconds`: training seconds so far.
-
-    Raises:
-        InputError: A file is missing or malformed, or the two do not fit each other.
-    """
+    """Read each seed's learning curve, with the training `seconds` up to each of its rows."""
     paths, stage = Paths(root).agent(agent), f"train@{agent}"
     timing = tables.read(paths.timing, stage, {"agent": agent}, TIMING_COLUMNS)
     curves = {seed: read(root, params, agent, seed) for seed in params.seeds}
@@ -98,12 +86,7 @@ def sustained(curve: Table, threshold: float) -> int | None:
 
 
 def published_return(returns: Sequence[float], publish: Literal["best", "final"]) -> float:
-    """Return the mean return in validation of the policy that a seed publishes.
-
-    Args:
-        returns: The mean returns of its evaluations, in their order.
-        publish: Which policy is published.
-    """
+    """Return the published policy's mean return in validation, from those of all evaluations."""
     return max(returns) if publish == "best" else returns[-1]
 
 

@@ -23,14 +23,9 @@ EPISODE_KEYS = {"seed": SEED, "episode": SEED, "episode_seed": SEED}
 
 
 def read(root: Path, params: Params, agent: str) -> Table:
-    """Read an agent's held-out episodes.
+    """Read an agent's held-out episodes, seed by seed as in `params.yaml`: (num_episodes,) each.
 
-    Returns:
-        The columns of its `episodes.csv`, (num_episodes,) each, seed by seed as in `params.yaml`.
-        NaN stands for the empty cells that `Column.can_be_empty` allows.
-
-    Raises:
-        InputError: The file is missing, malformed, or does not have each episode once.
+    NaN stands for the empty cells that `Column.can_be_empty` allows.
     """
     path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
     table = tables.read(path, stage, {"agent": agent}, EPISODE_KEYS | _quantities(params))
@@ -41,14 +36,7 @@ def read(root: Path, params: Params, agent: str) -> Table:
 
 
 def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
-    """Read the means over episodes of each variant of an agent's policies.
-
-    Returns:
-        The columns of each variant, (num_seeds,) each, in the order of `params.yaml`.
-
-    Raises:
-        InputError: The file is missing, malformed, or does not have each seed and variant once.
-    """
+    """Read each variant's means over episodes, (num_seeds,) each, in the order of `params.yaml`."""
     path, stage = Paths(root).agent(agent).variants, f"evaluate@{agent}"
     names = variant_names.of_agent(params.agent(agent))
     keys = {"seed": SEED, "variant": Column(words=names)}
@@ -63,31 +51,14 @@ def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
 
 
 def read_means(root: Path, params: Params, agent: str) -> Table:
-    """Read the means of each seed that an agent was evaluated with.
-
-    Returns:
-        The columns of its `seeds.csv`, (num_seeds,) each.
-
-    Raises:
-        InputError: The file is missing or malformed.
-    """
+    """Read the means of each seed that an agent was evaluated with, (num_seeds,) each."""
     path, stage = Paths(root).agent(agent).seed_means, f"evaluate@{agent}"
     columns = {"seed": SEED} | _quantities(params, are_means=True)
     return tables.read(path, stage, {"agent": agent}, columns)
 
 
 def find(table: Table, agent: str, trajectory: Trajectory, path: Path) -> dict[str, float]:
-    """Return the row of an agent's episodes that a trajectory shows.
-
-    Args:
-        table: The agent's episodes, as `read` returns them.
-        agent: The agent's name.
-        trajectory: One of the episodes.
-        path: Where the trajectory comes from, for the message.
-
-    Raises:
-        InputError: The trajectory shows none of them.
-    """
+    """Return the row of an agent's episodes that a trajectory, read from the path, shows."""
     given = {
         "seed": trajectory.seed,
         "episode": trajectory.episode,

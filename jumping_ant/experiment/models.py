@@ -172,11 +172,7 @@ class Params(Block):
         return self.demonstrations[agent.algorithm].agent
 
     def agent(self, name: str) -> AgentBlock:
-        """Return one agent's block.
-
-        Raises:
-            InputError: No agent has that name; the message lists the existing ones.
-        """
+        """Return one agent's block, or raise an InputError that lists the existing ones."""
         if name not in self.agents:
             raise InputError(f"agent: given {name!r}, allowed: {', '.join(self.agents)}")
         return self.agents[name]

@@ -57,11 +57,7 @@ def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
 
 
 def read(path: Path) -> Any:
-    """Read a params file without checking what it holds.
-
-    Raises:
-        InputError: The file is missing, too large, or not YAML.
-    """
+    """Read a params file without checking what it holds."""
     try:
         with path.open(encoding="utf-8") as file:
             text = file.read(MOST_CHARACTERS + 1)
@@ -82,14 +78,9 @@ def read(path: Path) -> Any:
 
 
 def parse(text: str) -> Any:
-    """Return what YAML text holds.
-
-    Raises:
-        YAMLError: It is not YAML.
-        RecursionError: It is nested too deeply; the parser in C would crash.
-    """
+    """Return what YAML text holds, or raise YAMLError, or RecursionError if it is too deep."""
     try:
-        return YAML(typ="safe", pure=True).load(text)
+        return YAML(typ="safe", pure=True).load(text)  # depth would crash the parser in C
     except ValueError as error:  # an odd scalar, such as the 45th day of a month
         raise YAMLError(str(error)) from error
 
@@ -105,15 +96,7 @@ def _num_values(content: Any, known: dict[int, int]) -> int:
 
 
 def check(content: Any, where: str = "params.yaml") -> Params:
-    """Check params given as plain dictionaries and lists.
-
-    Args:
-        content: What the YAML file holds.
-        where: The file's name, for the messages.
-
-    Raises:
-        InputError: The content does not fit the models; a line per error.
-    """
+    """Check params given as plain dictionaries and lists; an InputError has a line per error."""
     try:
         return Params.model_validate(content)
     except ValidationError as error:
@@ -171,13 +154,10 @@ def _show(given: Any) -> str:
 
 
 def _resolve(location: tuple[int | str, ...]) -> tuple[list[int | str], Any]:
-    """Follow a location of a validation error through the models.
+    """Return the file's keys at a validation error's location, and the type expected there.
 
     Pydantic inserts its own names between the file's keys: the tag of an agent's block, the member
     of a union that reports the error, and `INVALID_KEY` if a key itself is invalid.
-
-    Returns:
-        The keys in the file, and the type of the value expected there.
     """
     keys: list[int | str] = []
     kind: Any = Params

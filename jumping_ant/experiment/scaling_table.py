@@ -28,15 +28,7 @@ def to_csv(agent: str, rows: Sequence[dict[str, Any]]) -> str:
 
 
 def read(root: Path, params: Params, agent: str) -> dict[int, NDArray[np.float64]]:
-    """Read the seconds of each seed's unit of training, by number of threads.
-
-    Returns:
-        Seconds of shape (num_seeds,) for each number of threads, from 1 on; empty for an agent
-        whose algorithm's speed-up no claim compares.
-
-    Raises:
-        InputError: The file is missing, malformed, or does not have each seed and number once.
-    """
+    """Read the seconds of a training unit, (num_seeds,), by number of threads; {} if not timed."""
     path, stage = Paths(root).agent(agent).scaling, f"scaling@{agent}"
     is_timed = timed(params.agent(agent)) is not None
     table = tables.read(path, stage, {"agent": agent}, COLUMNS, has_rows=is_timed)

@@ -17,13 +17,7 @@ from jumping_ant.policies.policy import (
 
 
 class UniformPolicy:
-    """Actions drawn uniformly: the baseline.
-
-    Args:
-        seed: The agent's seed; with an episode's seed it determines that episode's actions.
-        actions: The action set to draw from.
-        num_motors: Number of the robot's motors.
-    """
+    """Actions drawn uniformly, from the agent's seed and the episode's: the baseline."""
 
     def __init__(self, seed: int, actions: ActionSet, num_motors: int) -> None:
         self.seed = seed
@@ -52,14 +46,7 @@ class UniformPolicy:
 
 
 class OpenLoopPolicy:
-    """Cycles through the rows of a table of commands, ignoring the state.
-
-    Args:
-        actions: The table, and how long each row is held.
-
-    Raises:
-        ValueError: The action set has no table.
-    """
+    """Cycles through the rows of a table of commands, ignoring the state."""
 
     def __init__(self, actions: ActionSet) -> None:
         if actions.table is None:

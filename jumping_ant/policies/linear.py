@@ -21,25 +21,14 @@ from jumping_ant.policies.policy import (
 
 @dataclass(frozen=True)
 class LinearPolicy(Stateless):
-    """A linear map of normalised observations: torques, or a preference for each command.
+    """A linear map of normalised observations: torques, or a preference for each command."""
 
-    Attributes:
-        weight: Shape (num_outputs, num_observations).
-        bias: Shape (num_outputs,).
-        mean: Subtracted from observations, shape (num_observations,).
-        stdev: Observations are then divided by it, shape (num_observations,).
-        weight_spread: Standard deviation of each weight in the distribution that the policy is
-            the centre of, same shape as the weight.
-        bias_spread: Standard deviation of each bias in it, shape (num_outputs,).
-        actions: The action set that the outputs choose from.
-    """
-
-    weight: NDArray[np.float32]
-    bias: NDArray[np.float32]
-    mean: NDArray[np.float32]
-    stdev: NDArray[np.float32]
-    weight_spread: NDArray[np.float32]
-    bias_spread: NDArray[np.float32]
+    weight: NDArray[np.float32]  # (num_outputs, num_observations)
+    bias: NDArray[np.float32]  # (num_outputs,)
+    mean: NDArray[np.float32]  # subtracted from observations, (num_observations,)
+    stdev: NDArray[np.float32]  # observations are then divided by it, (num_observations,)
+    weight_spread: NDArray[np.float32]  # standard deviation of each weight in `sample`
+    bias_spread: NDArray[np.float32]  # that of each bias, (num_outputs,)
     actions: ActionSet
 
     ARRAYS: ClassVar = ("weight", "bias", "mean", "stdev", "weight_spread", "bias_spread")

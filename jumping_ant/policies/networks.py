@@ -26,15 +26,9 @@ State = dict[str, NDArray[Any]]  # a network's numbers by name
 
 @dataclass(frozen=True)
 class Network(Stateless):
-    """The network of an SB3 policy: fully connected, ReLU between layers.
+    """The network of an SB3 policy: fully connected, ReLU between layers."""
 
-    Attributes:
-        factors: Factors on the observations, shape (num_observations,).
-        actions: The action set that the outputs choose from.
-        layers: Weight (outputs, inputs) and bias (outputs,) of each layer.
-    """
-
-    factors: NDArray[np.float32] = field(repr=False)
+    factors: NDArray[np.float32] = field(repr=False)  # on the observations, (num_observations,)
     actions: ActionSet
     layers: list[Layer] = field(repr=False)
 
@@ -93,26 +87,16 @@ class TanhActor(Network):
 
 @dataclass(frozen=True)
 class GaussianActor(TanhActor):
-    """SAC's actor (Haarnoja et al. 2018): torques are the tanh of a Gaussian.
+    """SAC's actor (Haarnoja et al. 2018): torques are the tanh of a Gaussian."""
 
-    Attributes:
-        log_stdev: Weight (num_motors, units) and bias (num_motors,) of the layer that gives
-            the logarithm of the Gaussian's standard deviations.
-    """
-
-    log_stdev: Layer = field(repr=False)
+    log_stdev: Layer = field(repr=False)  # gives the logarithm of the standard deviations
 
     PREFIXES = ("actor.latent_pi.", "actor.mu.")
     LOG_STDEV_PREFIX = "actor.log_std."
     LOG_STDEV_RANGE = (-20.0, 2.0)  # as Stable-Baselines3 clips it
 
     def explore(self, observations: Array, generators: Sequence[np.random.Generator]) -> Array:
-        """Draw torques as in training, shape (n, num_motors).
-
-        Args:
-            observations: Shape (n, num_observations).
-            generators: Generator of each row's noise, n of them.
-        """
+        """Draw torques as in training, (n, num_motors), with a generator for each row."""
         mean, stdev = self.gaussian(observations)
         noise = [
             generator.standard_normal(len(self.log_stdev[1]), np.float32)
@@ -177,13 +161,7 @@ class GreedyCommands(Network):
     def explore(
         self, observations: Array, generators: Sequence[np.random.Generator], epsilon: float
     ) -> Array:
-        """Return the torques of the best or of a random command, shape (n, num_motors).
-
-        Args:
-            observations: Shape (n, num_observations).
-            generators: Generator of each row's draws, n of them.
-            epsilon: Probability of a command drawn uniformly.
-        """
+        """Return the torques of the best command, or of a random one with probability `epsilon`."""
         choices = np.argmax(self._forward(observations), axis=1)
         for row, generator in enumerate(generators):
             if generator.random() < epsilon:

@@ -55,16 +55,10 @@ class Stateless:
 
 @dataclass(frozen=True)
 class Interface:
-    """The inputs and outputs of a policy, as its file's header states them.
-
-    Attributes:
-        actions: The set of actions to choose from, and how many control steps a choice is held.
-        num_observations: Number of values in an observation; None if the policy ignores them.
-        num_motors: Number of torques that the policy returns.
-    """
+    """The inputs and outputs of a policy, as its file's header states them."""
 
     actions: ActionSet
-    num_observations: int | None
+    num_observations: int | None  # None if the policy ignores them
     num_motors: int
 
 

@@ -97,15 +97,7 @@ def parse(source: bytes | BinaryIO, owner: Owner | None = None) -> Policy:
 
 
 def read_interface(path: Path, owner: Owner | None = None) -> Interface:
-    """Read the inputs and outputs of a policy, without reading the policy.
-
-    Args:
-        path: The file.
-        owner: The agent and the seed that it must be of; None if any will do.
-
-    Raises:
-        InputError: The file is missing, not a policy file, or that of another agent or seed.
-    """
+    """Read the inputs and outputs of a policy, without reading the policy (see `load`)."""
     try:
         with path.open("rb") as file:
             entries = Archive(file)

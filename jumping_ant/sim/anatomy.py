@@ -18,45 +18,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """Sizes and coordinates of a robot.
+    """Sizes and coordinates of a robot."""
 
-    Attributes:
-        num_positions: Size of `qpos`.
-        num_velocities: Size of `qvel`.
-        num_motors: Size of `ctrl`.
-        num_horizontal: Number of horizontal coordinates of the torso, the first ones of `qpos`;
-            they are not observed.
-        torso: Index of the torso's body.
-        height_address: Index in `qpos` of the torso's height minus `height_offset`.
-        height_offset: Added to that coordinate to get the torso's height [m].
-        orientation: Slice of `qpos` with the torso's orientation: a quaternion (w, x, y, z), an
-            angle [rad], or nothing.
-        level: The angle at which the torso is upright [rad].
-        control_limits: Control at peak torque, shape (num_motors,).
-        peak_torques: [N m], shape (num_motors,).
-        motor_joints: Index of the joint that each motor drives, shape (num_motors,).
-    """
-
-    num_positions: int
-    num_velocities: int
-    num_motors: int
-    num_horizontal: int
-    torso: int
-    height_address: int
-    height_offset: float
-    orientation: slice
-    level: float
-    control_limits: Array
-    peak_torques: Array
-    motor_joints: NDArray[np.int64]
+    num_positions: int  # of `qpos`
+    num_velocities: int  # of `qvel`
+    num_motors: int  # of `ctrl`
+    num_horizontal: int  # coordinates of the torso; first in `qpos`, and not observed
+    torso: int  # index of the body
+    height_address: int  # in `qpos`, of the torso's height minus `height_offset`
+    height_offset: float  # [m]
+    orientation: slice  # of the torso in `qpos`: a quaternion (w, x, y, z), or an angle [rad]
+    level: float  # the angle at which the torso is upright [rad]
+    control_limits: Array  # control at peak torque, (num_motors,)
+    peak_torques: Array  # [N m], (num_motors,)
+    motor_joints: NDArray[np.int64]  # the joint that each motor drives, (num_motors,)
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> "Anatomy":
-        """Return the anatomy of a compiled robot.
-
-        Raises:
-            InputError: The robot is built differently; the message says how.
-        """
+        """Return the anatomy of a compiled robot; an InputError says what does not fit."""
         torso = _torso(model)
         joints = range(
             model.body_jntadr[torso], model.body_jntadr[torso] + model.body_jntnum[torso]

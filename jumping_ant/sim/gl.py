@@ -42,13 +42,7 @@ def select_backend() -> str:
 
     If `MUJOCO_GL` is already set, it is used. Otherwise, on Linux, each headless backend draws a
     picture in its own process, and the first that succeeds is used; other systems use their own
-    OpenGL.
-
-    Returns:
-        The value of `MUJOCO_GL`, empty if the system's own OpenGL is used.
-
-    Raises:
-        InputError: No backend draws; the message says what to install.
+    OpenGL. The result is the value of `MUJOCO_GL`, empty if the system's own is used.
     """
     if not os.environ.get("MUJOCO_GL") and sys.platform == "linux":
         os.environ["MUJOCO_GL"] = _first_that_draws()
@@ -57,16 +51,7 @@ def select_backend() -> str:
 
 
 def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
-    """Open an off-screen renderer; use it as a context manager, so that it is closed.
-
-    Args:
-        model: What to draw; its off-screen buffer is enlarged to the picture if needed.
-        width: Width of the pictures [pixels].
-        height: Height of the pictures [pixels].
-
-    Raises:
-        InputError: No backend draws, or the one in `MUJOCO_GL` does not.
-    """
+    """Open an off-screen renderer; use it as a context manager, so that it is closed."""
     backend = select_backend()
     visual = model.vis.global_
     visual.offwidth = max(visual.offwidth, width)
@@ -83,18 +68,7 @@ def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Rend
 def gymnasium_renderer(
     model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, off_screen: bool = True
 ) -> Any:
-    """Return the renderer of Gymnasium's robots, on the robot's `track` camera if it has one.
-
-    Args:
-        model: The robot.
-        data: The simulation whose state is drawn.
-        width: Width of the pictures [pixels].
-        height: Height of the pictures [pixels].
-        off_screen: Whether to render pictures; otherwise the renderer opens a window.
-
-    Raises:
-        InputError: No backend draws.
-    """
+    """Return Gymnasium's renderer, off screen or a window, on a camera named `track`, if any."""
     # Imported here because films do not need it.
     from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 

@@ -89,45 +89,19 @@ _UNITS = {"": 1, "k": 2**10, "m": 2**20, "g": 2**30, "t": 2**40, "p": 2**50, "e"
 
 
 def read(path: Path, folder: Path) -> mujoco.MjSpec:
-    """Read a robot from a file, with those it includes.
-
-    Args:
-        path: The file.
-        folder: The folder that it and the files it includes must be in.
-
-    Raises:
-        InputError: A file cannot be read, is no regular file of the folder, or holds what `parse`
-            refuses.
-    """
+    """Read a robot from a file, with those it includes; all must be in the folder."""
     tree = _Reading(path.parent, folder.resolve()).file(path, ("mujoco",))
     return _spec(tree, f"robot.source: {path.name}")
 
 
 def parse(xml: str, where: str = "robot XML") -> mujoco.MjSpec:
-    """Read a robot from text.
-
-    Args:
-        xml: MJCF text.
-        where: What the text is, for messages.
-
-    Raises:
-        InputError: The text is not MJCF, is too large, names a file, or has elements or sizes that
-            no robot needs.
-    """
+    """Read a robot from text, which must name no file; messages call it `where`."""
     text = xml.encode(errors="surrogatepass")  # halves of characters are refused later
     return _spec(_Reading().tree(text, where, ("mujoco",)), where)
 
 
 def compiled(spec: mujoco.MjSpec, where: str = "robot XML: not valid MJCF") -> mujoco.MjModel:
-    """Compile a robot.
-
-    Args:
-        spec: The robot.
-        where: What it is, for messages.
-
-    Raises:
-        InputError: It cannot be compiled, or is too large.
-    """
+    """Compile a robot, unless it is too large."""
     pixels = sum(
         texture.width * max(texture.height, 6 * texture.width) for texture in spec.textures
     )
@@ -159,11 +133,7 @@ def answered(where: str) -> Iterator[None]:
 
 
 def content(path: Path) -> bytes:
-    """Return a regular file's content, or one byte more than a robot may have.
-
-    Raises:
-        OSError: The file cannot be read, or is a folder, a pipe or a device.
-    """
+    """Return a regular file's content, or one byte more than a robot may have, or raise OSError."""
     with open(path, "rb", opener=_without_waiting) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, "Not a regular file")
@@ -175,16 +145,11 @@ def _without_waiting(path: str, flags: int) -> int:
 
 
 class _Reading:
-    """One robot being read, from one file or several.
-
-    Args:
-        beside: The folder of the first file, where MuJoCo looks for included files first.
-        folder: The folder that all files must be in; None if there is only a text.
-    """
+    """One robot being read, from one file or several."""
 
     def __init__(self, beside: Path = Path(), folder: Path | None = None) -> None:
-        self._beside = beside
-        self._folder = folder
+        self._beside = beside  # the first file's folder, where MuJoCo looks for includes first
+        self._folder = folder  # that all files must be in; None if there is only a text
         self._seen: set[Path] = set()
         self._num_bytes = 0
 

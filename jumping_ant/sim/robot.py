@@ -30,11 +30,7 @@ FILES = {"edited": "edited.xml", "unedited": "unedited.xml"}  # in assets/
 
 
 def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
-    """Return the path of the MJCF file of `robot.source`.
-
-    Raises:
-        InputError: There is no such file.
-    """
+    """Return the path of the MJCF file of `robot.source`."""
     folder = GYMNASIUM_ASSETS if source in GYMNASIUM_ROBOTS else root
     path = folder / (f"{source}.xml" if source in GYMNASIUM_ROBOTS else source)
     if not os.path.isfile(path):  # also false for a name that is too long
@@ -47,18 +43,7 @@ def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
 
 
 def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
-    """Return the edited robot as MJCF.
-
-    Actuators without a name in the source are named after the joints they drive.
-
-    Args:
-        params: Source and edits.
-        root: The project's folder.
-
-    Raises:
-        InputError: There is no such source, an edit matches nothing in it, or the edits together
-            make a robot that MuJoCo cannot compile.
-    """
+    """Return the edited robot as MJCF; actuators without a name are named after their joints."""
     spec = _read(params.source, root)
     spec.modelname = f"jumping_{Path(params.source).stem}"
     if params.density is not None:
@@ -76,26 +61,14 @@ def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
 
 
 def unedited(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
-    """Return the source as MJCF, unchanged except that actuators without a name get one.
-
-    Raises:
-        InputError: There is no such source.
-    """
+    """Return the source as MJCF, unchanged except that actuators without a name get one."""
     spec = _read(params.source, root)
     mjcf.compiled(spec, f"robot.source: {params.source}")
     return spec.to_xml()
 
 
 def read(root: Path, kind: Literal["edited", "unedited"] = "edited") -> str:
-    """Return a robot of a project, as MJCF text.
-
-    Args:
-        root: The project's folder.
-        kind: The robot with its edits, or without them.
-
-    Raises:
-        InputError: The robot has not been built.
-    """
+    """Return a robot of a project, as MJCF text."""
     path = Paths(root).assets / FILES[kind]
     try:
         return mjcf.content(path).decode()
@@ -111,13 +84,6 @@ def load(xml: str) -> mujoco.MjModel:
     MuJoCo's automatic reset of diverged states is switched off: a state that is not finite ends
     its episode instead of silently starting a new one. The search for constraint islands is also
     switched off: one robot is one island, and the same states take 5 % less time without it.
-
-    Args:
-        xml: MJCF text.
-
-    Raises:
-        InputError: The text is not MJCF that compiles, names files, or asks for sizes that no robot
-            needs.
     """
     model = mjcf.compiled(mjcf.parse(xml))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -128,18 +94,7 @@ def load(xml: str) -> mujoco.MjModel:
 
 
 def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
-    """Return the physical changes made by the edits.
-
-    Args:
-        params: Source and edits.
-        xml: The edited robot.
-        root: The project's folder.
-
-    Returns:
-        `before` and `after`, each with the total mass [kg], the mass of every body [kg], the peak
-        torque of every motor [N m], and the summed peak torque over the weight [m]; also the
-        source's digest and the package versions that made the file.
-    """
+    """Return what edits change: masses [kg], peak torques [N m], and their sum over weight [m]."""
     path = source_path(params.source, root)
     is_gymnasium = params.source in GYMNASIUM_ROBOTS
     file = f"gymnasium/envs/mujoco/assets/{path.name}" if is_gymnasium else params.source

@@ -50,17 +50,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Result of a control step in n simulations.
+    """Result of a control step in n simulations."""
 
-    Attributes:
-        rewards: Shape (n,).
-        terms: Contribution of each term to the reward, shape (n,) each.
-        terminated: Whether the episode ended, shape (n,).
-    """
-
-    rewards: Array
-    terms: dict[str, Array]
-    terminated: NDArray[np.bool_]
+    rewards: Array  # (n,)
+    terms: dict[str, Array]  # contribution of each term to the reward, (n,) each
+    terminated: NDArray[np.bool_]  # whether the episode ended, (n,)
 
 
 def action_space(actions: ActionSet, num_motors: int) -> gym.Space[Any]:

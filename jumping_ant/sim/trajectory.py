@@ -15,35 +15,18 @@ from jumping_ant.sim.rewards import PREFIX
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """An episode of T control steps of k = `frame_skip` simulation steps each.
+    """An episode of T control steps of k = `frame_skip` simulation steps each."""
 
-    Attributes:
-        qpos: Positions after every simulation step, the start state first, (T * k + 1, nq).
-        qvel: Velocities likewise, (T * k + 1, nv).
-        torques: Torques over peak torques held in each control step, in [-1, 1], (T, num_motors).
-        rewards: Reward of each control step, (T,).
-        terms: Contribution of each term to the reward, (T,) each.
-        agent: The agent's name.
-        seed: The agent's seed.
-        episode: Number of the episode among those of the seed.
-        episode_return: Sum of the episode's rewards.
-        timestep: Duration of a simulation step [s].
-        frame_skip: Simulation steps per control step.
-
-    Raises:
-        ValueError: The arrays' shapes do not fit together.
-    """
-
-    qpos: NDArray[np.float64]
-    qvel: NDArray[np.float64]
-    torques: NDArray[np.float64]
-    rewards: NDArray[np.float64]
-    terms: dict[str, NDArray[np.float64]]
+    qpos: NDArray[np.float64]  # after every simulation step, the start state first, (T * k + 1, nq)
+    qvel: NDArray[np.float64]  # likewise, (T * k + 1, nv)
+    torques: NDArray[np.float64]  # over peak torques, held in each control step, (T, num_motors)
+    rewards: NDArray[np.float64]  # (T,)
+    terms: dict[str, NDArray[np.float64]]  # contribution of each term to the reward, (T,) each
     agent: str
-    seed: int
-    episode: int
+    seed: int  # of the agent
+    episode: int  # its number among those of the seed
     episode_return: float
-    timestep: float
+    timestep: float  # of the simulation [s]
     frame_skip: int
 
     def __post_init__(self) -> None:
@@ -67,11 +50,7 @@ class Trajectory:
                 raise ValueError(f"{name}: given shape {array.shape}, allowed: {(steps,)}")
 
     def check(self, model: mujoco.MjModel) -> None:
-        """Check that the trajectory fits a robot.
-
-        Raises:
-            InputError: The sizes differ.
-        """
+        """Raise an InputError unless the trajectory fits a robot."""
         given = self.qpos.shape[1], self.qvel.shape[1], self.torques.shape[1]
         if given != (model.nq, model.nv, model.nu):
             raise InputError(
@@ -81,20 +60,7 @@ class Trajectory:
             )
 
     def rows(self, stride: int = 1, seconds: float = np.inf) -> NDArray[np.int64]:
-        """Choose states to show: every `stride`-th of the episode's first seconds.
-
-        An episode may end because its state is not finite; such states are left out.
-
-        Args:
-            stride: Simulation steps from one chosen state to the next.
-            seconds: Duration to show [s]; a shorter episode is shown whole.
-
-        Returns:
-            Row numbers of `qpos` and `qvel`, beginning with 0.
-
-        Raises:
-            InputError: The episode holds no finite state.
-        """
+        """Return every `stride`-th row of these seconds, before any state that is not finite."""
         finite = np.isfinite(self.qpos).all(axis=1) & np.isfinite(self.qvel).all(axis=1)
         broken = np.flatnonzero(~finite)
         end = int(broken[0]) if broken.size else len(self.qpos)
@@ -115,11 +81,7 @@ class Trajectory:
 
 
 def frame_stride(timestep: float, fps: int) -> int:
-    """Return the number of simulation steps from one frame to the next.
-
-    Raises:
-        InputError: The frame rate does not divide the simulation's.
-    """
+    """Return the number of simulation steps from one frame to the next."""
     rate = round(1 / timestep)
     if fps > rate or rate % fps:
         divisors = [str(number) for number in range(1, rate + 1) if rate % number == 0]
@@ -131,11 +93,7 @@ def frame_stride(timestep: float, fps: int) -> int:
 
 
 def load(path: Path) -> Trajectory:
-    """Read a trajectory.
-
-    Raises:
-        InputError: The file is missing, damaged, or not a trajectory.
-    """
+    """Read a trajectory."""
     try:
         archive = Archive(path.read_bytes())
 

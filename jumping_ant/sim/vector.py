@@ -210,9 +210,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
     ) -> tuple[NDArray[np.float64], Outcome, Mask, NDArray[np.float64]]:
         """Hold actions; return observations, the outcome, truncations, and heights [m].
 
-        Args:
-            actions: As in `step`.
-            mask: Which environments step; None for all. Rows of the others are meaningless.
+        The mask says which environments step, None all; rows of the others are meaningless.
         """
         torques = np.asarray(self.actions.torques(actions), dtype=np.float64)
         self._ctrl[:] = torques * self.task.anatomy.control_limits
@@ -274,10 +272,7 @@ def _reward_infos(outcome: Outcome) -> dict[str, NDArray[np.float64]]:
 
 
 def _masked(infos: dict[str, NDArray[np.float64]], mask: Mask) -> dict[str, Any]:
-    """Return infos of some environments in Gymnasium's format: zero elsewhere, and a mask.
-
-    An empty mask gives no infos.
-    """
+    """Return infos as Gymnasium does: zero outside the mask, and the mask; none if it is empty."""
     masked: dict[str, Any] = {}
     for key, values in infos.items() if mask.any() else ():
         masked |= {key: np.where(mask, values, 0.0), f"_{key}": mask.copy()}

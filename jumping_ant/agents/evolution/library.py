@@ -44,11 +44,7 @@ def plain(tensor: Tensor) -> Tensor:
 
 
 class _Search:
-    """A search of EvoTorch.
-
-    Args:
-        search: EvoTorch's.
-    """
+    """A search of EvoTorch."""
 
     def __init__(self, search: Any) -> None:
         self._search = search

@@ -35,9 +35,6 @@ class JumpProblem(Problem):
     of one episode, less `decrease_rewards_by` per control step survived. The normaliser is fixed
     within a generation, so that all of its policies are evaluated alike, and is then updated with
     their observations.
-
-    Args:
-        job: What to train.
     """
 
     def __init__(self, job: Job[EvolutionParams]) -> None:
@@ -76,12 +73,7 @@ class JumpProblem(Problem):
         self._pool = ThreadPoolExecutor(len(self._shares))
 
     def policy(self, center: torch.Tensor, spread: torch.Tensor) -> LinearPolicy:
-        """Return the policy at a distribution's centre, with the current normaliser.
-
-        Args:
-            center: A solution, shape (solution_length,).
-            spread: Standard deviation of the distribution, shape (solution_length,).
-        """
+        """Return the policy at a centre, (solution_length,), with the current normaliser."""
         weight, bias = self._unflatten(center)
         mean, stdev = self._moments()
         weight_spread, bias_spread = self._unflatten(spread)
@@ -168,17 +160,11 @@ class JumpProblem(Problem):
 
 @dataclass(frozen=True)
 class _Episodes:
-    """Episodes of n policies, of at most T decisions.
+    """Episodes of n policies, of at most T decisions."""
 
-    Attributes:
-        observations: At the start and after each decision, shape (T + 1, n, num_observations).
-        alive: Whether a policy took that decision, true at the start, shape (T + 1, n).
-        returns: Return of each policy's episode, shape (n,).
-    """
-
-    observations: NDArray[np.float32]
-    alive: NDArray[np.bool_]
-    returns: NDArray[np.float64]
+    observations: NDArray[np.float32]  # first those of the start, (T + 1, n, num_observations)
+    alive: NDArray[np.bool_]  # whether a policy took that decision, true at the start, (T + 1, n)
+    returns: NDArray[np.float64]  # (n,)
 
     @classmethod
     def empty(cls, steps: int, size: int, num_observations: int) -> "_Episodes":

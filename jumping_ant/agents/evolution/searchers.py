@@ -31,21 +31,13 @@ class AugmentedRandomSearch:
 
     Mania, Guy and Recht 2018, "Simple random search of static linear policies is competitive for
     reinforcement learning", algorithm 2: version V2-t if observations are normalised, else V1-t.
-
-    Attributes:
-        problem: The problem; its random generator draws the directions.
-        popsize: Size of a generation, twice the number of directions.
-        learning_rate: Step size, before it is divided by the deviation of the best returns.
-        delta_std: Standard deviation of the directions.
-        n_top: Number of directions, the best, that a step follows.
-        generation: Number of generations so far.
     """
 
-    problem: Problem
-    popsize: int
-    learning_rate: float
-    delta_std: float
-    n_top: int
+    problem: Problem  # its random generator draws the directions
+    popsize: int  # twice the number of directions
+    learning_rate: float  # before it is divided by the deviation of the best returns
+    delta_std: float  # standard deviation of the directions
+    n_top: int  # number of the best directions, which a step follows
     generation: int = 0
 
     def __post_init__(self) -> None:
@@ -89,15 +81,7 @@ def pgpe(problem: Problem, *, max_speed: float, momentum: float, **settings: Any
 
 
 def make_searcher(problem: Problem, agent: EvolutionParams) -> Searcher:
-    """Return an agent's searcher at its start.
-
-    Args:
-        problem: The problem.
-        agent: The agent's block; settings that not all of evolution shares are passed by name.
-
-    Raises:
-        TypeError: The catalogue's learner takes no setting of that name.
-    """
+    """Return an agent's searcher at its start; its algorithm's own settings are passed by name."""
     shared = EvolutionParams.model_fields
     own = [name for name in type(agent).model_fields if name not in shared]
     settings = {name: getattr(agent, name) for name in own}

@@ -13,12 +13,7 @@ from jumping_ant.base.archive import pack_state, unpack_state
 
 
 def train(job: Job[EvolutionParams]) -> Iterator[Event]:
-    """Evolve a linear policy; each row of the curve is a generation.
-
-    Yields:
-        Progress (with the best return, fitnesses, the centre's norm and the mean stdev), snapshots
-        of the centre's policy, checkpoints when due, and finally that policy.
-    """
+    """Evolve a linear policy; each row of the curve is a generation, each snapshot its centre."""
     agent = job.agent
     problem = JumpProblem(job)
     searcher = make_searcher(problem, agent)

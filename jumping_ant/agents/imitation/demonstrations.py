@@ -21,17 +21,11 @@ _HEADER, _EXPERT = "demonstrations.json", "expert.zip"
 
 @dataclass(frozen=True)
 class Labelled:
-    """Decisions in the order of their episodes, with the torques of the expert in each.
+    """Decisions in the order of their episodes, with the torques of the expert in each."""
 
-    Attributes:
-        observations: Shape (n, num_observations).
-        torques: Torques over peak torques that the expert chooses, shape (n, num_motors).
-        returns: Return of the episode that ends with a decision, shape (n,); NaN elsewhere.
-    """
-
-    observations: NDArray[np.float32]
-    torques: NDArray[np.float32]
-    returns: NDArray[np.float64]
+    observations: NDArray[np.float32]  # (n, num_observations)
+    torques: NDArray[np.float32]  # of the expert, over peak torques, (n, num_motors)
+    returns: NDArray[np.float64]  # of the episode that ends with a decision, (n,); NaN elsewhere
 
     def __len__(self) -> int:
         return len(self.returns)
@@ -48,15 +42,10 @@ class Labelled:
 
 @dataclass(frozen=True)
 class Demonstrations:
-    """What an expert did, and the expert itself.
+    """What an expert did, and the expert itself."""
 
-    Attributes:
-        labelled: Complete episodes.
-        expert: Content of the expert's policy file.
-    """
-
-    labelled: Labelled
-    expert: bytes
+    labelled: Labelled  # complete episodes
+    expert: bytes  # content of its policy file
 
     def to_bytes(self) -> bytes:
         """Return the file's content; equal demonstrations give equal bytes."""
@@ -66,11 +55,7 @@ class Demonstrations:
 
     @classmethod
     def from_bytes(cls, content: bytes) -> "Demonstrations":
-        """Read a file's content; no code in it is run.
-
-        Raises:
-            InputError: The content is not a file of demonstrations, or a damaged one.
-        """
+        """Read a file's content; no code in it is run."""
         try:
             entries = Archive(content)
             if (found := json.loads(entries[_HEADER])["format"]) != FORMAT:
@@ -114,9 +99,6 @@ def play(
     The actor may be the expert itself. Both hold their choices for equally long. Episodes are
     truncated after `episode_steps` control steps; a share of them, `tumbled_starts`, start in the
     air, in any orientation.
-
-    Returns:
-        The episodes, in the order of the seeds.
     """
     count = len(seeds)
     envs = RobotVectorEnv(

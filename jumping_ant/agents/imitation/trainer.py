@@ -32,15 +32,7 @@ from jumping_ant.policies.policy import Interface, header_entries
 
 
 def train(job: Job[ImitationParams]) -> Iterator[Event]:
-    """Fit a policy to demonstrations; each row of the curve is a round.
-
-    Yields:
-        Progress (with the mean loss of the round), snapshots of the policy, checkpoints when due,
-        and finally the policy.
-
-    Raises:
-        InputError: There are no demonstrations, or too few.
-    """
+    """Fit a policy to demonstrations; a row of the curve is a round, with its mean loss."""
     agent, imitator = job.agent, _Imitator(job)
     if job.checkpoint is not None:
         imitator.load_state(unpack_state(job.checkpoint))
@@ -63,21 +55,12 @@ def train(job: Job[ImitationParams]) -> Iterator[Event]:
 
 
 class _Imitator:
-    """An actor, the data that it is fitted to, and where these come from.
-
-    Args:
-        job: What to train.
-
-    Attributes:
-        round: Rounds done.
-        env_steps: Control steps of the data.
-        episodes: Episodes that are complete in the data.
-    """
+    """An actor, the data that it is fitted to, and where these come from."""
 
     def __init__(self, job: Job[ImitationParams]) -> None:
         if job.demonstrations is None:
             raise InputError("demonstrations: given none, allowed: those of a trained agent")
-        self.round = self.env_steps = self.episodes = 0
+        self.round = self.env_steps = self.episodes = 0  # rounds done; size of the data
         self._job, self._agent = job, job.agent
         self._actions = ActionSet.of(job.agent.actions, job.world.env.commands)
         self._anatomy = job.world.anatomy

@@ -29,13 +29,7 @@ def train(job: Job[OffPolicyParams]) -> Iterator[Event]:
 
 
 def make_model(envs: VecEnv, agent: OffPolicyParams, seed: int) -> OffPolicyAlgorithm:
-    """Return the untrained Stable-Baselines3 model of an agent.
-
-    Args:
-        envs: Environments to learn in.
-        agent: The agent's block.
-        seed: Seed that determines the run.
-    """
+    """Return the untrained Stable-Baselines3 model of an agent."""
     more = {}
     if (deviation := getattr(agent, "action_noise", None)) is not None:
         zeros = np.zeros(cast(spaces.Box, envs.action_space).shape)

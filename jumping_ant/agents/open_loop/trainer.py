@@ -25,9 +25,6 @@ def train(job: Job[OpenLoopParams]) -> Iterator[Event]:
     """Try each rhythm on the same start states, and keep the one with the highest mean return.
 
     The search takes seconds: it yields no checkpoints, and one snapshot at its end.
-
-    Yields:
-        Progress for each rhythm (with its half-period), and finally the best policy.
     """
     agent = job.agent
     envs = RobotVectorEnv(
@@ -58,13 +55,7 @@ def train(job: Job[OpenLoopParams]) -> Iterator[Event]:
 
 
 def metronome(agent: OpenLoopParams, env: EnvParams, half_period: int) -> OpenLoopPolicy:
-    """Return the policy that cycles through an agent's commands.
-
-    Args:
-        agent: The agent's block.
-        env: The task, which defines the commands.
-        half_period: Control steps that each command is held for.
-    """
+    """Return the policy that holds each of an agent's commands for `half_period` control steps."""
     table = np.float32(agent.amplitude) * np.array(env.commands, dtype=np.float32)[agent.commands]
     return OpenLoopPolicy(ActionSet(table, hold=half_period))
 

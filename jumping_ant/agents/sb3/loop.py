@@ -20,22 +20,11 @@ from jumping_ant.agents.sb3 import state
 from jumping_ant.agents.sb3.model import policy_bytes
 from jumping_ant.agents.sb3.settings import SB3Params
 
-LearnOnce = Callable[[Any, BaseCallback, int], None]
+LearnOnce = Callable[[Any, BaseCallback, int], None]  # model, its callback, budget [decisions]
 
 
 def run(job: Job[SB3Params], model: Any, learn_once: LearnOnce) -> Iterator[Event]:
-    """Train as a model's `learn` does.
-
-    Args:
-        job: What to train.
-        model: The untrained model.
-        learn_once: Collects one round of experience and learns from it: the body of the loop of
-            `learn`, given the model, its callback and the budget [decisions].
-
-    Yields:
-        Progress every `log_interval` transitions (with what the learner logs), snapshots of the
-        policy, checkpoints when due, and finally the policy.
-    """
+    """Train as a model's `learn` does, with `learn_once` as the body of its loop."""
     agent = job.agent
     model.set_logger(Logger(folder=None, output_formats=[]))
     actions = ActionSet.of(agent.actions, job.world.env.commands)
@@ -61,16 +50,11 @@ def run(job: Job[SB3Params], model: Any, learn_once: LearnOnce) -> Iterator[Even
 
 
 class _EpisodeReturns:
-    """Returns of the training episodes, as SB3 records them.
-
-    Attributes:
-        count: Number of episodes so far.
-        returns: Returns of the episodes since the last row.
-    """
+    """Returns of the training episodes, as SB3 records them."""
 
     def __init__(self, model: BaseAlgorithm) -> None:
-        self.count = 0
-        self.returns: list[float] = []
+        self.count = 0  # of all episodes so far
+        self.returns: list[float] = []  # of the episodes since the last row
         self._model = model
 
     def collect(self) -> None:

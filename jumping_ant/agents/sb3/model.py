@@ -51,13 +51,7 @@ OWN_SETTINGS = (
 
 
 class ScaledObservations(BaseFeaturesExtractor):
-    """Multiplies velocities by a factor, so that network inputs have similar magnitudes.
-
-    Args:
-        observation_space: The space of one observation.
-        velocity_scale: The factor.
-        first_velocity: Index of the first velocity; positions come before it.
-    """
+    """Multiplies velocities by a factor, so that network inputs have similar magnitudes."""
 
     def __init__(
         self, observation_space: spaces.Box, velocity_scale: float, first_velocity: int
@@ -76,15 +70,8 @@ class ScaledObservations(BaseFeaturesExtractor):
 def make_model(envs: VecEnv, agent: SB3Params, seed: int, **more: Any) -> Any:
     """Return the untrained Stable-Baselines3 model of an agent.
 
-    Args:
-        envs: Environments to learn in.
-        agent: The agent's block; the settings of `POLICY_SETTINGS` are passed to the model's policy
-            by name, those that are not this project's own to its class.
-        seed: Seed that determines the run.
-        more: Other arguments of the model's class.
-
-    Raises:
-        TypeError: The model's class does not take one of the settings.
+    The settings of `POLICY_SETTINGS` are passed to the model's policy by name; those that are not
+    this project's own, and `more`, to its class.
     """
     learner = resolve(row(agent).learner)
     settings = _settings_of(agent, learner)
@@ -122,10 +109,7 @@ def _settings_of(agent: SB3Params, learner: type[BaseAlgorithm]) -> dict[str, An
 
 
 def make_envs(job: Job[SB3Params]) -> VecEnv:
-    """Return the environments that an agent learns in.
-
-    Episodes are truncated as the agent's block specifies; learners treat this as a time limit.
-    """
+    """Return the environments that an agent learns in; it treats truncation as a time limit."""
     agent, env = job.agent, job.world.env
     episode_steps = np.full(agent.num_envs, agent.episode_steps or np.inf)
     episode_steps[: round(agent.long_episodes * agent.num_envs)] = env.max_episode_steps
@@ -146,11 +130,6 @@ def policy_bytes(model: BaseAlgorithm, agent: SB3Params, actions: ActionSet) -> 
 
     Stable-Baselines3's archive contains dates and the state of the run; this one contains only the
     policy, and has the same bytes for the same run.
-
-    Args:
-        model: The model.
-        agent: The agent's block.
-        actions: Actions that it chooses from.
     """
     buffer = io.BytesIO()
     model.save(buffer, exclude=RUN_STATE)

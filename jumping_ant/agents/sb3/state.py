@@ -25,13 +25,7 @@ COLUMNS = ("observations", "next_observations", "actions", "rewards", "dones", "
 
 
 def capture(model: BaseAlgorithm, counters: Sequence[str], own: Any) -> bytes:
-    """Return the state of a model between two rounds of `learn`.
-
-    Args:
-        model: The model; its environments are a `SB3VecEnv`.
-        counters: Attributes of its counters in addition to those of Stable-Baselines3's loop.
-        own: The trainer's own state, as JSON-compatible values.
-    """
+    """Return the state of a model between two rounds of `learn`, and the trainer's own (JSON)."""
     replay = cast(ReplayBuffer | None, getattr(model, "replay_buffer", None))
     return pack_state(
         {
@@ -54,16 +48,7 @@ def capture(model: BaseAlgorithm, counters: Sequence[str], own: Any) -> bytes:
 
 
 def restore(model: BaseAlgorithm, counters: Sequence[str], content: bytes) -> Any:
-    """Put a fresh model into a captured state.
-
-    Args:
-        model: A model created with the same parameters, and set up to learn.
-        counters: As for `capture`.
-        content: What `capture` returned.
-
-    Returns:
-        The trainer's own state.
-    """
+    """Put a fresh model, set up to learn, into a captured state; return the trainer's own state."""
     state = unpack_state(content)
     for name, vector in _vectors(model).items():
         vector.copy_(torch.from_numpy(state["learner"][name]))
@@ -85,11 +70,7 @@ def restore(model: BaseAlgorithm, counters: Sequence[str], content: bytes) -> An
 
 
 def _vectors(model: BaseAlgorithm) -> dict[str, Tensor]:
-    """Return all tensors that learning modifies, by name; they are not copied.
-
-    A lean learner names its own. For other learners these are the parameters that Stable-Baselines3
-    saves and the moments of its optimisers.
-    """
+    """Return all tensors that learning modifies, by name; they are not copied."""
     if hasattr(model, "vectors"):
         own: dict[str, Tensor] = model.vectors
         return own

@@ -16,13 +16,9 @@ class SB3VecEnv(VecEnv):
     """Adapter of a Gymnasium vector environment with SAME_STEP autoreset to SB3's `VecEnv`.
 
     Observations become float32, which the networks compute with; this halves the replay buffer.
-
-    Args:
-        envs: The environments; their actions may be torques or discrete commands.
-        starts: Seed of each environment's start states, used at the first reset; SB3's own seeds,
-            `seed + i`, would be shared with neighbouring runs.
-        sparse_rewards: Whether the last step of an episode is rewarded with the episode's return,
-            and no step before.
+    The first reset uses the seeds `starts`: SB3's own seeds, `seed + i`, would be shared with
+    neighbouring runs. With `sparse_rewards`, the last step of an episode is rewarded with the
+    episode's return, and no step before.
     """
 
     def __init__(
@@ -57,13 +53,7 @@ class SB3VecEnv(VecEnv):
     def step_wait(
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
-        """Step all environments.
-
-        Returns:
-            Observations (num_envs, num_observations), rewards and dones (num_envs,), and an info
-            for each environment: at an episode's end with `terminal_observation`,
-            `TimeLimit.truncated` and `episode` (return `r` and length `l`), else empty.
-        """
+        """Step all environments; an info is empty, except at the end of an episode."""
         observations, rewards, terminated, truncated, vector_infos = self.envs.step(self._actions)
         self._returns += rewards
         self._lengths += 1

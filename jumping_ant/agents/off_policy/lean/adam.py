@@ -14,22 +14,15 @@ class FlatAdam:
     """Adam (Kingma and Ba 2015) on a single vector that holds all parameters of an optimiser.
 
     Parameters, gradients and the optimiser's state become views of vectors, so modules and state
-    dictionaries always show the current values.
-
-    Args:
-        optimizer: An Adam of one parameter group that has not stepped yet; its learning rate is
-            read at every step.
-
-    Attributes:
-        values: All parameters, shape (n,).
-        gradient: Gradient of the loss with respect to them, shape (n,), which `step` uses.
+    dictionaries always show the current values. The optimiser has one parameter group and has not
+    stepped yet; its learning rate is read at every step.
     """
 
     def __init__(self, optimizer: torch.optim.Adam) -> None:
         (self._group,) = optimizer.param_groups
         parameters = self._group["params"]
-        self.values = flatten(parameters)
-        self.gradient = torch.zeros_like(self.values)
+        self.values = flatten(parameters)  # (n,)
+        self.gradient = torch.zeros_like(self.values)  # of the loss, which `step` uses
         self._mean, self._mean_square = self.gradient.clone(), self.gradient.clone()
         self._step = torch.zeros(())
         vectors = (self.gradient, self._mean, self._mean_square)

@@ -19,11 +19,9 @@ class Pass:
 
     The caller keeps one for each use of a network, and passes it to both. The next forward pass
     with the same number of rows reuses and overwrites its memory.
-
-    Attributes:
-        activations: Inputs, and the outputs of each layer, shape (n, units) each.
     """
 
+    # Inputs, and the outputs of each layer, (n, units) each.
     activations: list[Tensor] = field(default_factory=list)
 
     def begin(self, inputs: Tensor, widths: Sequence[int]) -> list[Tensor]:
@@ -39,10 +37,6 @@ class MLP:
     """Linear layers with ReLU between them: what `nn.Sequential` computes, and its gradients.
 
     It uses the layers' own parameters in place; they must not move in memory afterwards.
-
-    Args:
-        layers: The linear layers, first to last.
-        relu_output: Whether the last layer's outputs pass through ReLU as well.
     """
 
     def __init__(self, layers: Sequence[nn.Linear], relu_output: bool = False) -> None:
@@ -54,15 +48,7 @@ class MLP:
         self._widths = [len(bias) for bias in self._biases]
 
     def forward(self, inputs: Tensor, kept: Pass) -> Tensor:
-        """Return the outputs.
-
-        Args:
-            inputs: Shape (n, inputs).
-            kept: Stores what the backward passes need.
-
-        Returns:
-            Shape (n, outputs), in the memory of `kept`.
-        """
+        """Return the outputs, (n, outputs), which lie in the memory of `kept`."""
         for index, buffer in enumerate(kept.begin(inputs, self._widths)):
             torch.addmm(self._biases[index], inputs, self._transposed[index], out=buffer)
             inputs = buffer.relu_() if self._has_relu[index] else buffer
@@ -71,15 +57,9 @@ class MLP:
     def backward(self, gradient: Tensor, kept: Pass, to_inputs: bool = False) -> Tensor:
         """Write the loss's gradient with respect to every parameter into its `grad`.
 
-        Args:
-            gradient: Gradient with respect to the outputs of a forward pass, shape (n, outputs);
-                may be overwritten.
-            kept: Intermediate results of that pass.
-            to_inputs: Whether to compute the gradient with respect to the inputs, too.
-
-        Returns:
-            The gradient with respect to the inputs, shape (n, inputs), if requested, else with
-            respect to the first layer's outputs.
+        `gradient` is with respect to the outputs, (n, outputs), and may be overwritten. The
+        gradient that is returned is with respect to the inputs, (n, inputs), if `to_inputs`, else
+        with respect to the first layer's outputs.
         """
         for index in reversed(range(len(self._weights))):
             if self._has_relu[index]:
@@ -92,16 +72,9 @@ class MLP:
         return gradient
 
     def input_gradient(self, gradient: Tensor, kept: Pass, first: int = 0) -> Tensor:
-        """Return the loss's gradient with respect to the inputs only.
+        """Return the gradient with respect to the inputs from `first` on, (n, inputs - first).
 
-        Args:
-            gradient: Gradient with respect to the outputs of a forward pass, shape (n, outputs).
-                Rows of zeros cost nothing.
-            kept: Intermediate results of that pass.
-            first: First input to return the gradient for.
-
-        Returns:
-            Shape (n, inputs - first).
+        `gradient` is with respect to the outputs, (n, outputs); its rows of zeros cost nothing.
         """
         rows = gradient.any(1).nonzero().squeeze(1)
         result = gradient.new_zeros(len(gradient), self._weights[0].shape[1] - first)

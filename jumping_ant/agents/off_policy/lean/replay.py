@@ -13,21 +13,13 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Batches:
-    """Several batches of n-step transitions, one after the other, of n rows in total.
+    """Several batches of n-step transitions, one after the other, of n rows in total."""
 
-    Attributes:
-        observations: Shape (n, observation).
-        actions: Shape (n, action).
-        rewards: Discounted sum of the steps' rewards, shape (n, 1).
-        next_observations: Observations after the last of the steps, shape (n, observation).
-        discounts: Discount of the next observation's value, zero where the episode ended, (n, 1).
-    """
-
-    observations: Tensor
-    actions: Tensor
-    rewards: Tensor
-    next_observations: Tensor
-    discounts: Tensor
+    observations: Tensor  # (n, observation)
+    actions: Tensor  # (n, action)
+    rewards: Tensor  # discounted sum of the steps' rewards, (n, 1)
+    next_observations: Tensor  # after the last of the steps, (n, observation)
+    discounts: Tensor  # of the next observation's value, zero where the episode ended, (n, 1)
 
     def split(self, batch_size: int) -> Iterator["Batches"]:
         """Yield the batches one by one; nothing is copied."""
@@ -43,15 +35,7 @@ class BatchedReplayBuffer(NStepReplayBuffer):
     """
 
     def draw(self, num_batches: int, batch_size: int) -> Batches:
-        """Draw batches uniformly, with replacement.
-
-        Args:
-            num_batches: Number of batches.
-            batch_size: Transitions per batch.
-
-        Returns:
-            Batches of num_batches * batch_size rows in total.
-        """
+        """Draw batches uniformly, with replacement: num_batches * batch_size rows in total."""
         starts = np.concatenate([self._draw_indices(batch_size) for _ in range(num_batches)])
         steps = starts[:, None] + np.arange(self.n_steps) * self.n_envs
         steps %= self.rewards.size
