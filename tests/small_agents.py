@@ -38,7 +38,7 @@ SMALL: dict[str, dict[str, Any]] = {
         "net_arch": [16],
     },
     "open_loop": {"half_periods": [2, 3], "episodes": 2, "episode_steps": 20},
-    "random": {},
+    "random_actions": {},
     "ppo": {"batch_size": 20, "n_epochs": 2},
     "ars": {"n_top": 1},
     "cem": {"parenthood_ratio": 0.5},
