@@ -66,7 +66,7 @@ ELSEWHERE = {
     "make check": CHECKS,
     "mypy": CHECKS,
     "pytest -q": CHECKS,
-    "pytest tests/agents tests/training": CHECKS,
+    "pytest tests/agents tests/policies tests/training": CHECKS,
     "make soak": SOAK,
     "make soak MINUTES=30": SOAK,
     "make article": ARTICLE,
