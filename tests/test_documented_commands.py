@@ -46,7 +46,7 @@ VIEWS = {"make view AGENT=sac": "sac", "make view AGENT=lineup": "lineup"}
 # Commands that the tests named here run, and those that take hours or change the machine.
 CHECKS = "a part of `make test`, as this test is"
 HOURS = "hours of training; tests/test_pipeline.py makes the parameters, presets/smoke runs"
-ARTICLE = "hours of training; tests/test_article_run.py runs it with less"
+ARTICLE = "hours of training; tests/article/test_article_run.py runs it with less"
 MEASURES = "minutes that need the machine for themselves; tests/test_benchmarks.py tests its parts"
 SOAK = "half an hour; tests/test_soak.py runs a little of each part"
 ELSEWHERE = {
@@ -71,7 +71,7 @@ ELSEWHERE = {
     "make soak MINUTES=30": SOAK,
     "make article": ARTICLE,
     "python -m scripts.article --measure": ARTICLE,
-    f"{PUBLISH} PRESET=article": "tests/test_article_run.py writes this table",
+    f"{PUBLISH} PRESET=article": "tests/article/test_article_run.py writes this table",
     f"{PUBLISH} PRESET=run": "needs its budget; tests/test_publish.py writes this table",
     PUBLISH: "needs films of 13 s; tests/test_publish.py makes its table and pictures",
     "dvc exp run $(cat presets/ablations)": HOURS,
