@@ -64,7 +64,8 @@ test: install .venv/.browser ## check style, types and behaviour
 	@$(MAKE) --no-print-directory --jobs=5 --keep-going \
 		test-smoke test-soak test-training test-rest style
 
-QUICK_TESTS = tests/base tests/looks/test_looks.py tests/looks/test_naming.py tests/looks/test_wording.py tests/params tests/sim tests/policies tests/test_layers.py \
+QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers.py \
+	tests/looks/test_looks.py tests/looks/test_naming.py tests/looks/test_wording.py \
 	tests/test_pipeline.py tests/test_publish.py
 
 # Parts that run in parallel, as they often wait for processes. The first takes the longest, one

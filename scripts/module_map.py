@@ -21,13 +21,8 @@ def text(before: str) -> str:
     """Return the content of docs/map.md with the current modules."""
     top, _, rest = before.partition(BEGIN)
     _, _, bottom = rest.partition(END)
-    return (
-        top
-        + BEGIN
-        + "".join(_section(LIBRARY / place) for place in [*GROUND, *ROOMS])
-        + END
-        + bottom
-    )
+    sections = "".join(_section(LIBRARY / place) for place in [*GROUND, *ROOMS])
+    return top + BEGIN + sections + END + bottom
 
 
 def _section(place: Path) -> str:

@@ -1,7 +1,7 @@
 """Write CSV files, and read them: whole, of whom they should be, and within their ranges.
 
-The modules that know a table (`jumping_ant.experiment.curves`, `jumping_ant.training.scaling`,
-`jumping_ant.experiment.episodes`) describe its columns, and say which rows it has.
+The modules of `jumping_ant.experiment` that know a table (`curves`, `episodes`, `scaling_table`)
+describe its columns, and say which rows it has.
 """
 
 import csv

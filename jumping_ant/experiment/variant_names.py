@@ -1,4 +1,4 @@
-"""Names of the variants of an agent's policies (see `variants`), of which each seed has some."""
+"""Names of the variants of an agent's policies, which `jumping_ant.evaluation.variants` makes."""
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.params.blocks import ActionParams
