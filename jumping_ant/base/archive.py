@@ -9,22 +9,29 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.lib import format as npy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[Any]
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip entry can carry
+_UNIX, _PRIVATE = 3, 0o600 << 16  # the system that packed an entry, and its permissions there
 _VALUES = "values.json"
 _ARRAY_SUFFIX = ".npy"
 _NPY_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 def pack(entries: Mapping[str, bytes]) -> bytes:
-    """Return a zip archive whose bytes are the same for the same entries."""
+    """Return a zip archive whose bytes are the same for the same entries.
+
+    Whatever the system and Python's version, as long as no entry has about 2 GB: versions differ in
+    how they mark these.
+    """
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, content in entries.items():
-            archive.writestr(zipfile.ZipInfo(name, _EPOCH), content)
+            entry = zipfile.ZipInfo(name, _EPOCH)
+            entry.create_system, entry.external_attr = _UNIX, _PRIVATE
+            archive.writestr(entry, content)
     return buffer.getvalue()
 
 
@@ -62,7 +69,7 @@ class Archive(Mapping[str, bytes]):
         return len(self._archive.namelist())
 
 
-def from_array(array: Array) -> bytes:
+def from_array(array: ArrayLike) -> bytes:
     """Return an array as the content of an `.npy` file; objects in it raise a ValueError."""
     buffer = io.BytesIO()
     np.save(buffer, array, allow_pickle=False)

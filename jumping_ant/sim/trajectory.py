@@ -1,6 +1,5 @@
 """One recorded episode: every simulation step's state, every control step's torques and reward."""
 
-import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.base.archive import Archive, to_array
+from jumping_ant.base.archive import Archive, from_array, pack, to_array
 from jumping_ant.base.errors import InputError
 from jumping_ant.sim.rewards import PREFIX
 
@@ -71,13 +70,11 @@ class Trajectory:
 
     def to_bytes(self) -> bytes:
         """Return the content of an `.npz` file; equal trajectories give equal bytes."""
-        buffer = io.BytesIO()
-        # Uncompressed: trajectories hardly compress, and the bytes would depend on the compressor's
-        # version. NumPy gives every entry the same date.
         terms = {PREFIX + name: values for name, values in self.terms.items()}
         fields = {name: value for name, value in vars(self).items() if name != "terms"}
-        np.savez(buffer, allow_pickle=False, **fields, **terms)
-        return buffer.getvalue()
+        # Uncompressed: trajectories hardly compress, and the bytes would depend on the compressor's
+        # version. NumPy's own archives depend on Python's.
+        return pack({f"{name}.npy": from_array(value) for name, value in (fields | terms).items()})
 
 
 def frame_stride(timestep: float, fps: int) -> int:
