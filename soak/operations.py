@@ -31,7 +31,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from dvc.cli import main as dvc  # type: ignore[import-untyped]
-from rerun.chunk import RrdReader
 from ruamel.yaml import YAML
 
 import stages
@@ -53,7 +52,6 @@ A_FEW = 3
 MARK, TOTAL = "interrupted: ", "operations: "
 CHANGES = {"os.rename", "os.remove", "os.link", "os.symlink", "os.truncate"}
 GROWING = "curve.csv"  # row by row, while training runs
-ROW_ID = "rerun.controls.RowId"  # drawn by Rerun
 MEASURED = ("timing.csv", "scaling.csv")  # other seconds each time
 
 
@@ -149,7 +147,7 @@ class Target:
                         count.troubles.append(f"{self._name}: {kind} {number}: {told[-1000:]}")
         return counts
 
-    def _is_whole(self, kind: str, ended: Ended, new: dict[Path, Any]) -> bool:
+    def _is_whole(self, kind: str, ended: Ended, new: dict[Path, bytes]) -> bool:
         """Tell whether an interrupted run left its outputs as it should."""
         if self._name == "dvc":  # removes a stage's outputs before it runs it
             return True
@@ -163,7 +161,7 @@ class Target:
             return states <= {"old" if ended.status else "new"}
         return states <= {"old", "new"}
 
-    def _is_done(self, new: dict[Path, Any]) -> bool:
+    def _is_done(self, new: dict[Path, bytes]) -> bool:
         """Tell whether all is as without interruptions."""
         if self._name == "track":  # its outputs are in MLflow
             return not re.search("created|repaired", self._run(self._again).told)
@@ -183,7 +181,7 @@ class Target:
         listed = [path for out in self._outs for path in (out, *out.rglob("*"))]
         return sorted(path for path in listed if path.is_file())
 
-    def _contents(self) -> dict[Path, Any]:
+    def _contents(self) -> dict[Path, bytes]:
         """Return what the outputs hold, apart from what differs in each run."""
         return {path: _content(path) for path in self._files()}
 
@@ -260,25 +258,19 @@ def _run_stage(stage: Callable[[], None], command_line: list[str]) -> int:
     return 0
 
 
-def _state(found: Any, new: Any) -> str:
+def _state(found: bytes | None, new: bytes) -> str:
     if found is None:
         return "missing"
     return "old" if found == OLD else "new" if found == new else "torn"
 
 
-def _content(path: Path) -> Any:
-    """Return what a file holds: bytes, or what is the same in every run."""
+def _content(path: Path) -> bytes:
+    """Return what a file holds that is the same in every run."""
     content = path.read_bytes()
     if content == OLD:
         return content
     if path.name in MEASURED:
         return re.sub(rb"[^,\n]", b"", content)
-    if path.suffix == ".rrd":
-        try:
-            batches = [chunk.to_record_batch() for chunk in RrdReader(path).stream()]
-        except Exception as error:  # a torn file can raise anything
-            return str(error)
-        return [batch.drop_columns([ROW_ID]).to_pydict() for batch in batches]
     return content
 
 

@@ -90,12 +90,3 @@ def rerun_cli(*arguments: str | Path, home: Path) -> subprocess.CompletedProcess
         encoding="utf-8",
         timeout=120,
     )
-
-
-def everything(path: Path) -> list[tuple[str, dict[str, list[Any]]]]:
-    """All that a recording holds, to the bit, but for the row numbers that Rerun draws."""
-    chunks = [
-        (chunk.entity_path, chunk.to_record_batch().drop_columns(["rerun.controls.RowId"]))
-        for chunk in RrdReader(path).stream()
-    ]
-    return [(entity, batch.to_pydict()) for entity, batch in chunks]

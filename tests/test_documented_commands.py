@@ -53,7 +53,6 @@ ELSEWHERE = {
     RUN: "tests/finished_project.py",
     COMMIT: "tests/finished_project.py",
     "dvc repro --force": "tests/test_smoke.py, for all stages without measured times",
-    "rerun rrd compare": "tests/test_smoke.py, with two files",
     "python -m stages.track": "tests/test_smoke.py",
     "make ui": "serves until it is stopped; tests/tracking/test_ui.py",
     "make view": "opens all recordings; the two below open one",

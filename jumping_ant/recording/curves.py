@@ -68,7 +68,7 @@ def _log_curve(stream: rr.RecordingStream, seed: int, points: Array, is_own: boo
     marks = rr.Points2D(
         points, colors=[color], radii=rr.Radius.ui_points(2 * radius), draw_order=order
     )
-    stream.log(f"{path}/marks", marks, static=True)  # chunks of one entity have no fixed order
+    stream.log(f"{path}/marks", marks, static=True)
 
 
 def _log_grid(stream: rr.RecordingStream, right: float, top: float) -> None:

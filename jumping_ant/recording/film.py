@@ -26,7 +26,6 @@ class Film:
         frames = rr.VideoFrameReference.columns_nanos(self.times)
         stream.send_columns(FRAMES, [_column(self.times)], frames)
         end = self.times[-1:] + np.diff(self.times[-2:], prepend=self.times[-1])[-1:]
-        # On a separate entity: chunks of one entity have no fixed order.
         stream.send_columns("film", [_column(end)], rr.Clear.columns(is_recursive=[True]))
 
 
