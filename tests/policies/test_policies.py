@@ -6,12 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cloudpickle
 import numpy as np
 import pytest
 import small_agents
 import torch
 from commands import COMMAND_SIGNS
 from small_policies import NUMBERS, linear_policy
+from stable_baselines3.common.type_aliases import TrainFrequencyUnit
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
@@ -54,6 +56,13 @@ def network(request: pytest.FixtureRequest, robot_xml: str, known_params: Params
             numbers += 0.3 * torch.rand(numbers.shape, generator=generator)
     files = [policy_bytes(model, agent, chosen) for _ in range(2)]
     return request.param, model, *files
+
+
+def test_units_are_pickled_the_same_under_every_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    pickled = cloudpickle.dumps(TrainFrequencyUnit.STEP)
+    by_name = lambda unit, _: (getattr, (type(unit), unit.name))  # noqa: E731
+    monkeypatch.setattr(TrainFrequencyUnit, "__reduce_ex__", by_name)
+    assert cloudpickle.dumps(TrainFrequencyUnit.STEP) == pickled
 
 
 def sb3_torques(model: Any) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Models of Stable-Baselines3: their environments, their construction and their policy files."""
 
+import copyreg
 import inspect
 import io
 import json
@@ -10,6 +11,7 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.type_aliases import TrainFrequencyUnit
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -23,6 +25,9 @@ from jumping_ant.base.seeding import derive, derive_all
 from jumping_ant.policies.policy import Interface, header_entries
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.vector import RobotVectorEnv
+
+# Policy files hold it pickled: by name in Python 3.11.2, and by value in later versions, as here.
+copyreg.pickle(TrainFrequencyUnit, lambda unit: (TrainFrequencyUnit, (unit.value,)))
 
 # State of the run rather than of the policy, and so excluded from policy files: times, and the last
 # observations and episodes.
