@@ -65,6 +65,17 @@ def test_recordings_share_no_id(tmp_path: Path) -> None:
     assert drawn[0].isdisjoint(drawn[1])
 
 
+def test_a_file_does_not_say_which_python_wrote_it() -> None:
+    known = content()
+    name = "rec_" + known.partition(b"rec_")[2][:32].decode()
+    settled = envelope.settle(known, name, bytes(16))
+    for version in (b"\x03\x10\x0b\x18\x02", b"\x03\x10\x0d\x18\x09"):  # 3.11.2, 3.13.9
+        source = b"*\x0c\x08\x02\x12\x08\n\x06\x08" + version  # as Rerun states it
+        written = known.replace(b"*\x0c\x08\x06\x12\x08\n\x06Python", source)
+        assert written != known
+        assert envelope.settle(written, name, bytes(16)) == settled
+
+
 def test_a_file_of_another_rerun_is_refused() -> None:
     known = content()
     name = "rec_" + known.partition(b"rec_")[2][:32].decode()
