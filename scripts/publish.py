@@ -27,7 +27,7 @@ from jumping_ant.base import command_line, tables
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import curves, params_file
+from jumping_ant.experiment import curves, params_file, summaries
 from jumping_ant.looks import wording
 from jumping_ant.looks.wording import p_value
 from jumping_ant.tracking import descriptions
@@ -76,15 +76,14 @@ def main() -> None:
     if preset == "default":
         write_bytes(DOCS / "images" / "jumping.webp", animation())
     elif preset == "families":
-        write_json(RESULTS / "families.json", _read(RESULTS / "comparison.json"))
+        write_json(RESULTS / "families.json", results(PROJECT_ROOT))
 
 
 def _sections(preset: str) -> Sections:
     """Return what documents say of a preset that has just been run."""
     if preset == "tuning":
         return tuning_sections()
-    comparison = _read(FOLDERS[preset] / "results" / "comparison.json")
-    sections = comparison_sections(preset, comparison)
+    sections = comparison_sections(preset, results(FOLDERS[preset]))
     if preset == "article":
         sections |= printed_sections()
     elif preset == "run":
@@ -92,29 +91,35 @@ def _sections(preset: str) -> Sections:
     return sections
 
 
+def results(root: Path) -> dict[str, Any]:
+    """Return the comparison in a project's folder, with what it took in seconds."""
+    paths = Paths(root)
+    return summaries.merged(_read(paths.comparison), _read(paths.speed))
+
+
 def committed_sections() -> Sections:
     """Return what documents say of results that are in git."""
     return (
-        comparison_sections("default", _read(RESULTS / "comparison.json"))
+        comparison_sections("default", results(PROJECT_ROOT))
         | comparison_sections("families", _read(RESULTS / "families.json"))
         | printed_sections()
         | tuning_sections()
     )
 
 
-def comparison_sections(preset: str, results: dict[str, Any]) -> Sections:
+def comparison_sections(preset: str, compared: dict[str, Any]) -> Sections:
     """Return what documents say of a comparison.
 
     Args:
         preset: The preset that it was run with.
-        results: The content of its `results/comparison.json`.
+        compared: What `results` returns of it.
     """
-    agents = "\n".join(descriptions.agent_table(results["agents"]))
-    evidence = claim_table(results["claims"], with_evidence=True)
+    agents = "\n".join(descriptions.agent_table(compared["agents"]))
+    evidence = claim_table(compared["claims"], with_evidence=True)
     parts = [agents] if preset in OTHER_TASKS else [agents, evidence]
     sections = {(DOCUMENTS.get(preset, RESULTS_PAGE), preset): "\n".join(parts)}
     if preset == "default":
-        sections[README, "claims"] = claim_table(results["claims"], with_evidence=False)
+        sections[README, "claims"] = claim_table(compared["claims"], with_evidence=False)
     return sections
 
 

@@ -3,9 +3,9 @@
 Usage: python -m soak.mutations FOLDER [--seed SEED] [--each COUNT]
 
 The folder is the project that this process runs from, in which `AGENTS` are trained. A changed file
-may still be read, or is refused as bad input; nothing else may happen. The stage `compare` runs
-with each changed table, and draws it. Each reading has limits of time and memory. The counts are
-printed as JSON.
+may still be read, or is refused as bad input; nothing else may happen. The stage `compare` or
+`speed` runs with each changed table, and draws it. Each reading has limits of time and memory. The
+counts are printed as JSON.
 """
 
 import argparse
@@ -43,7 +43,7 @@ from soak.project import owner_of
 AGENTS = ("dqn", "sac", "pgpe")
 EVALUATED = "pgpe"
 MOST_FLIPS = 8  # in one file
-FEWER = 15  # times as few of those that `compare` draws, which takes seconds
+FEWER = 15  # times as few of those that stages draw, which takes seconds
 EXTREMES = ("", "0", "-1", "1e-30", "1e+30", "-1e+308")  # of a table's cells
 SECONDS = 60  # drawing takes 5, and longer beside other work
 BYTES = 2 * 2**30
@@ -70,6 +70,7 @@ def main() -> None:
     generator = random.Random(arguments.seed)
     for stage, agent in itertools.product(("evaluate", "scaling"), AGENTS):
         run_stage(stage, agent)
+    run_stage("compare")
     counts: dict[str, Count] = {}
     planted = payloads.Count()
     with tempfile.TemporaryDirectory() as folder:
@@ -77,11 +78,11 @@ def main() -> None:
             changes = flips(path.read_bytes(), generator, arguments.each)
             read_changed(path, read, changes, _count(counts, arguments.folder, path))
             payloads.plant(path, read, Path(folder) / "executed", planted)
-    for path in compared(arguments.folder):
+    for path, stage in drawn(arguments.folder):
         content, few = path.read_bytes(), -(-arguments.each // FEWER)
         changes = itertools.chain(flips(content, generator, few), extremes(content, generator))
-        compare = partial(run_stage, "compare")
-        read_changed(path, compare, changes, _count(counts, arguments.folder, path))
+        draw = partial(run_stage, stage)
+        read_changed(path, draw, changes, _count(counts, arguments.folder, path))
     found = {name: asdict(count) for name, count in counts.items()}
     print(json.dumps({"mutations": found, "payloads": asdict(planted)}))
 
@@ -134,11 +135,14 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
         yield table, partial(_track, root, one)
 
 
-def compared(root: Path) -> Iterator[Path]:
-    """Yield every kind of table that `compare` reads."""
+def drawn(root: Path) -> Iterator[tuple[Path, str]]:
+    """Yield every kind of table that `compare` and `speed` read, and the stage that draws it."""
     evaluated = Paths(root).agent(EVALUATED)
-    yield evaluated.seed(params_file.load(Paths(root).params).seeds[0]).curve
-    yield from (evaluated.timing, evaluated.scaling, evaluated.episodes, evaluated.variants)
+    curve = evaluated.seed(params_file.load(Paths(root).params).seeds[0]).curve
+    for path in (curve, evaluated.episodes, evaluated.variants):
+        yield path, "compare"
+    for path in (evaluated.timing, evaluated.scaling, evaluated.machines):
+        yield path, "speed"
 
 
 def read_changed(path: Path, read: Read, changes: Iterable[bytes], count: Count) -> None:

@@ -40,7 +40,7 @@ KINDS = ("fail", "kill")
 DVC_STAGE = "build"
 TARGETS = (
     *("digest", "check", "build", "train", "demonstrate", "evaluate", "record", "scaling"),
-    *("lineup", "compare", "report", "track"),
+    *("lineup", "compare", "speed", "report", "track"),
     "dvc",  # while it runs that stage
 )
 PRELOADED = {

@@ -2,7 +2,7 @@
 
 Usage:  python -m stages.compare
 Reads:  params.yaml, models/<agent>/seed-<n>/curve.csv, results/agents/<agent>/ (episodes.csv,
-        timing.csv, scaling.csv, variants.csv)
+        variants.csv)
 Writes: results/comparison.json, results/figures/, results/plots/
 """
 

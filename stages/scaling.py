@@ -2,7 +2,7 @@
 
 Usage: python -m stages.scaling AGENT (DVC names it in the environment)
 Reads: params `seeds`, `env`, `agents.AGENT`; the robot in assets/.
-Writes: results/agents/AGENT/scaling.csv, without rows for an agent whose algorithm's
+Writes: results/timing/AGENT/scaling.csv, without rows for an agent whose algorithm's
     speed-up no claim compares.
 """
 

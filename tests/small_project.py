@@ -10,7 +10,7 @@ import small_agents
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
-from jumping_ant.base.files import write_text
+from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file, scaling_table, variant_names
 from jumping_ant.experiment.models import Params
@@ -22,6 +22,7 @@ COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
 BUDGETS = {"random": 0, "open_loop": 400, "dqn": 1000, "sac": 200, "pgpe": 8000}
 EPISODES = 3
+MACHINE = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}  # that all trained on
 
 
 def make_params(agents: Mapping[str, str], seeds: Sequence[int]) -> Params:
@@ -48,7 +49,7 @@ def block(algorithm: str) -> AgentBlock:
 
 
 def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
-    """Write the episodes, curves and timing of every agent.
+    """Write the episodes, curves, timing and machines of every agent.
 
     Seed number i returns its algorithm's level plus 10 * i, in each episode up to a spread of
     symmetric noise, and reaches it half way through its budget.
@@ -65,6 +66,7 @@ def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -
             timing += timing_rows(name, seed, curve_rows(BUDGETS[algorithm], level))
         write_csv(Paths(root).agent(name).episodes, episodes)
         write_csv(Paths(root).agent(name).timing, timing)
+        write_json(Paths(root).agent(name).machines, {str(seed): MACHINE for seed in seeds})
     write_variants(root, agents, seeds)
     write_scaling(root, agents, seeds)
 

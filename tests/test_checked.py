@@ -89,7 +89,7 @@ def test_an_agents_name_leads_to_no_other_folder(project: Checkout, name: str) -
     """DVC removes outputs before it runs a stage, and all that it cannot check out."""
     add(project, "agents", name)
     told = refusal(project, "dvc", "repro", "--single-item", f"train@{name}")
-    assert f"results/agents/{name}/timing.csv' is ignored by .dvcignore" in told
+    assert f"results/timing/{name}/timing.csv' is ignored by .dvcignore" in told
 
 
 def test_neither_does_an_algorithms_name(project: Checkout) -> None:

@@ -14,8 +14,10 @@ from scripts import module_map
 LIBRARY = ROOT / "jumping_ant"
 GROUND = [name.removesuffix(".py") for name in module_map.GROUND]
 ROOMS = module_map.ROOMS
-# A room imports no other, but for the comparison's numbers and what recordings are drawn with.
-BESIDE = {("report", "comparison"), ("watching", "recording")}
+# A room imports no other, but for the comparison's numbers, what its pages are made of, and what
+# recordings are drawn with.
+BESIDE = {("report", "comparison"), ("speed", "comparison"), ("speed", "report")}
+BESIDE |= {("watching", "recording")}
 MODULES = sorted(path for path in LIBRARY.rglob("*.py") if path.stat().st_size)
 
 

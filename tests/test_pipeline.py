@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import networkx
 import pytest
@@ -43,6 +44,27 @@ def test_every_stage_depends_on_its_own_code(name: str) -> None:
 def test_every_other_stage_waits_for_the_check(name: str) -> None:
     assert STAGES["check"]["outs"] == [".inputs/checked"]
     assert ".inputs/checked" in STAGES[name].get("do", STAGES[name])["deps"]
+
+
+def test_no_stage_but_the_last_ones_depends_on_a_clock_or_the_machine() -> None:
+    apart = {"results/timing", "results/speed", "results/speed.html", "results/speed.json"}
+    outs = {name: set(_paths(stage, "outs")) for name, stage in STAGES.items()}
+    timed = {"results/timing/${key}/timing.csv", "results/timing/${key}/machines.json"}
+    assert outs["train"] == {"models/${key}", *timed}
+    assert outs["scaling"] == {"results/timing/${key}/scaling.csv"}
+    assert outs["speed"] == apart - {"results/timing"}
+    for name, stage in STAGES.items():
+        reads = [dep for dep in _paths(stage, "deps") if dep.startswith(tuple(apart))]
+        assert set(reads) == {"speed": {"results/timing"}, "track": apart}.get(name, set())
+        assert "results" not in _paths(stage, "deps")
+
+
+def _paths(stage: dict[str, Any], kind: str) -> list[str]:
+    """Return a stage's dependencies or outputs, which may have options."""
+    return [
+        next(iter(one)) if isinstance(one, dict) else one
+        for one in stage.get("do", stage).get(kind, [])
+    ]
 
 
 @pytest.mark.parametrize(

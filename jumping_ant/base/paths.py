@@ -26,7 +26,6 @@ class SeedPaths:
         self.policy = self.folder / "policy.zip"  # the published one
         self.final_policy = self.folder / "final.zip"  # at the end of training
         self.curve = self.folder / "curve.csv"  # the learning curve
-        self.machine = self.folder / "machine.json"  # that it was trained on
 
 
 class AgentPaths:
@@ -34,9 +33,11 @@ class AgentPaths:
 
     def __init__(self, root: Path, name: str) -> None:
         results, media = root / "results" / "agents" / name, root / "media"
+        timing = root / "results" / "timing" / name  # what only a clock or the machine tells
         self.models = root / "models" / name  # the folder of its seeds' policies
-        self.timing = results / "timing.csv"  # training seconds at each row of the learning curves
-        self.scaling = results / "scaling.csv"  # seconds of a unit of training by number of threads
+        self.timing = timing / "timing.csv"  # training seconds at each row of the learning curves
+        self.scaling = timing / "scaling.csv"  # seconds of a unit of training by number of threads
+        self.machines = timing / "machines.json"  # that each seed was trained on
         self.episodes = results / "episodes.csv"  # every held-out episode
         self.seed_means = results / "seeds.csv"  # of each seed over its held-out episodes
         self.variants = results / "variants.csv"  # means of each seed for other policy versions
@@ -67,6 +68,9 @@ class Paths:
         self.figures = results / "figures"  # the folder of the comparison's figures
         self.plots = results / "plots"  # the folder of the comparison's tables for `dvc plots`
         self.report = results / "report.html"  # the comparison as one page
+        self.speed = results / "speed.json"  # seconds, and the claims that rest on them
+        self.speed_files = results / "speed"  # the folder of their figures and table
+        self.speed_page = results / "speed.html"  # the same as a page
 
     def agent(self, name: str) -> AgentPaths:
         """Return the files of one agent."""

@@ -8,16 +8,16 @@ import numpy as np
 
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults
+from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks.naming import Family
 from jumping_ant.looks.wording import percent, percents
 
 RETURN = "Return per held-out episode"
-COSTS = {  # keys of an agent's cost
+BUDGETS: dict[Unit, str] = {
     "env_steps": "Training budget [control steps]",
-    "train_seconds": "Training time per seed [s]",
+    "seconds": "Training time per seed [s]",
 }
 LEARNING = "Return per evaluation episode"
-TIMES = {"env_steps": COSTS["env_steps"], "seconds": COSTS["train_seconds"]}  # of learning curves
 BEHAVIOUR = {  # measures of how an agent jumps
     "apex": "Apex of a jump [m]",
     "flight": "Share of time in flight",
@@ -69,10 +69,11 @@ def learners(results: Mapping[str, AgentResults]) -> list[str]:
 
 
 def front(
-    results: Mapping[str, AgentResults], summary: Mapping[str, Any], cost: str
+    results: Mapping[str, AgentResults], summary: Mapping[str, Any], unit: Unit
 ) -> tuple[list[float], list[float]]:
     """Return the costs and returns on a Pareto front, which ends at the learners' greatest cost."""
-    agents, names = summary["agents"], summary[comparison.FRONTS[cost]]
+    agents, names = summary["agents"], summary[comparison.FRONTS[unit]]
+    cost = comparison.COSTS[unit]
     costs = [agents[name][cost] for name in names]
     returns = [agents[name]["return"]["iqm"] for name in names]
     most = max(agents[name][cost] for name in learners(results))

@@ -26,15 +26,21 @@ from jumping_ant.params.blocks import CompareParams
 
 Array = NDArray[np.float64]
 
-FRONTS = {"env_steps": "pareto_steps", "train_seconds": "pareto_seconds"}  # by kind of cost
+# Keys of a summary by the unit of training: an agent's cost, its return at the smallest budget, and
+# the learners on the Pareto front.
+COSTS: dict[Unit, str] = {"env_steps": "env_steps", "seconds": "train_seconds"}
+EARLY: dict[Unit, str] = {
+    "env_steps": "return_at_equal_steps",
+    "seconds": "return_at_equal_seconds",
+}
+FRONTS: dict[Unit, str] = {"env_steps": "pareto_steps", "seconds": "pareto_seconds"}
 
 
 @dataclass(frozen=True)
 class LearningCurve:
     """The return of an agent's policies during training, over its seeds; all are (num_points,)."""
 
-    env_steps: Array  # simulated so far [control steps]
-    seconds: Array  # of training so far, mean over seeds
+    trained: Array  # so far, in control steps, or in seconds as the mean over seeds
     returns: Estimate  # interquartile mean over seeds, with its interval
 
 
@@ -49,18 +55,15 @@ def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dic
         pairs[f"{one}>{other}"] = won.as_dict("p")
         pairs[f"{other}>{one}"] = lost.as_dict("p")
     ordered = (f"{one}>{other}" for one in returns for other in returns if one != other)
-    equal = _equal_budgets(results, params.confidence)
+    equal, early = at_equal_budgets(results, "env_steps", params.confidence)
     agents = {
-        name: _summarize_agent(agent, params.confidence) | equal["agents"].get(name, {})
+        name: _summarize_agent(agent, params.confidence) | early.get(name, {})
         for name, agent in results.items()
     }
-    learners = {name: agents[name] for name, agent in results.items() if not agent.is_baseline}
-    gains = {name: agent["return"]["iqm"] for name, agent in learners.items()}
     return {
         "agents": agents,
-        "equal_steps": equal["equal_steps"],
-        "equal_seconds": equal["equal_seconds"],
-        **{front: pareto_front(_each(learners, cost), gains) for cost, front in FRONTS.items()},
+        "equal_steps": equal,
+        "pareto_steps": front(results, agents, "env_steps"),
         "probability_of_improvement": {pair: pairs[pair] for pair in ordered},
     }
 
@@ -73,6 +76,13 @@ def ranking(agents: Mapping[str, Any]) -> list[str]:
 def best_baseline(results: Mapping[str, AgentResults], agents: Mapping[str, Any]) -> str | None:
     """Return the baseline that returns most in a summary's `agents`, if there is any."""
     return next((name for name in ranking(agents) if results[name].is_baseline), None)
+
+
+def front(results: Mapping[str, AgentResults], agents: Mapping[str, Any], unit: Unit) -> list[str]:
+    """Return the learners on the Pareto front of a summary's `agents`, in the order of cost."""
+    learners = [name for name, agent in results.items() if not agent.is_baseline]
+    costs = {name: agents[name][COSTS[unit]] for name in learners}
+    return pareto_front(costs, {name: agents[name]["return"]["iqm"] for name in learners})
 
 
 def pareto_front(costs: Mapping[str, float], gains: Mapping[str, float]) -> list[str]:
@@ -88,29 +98,30 @@ def pareto_front(costs: Mapping[str, float], gains: Mapping[str, float]) -> list
 
 
 def learning_curves(
-    results: Mapping[str, AgentResults], params: CompareParams
+    results: Mapping[str, AgentResults], params: CompareParams, unit: Unit = "env_steps"
 ) -> dict[str, LearningCurve]:
     """Return each agent's learning curve over its seeds.
 
+    The returns are those at equal control steps, in either unit.
     A baseline learns nothing: its curve is constant at its last evaluation, from the learners'
     first evaluation to their last one.
     """
-    curves = {name: _learning_curve(agent, params.confidence) for name, agent in results.items()}
+    curves = {
+        name: _learning_curve(agent, unit, params.confidence) for name, agent in results.items()
+    }
     learned = [curve for name, curve in curves.items() if not results[name].is_baseline]
     if not learned:
         return curves
-    starts = min(curve.env_steps[0] for curve in learned), min(c.seconds[0] for c in learned)
-    ends = max(curve.env_steps[-1] for curve in learned), max(c.seconds[-1] for c in learned)
-    steps, seconds = np.array([starts, ends]).T
+    ends = [min(own.trained[0] for own in learned), max(own.trained[-1] for own in learned)]
     for name, curve in curves.items():
         if results[name].is_baseline:
             level = [np.repeat(part[-1], 2) for part in vars(curve.returns).values()]
-            curves[name] = LearningCurve(steps, seconds, Estimate(*level))
+            curves[name] = LearningCurve(np.array(ends), Estimate(*level))
     return curves
 
 
 def curve_rows(
-    curves: Mapping[str, LearningCurve], families: Mapping[str, Family]
+    curves: Mapping[str, LearningCurve], families: Mapping[str, Family], unit: Unit = "env_steps"
 ) -> list[dict[str, Any]]:
     """Return the learning curves as a tidy table for `dvc plots`, one row per point.
 
@@ -120,8 +131,7 @@ def curve_rows(
     return [
         {
             "agent": name,
-            "env_steps": float(curve.env_steps[i]),
-            "seconds": float(curve.seconds[i]),
+            unit: float(curve.trained[i]),
             "return_iqm": float(curve.returns.value[i]),
             "low": float(curve.returns.low[i]),
             "high": float(curve.returns.high[i]),
@@ -129,7 +139,7 @@ def curve_rows(
             "line": drawn[name].line,
         }
         for name, curve in curves.items()
-        for i in range(len(curve.env_steps))
+        for i in range(len(curve.trained))
     ]
 
 
@@ -140,20 +150,12 @@ def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
             "agent": name,
             "seed": seed,
             "env_steps": int(steps),
-            "seconds": float(seconds),
             "evaluation_return": float(value),
         }
         for name, agent in results.items()
         for seed, curve in agent.curves.items()
-        for steps, seconds, value in zip(
-            curve["env_steps"], curve["seconds"], curve["evaluation_return_mean"], strict=True
-        )
-        if not np.isnan(value)
+        for steps, value in zip(*evaluations(curve), strict=True)
     ]
-
-
-def _each(agents: Mapping[str, Mapping[str, Any]], key: str) -> dict[str, float]:
-    return {name: agent[key] for name, agent in agents.items()}
 
 
 def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
@@ -162,9 +164,24 @@ def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
     return {
         "seeds": len(agent.curves),
         **{name: describe(values, confidence) for name, values in known.items() if len(values)},
-        "env_steps": int(agent.env_steps.max()),
-        "train_seconds": float(agent.train_seconds.mean()),
+        "env_steps": int(agent.budgets("env_steps").max()),
     }
+
+
+def at_equal_budgets(
+    results: Mapping[str, AgentResults], unit: Unit, confidence: float
+) -> tuple[float | None, dict[str, dict[str, Any]]]:
+    """Return the smallest budget of a learner's seeds, and an entry of each learner's return there.
+
+    Returns are read off the seeds' learning curves; None if a seed was first evaluated later.
+    Without learners there is no budget.
+    """
+    learners = {name: agent for name, agent in results.items() if not agent.is_baseline}
+    if not learners:
+        return None, {}
+    least = float(min(agent.budgets(unit).min() for agent in learners.values()))
+    early = {name: _return_at(agent, unit, least, confidence) for name, agent in learners.items()}
+    return least, {name: {EARLY[unit]: value} for name, value in early.items()}
 
 
 def describe(sample: Array, confidence: float) -> dict[str, float]:
@@ -178,39 +195,21 @@ def describe(sample: Array, confidence: float) -> dict[str, float]:
 
 
 def _return_at(
-    agent: AgentResults, against: Unit, place: float, confidence: float
+    agent: AgentResults, unit: Unit, place: float, confidence: float
 ) -> dict[str, float] | None:
     """Describe the return after an amount of training; None if a seed was first evaluated later."""
-    own = [evaluations(curve, against) for curve in agent.curves.values()]
+    own = [evaluations(curve, unit) for curve in agent.curves.values()]
     returns = [np.interp(place, *evaluated, left=np.nan) for evaluated in own]
     known = not np.isnan(returns).any()
     return describe(np.array(returns), confidence) if known else None
 
 
-def _equal_budgets(results: Mapping[str, AgentResults], confidence: float) -> dict[str, Any]:
-    """Return the smallest budgets among the learners, and each learner's return at them."""
-    learners = {name: agent for name, agent in results.items() if not agent.is_baseline}
-    if not learners:
-        return {"equal_steps": None, "equal_seconds": None, "agents": {}}
-    steps = float(min(agent.env_steps.min() for agent in learners.values()))
-    seconds = float(min(agent.train_seconds.min() for agent in learners.values()))
-    return {
-        "equal_steps": steps,
-        "equal_seconds": seconds,
-        "agents": {
-            name: {
-                "return_at_equal_steps": _return_at(agent, "env_steps", steps, confidence),
-                "return_at_equal_seconds": _return_at(agent, "seconds", seconds, confidence),
-            }
-            for name, agent in learners.items()
-        },
-    }
-
-
-def _learning_curve(agent: AgentResults, confidence: float) -> LearningCurve:
+def _learning_curve(agent: AgentResults, unit: Unit, confidence: float) -> LearningCurve:
     curves = agent.curves.values()
     evaluated = [evaluations(curve) for curve in curves]
     grid = common_grid([steps for steps, _ in evaluated])
-    clocks = [np.interp(grid, curve["env_steps"], curve["seconds"]) for curve in curves]
     returns = aggregate_curves(grid, evaluated, confidence)
-    return LearningCurve(grid, np.mean(clocks, axis=0), returns)
+    if unit == "env_steps":
+        return LearningCurve(grid, returns)
+    clocks = [np.interp(grid, curve["env_steps"], curve[unit]) for curve in curves]
+    return LearningCurve(np.mean(clocks, axis=0), returns)

@@ -4,7 +4,7 @@ The sample of every statistic is one number per seed; `jumping_ant.comparison.co
 `jumping_ant.comparison.claims` compute the statistics.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from jumping_ant.agents import catalogue
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base.tables import Table
-from jumping_ant.experiment import curves, episodes, scaling_table
+from jumping_ant.experiment import curves, episodes
+from jumping_ant.experiment.curves import Unit
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks.naming import Family
 
@@ -31,13 +32,11 @@ class AgentResults:
     block: AgentBlock
     # Means over each seed's episodes, by column, (num_seeds,); NaN for a seed without a value.
     quantities: dict[str, Array]
-    curves: dict[int, Table]  # as `curves.read_timed` returns it, seeds in the same order
+    curves: dict[int, Table]  # as `curves.read_all` returns it, seeds in the same order
     episodes: Table = field(default_factory=dict)  # as `episodes.read` returns it
     # The same means of variants of each seed's policy, by variant.
     variants: dict[str, dict[str, Array]] = field(default_factory=dict)
     demonstrator: str = ""  # the agent that it imitates; empty if it imitates none
-    # Time of a unit of training [s], (num_seeds,), by number of threads; empty without training.
-    step_seconds: dict[int, Array] = field(default_factory=dict)
 
     @property
     def algorithm(self) -> str:
@@ -59,19 +58,20 @@ class AgentResults:
         """Return the agent's display name."""
         return catalogue.label(self.name, self.algorithm)
 
-    @property
-    def env_steps(self) -> Array:
-        """Return each seed's training budget [control steps], (num_seeds,)."""
-        return np.array([curve["env_steps"][-1] for curve in self.curves.values()])
-
-    @property
-    def train_seconds(self) -> Array:
-        """Return each seed's training time [s], (num_seeds,)."""
-        return np.array([curve["seconds"][-1] for curve in self.curves.values()])
+    def budgets(self, unit: Unit) -> Array:
+        """Return what each seed's whole training took, (num_seeds,)."""
+        return np.array([curve[unit][-1] for curve in self.curves.values()])
 
 
-def load(root: Path, params: Params) -> dict[str, AgentResults]:
-    """Read the results of all agents, in the order of `params.yaml`."""
+def load(
+    root: Path,
+    params: Params,
+    read_curves: Callable[[Path, Params, str], dict[int, Table]] = curves.read_all,
+) -> dict[str, AgentResults]:
+    """Read the results of all agents, in the order of `params.yaml`.
+
+    With `curves.read_timed`, curves tell `seconds` as well, which differ from machine to machine.
+    """
     results = {}
     for name, block in params.agents.items():
         played = episodes.read(root, params, name)
@@ -79,11 +79,10 @@ def load(root: Path, params: Params) -> dict[str, AgentResults]:
             name=name,
             block=block,
             quantities=_seed_means(played, params.seeds),
-            curves=curves.read_timed(root, params, name),
+            curves=read_curves(root, params, name),
             episodes=played,
             variants=episodes.read_variants(root, params, name),
             demonstrator=params.demonstrator(block),
-            step_seconds=scaling_table.read(root, params, name),
         )
     return results
 

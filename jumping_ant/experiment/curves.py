@@ -52,11 +52,16 @@ def read(root: Path, params: Params, agent: str, seed: int) -> Table:
     return table
 
 
+def read_all(root: Path, params: Params, agent: str) -> dict[int, Table]:
+    """Read each seed's learning curve."""
+    return {seed: read(root, params, agent, seed) for seed in params.seeds}
+
+
 def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
     """Read each seed's learning curve, with the training `seconds` up to each of its rows."""
     paths, stage = Paths(root).agent(agent), f"train@{agent}"
     timing = tables.read(paths.timing, stage, {"agent": agent}, TIMING_COLUMNS)
-    curves = {seed: read(root, params, agent, seed) for seed in params.seeds}
+    curves = read_all(root, params, agent)
     with tables.blamed(paths.timing, stage):
         for seed in dict.fromkeys([*curves, *timing["seed"].tolist()]):
             own = timing["seed"] == seed

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from jumping_ant.comparison import charting
 from jumping_ant.comparison.comparison import LearningCurve
 from jumping_ant.comparison.results import AgentResults
+from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks import measures
 from jumping_ant.looks.looks import INK, Look
 
@@ -43,25 +44,25 @@ MENU = 460  # [pixels] height of the menu of measures, open
 def learning(
     results: Mapping[str, AgentResults],
     curves: Mapping[str, LearningCurve],
-    against: str,
+    unit: Unit,
     drawn: Mapping[str, Look],
     reference: str | None = None,
 ) -> go.Figure:
     """Draw the return while learning, with its interval.
 
-    All `curves` give the axes, which charts thus share. `against` is a key of `charting.TIMES`.
+    All `curves`, which are by `unit`, give the axes, which charts thus share.
     With a `reference`, baselines are thin lines, of which only this one is named.
     """
     figure = go.Figure()
     for name, agent in results.items():
         if agent.is_baseline and reference:
-            _add_level(figure, agent, curves[name], against, drawn[name], name == reference)
+            _add_level(figure, agent, curves[name], drawn[name], name == reference)
         else:
-            _add_curve(figure, agent, curves[name], against, drawn[name])
-    places = [getattr(curve, against) for curve in curves.values()]
+            _add_curve(figure, agent, curves[name], drawn[name])
+    places = [curve.trained for curve in curves.values()]
     highest = max(curve.returns.high.max() for curve in curves.values())
     lowest = min(curve.returns.low.min() for curve in curves.values())
-    figure.update_xaxes(title=charting.TIMES[against], hoverformat=",.3~s", **_time_axis(places))
+    figure.update_xaxes(title=charting.BUDGETS[unit], hoverformat=",.3~s", **_time_axis(places))
     figure.update_yaxes(title=charting.LEARNING, range=[min(0, lowest), 1.05 * highest])
     return finish(figure, 380, hovermode="x unified")
 
@@ -110,11 +111,9 @@ def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> 
     return finish(figure, max(MENU, 130 + ROW * len(results)), top=70)
 
 
-def _add_curve(
-    figure: go.Figure, agent: AgentResults, curve: LearningCurve, against: str, look: Look
-) -> None:
+def _add_curve(figure: go.Figure, agent: AgentResults, curve: LearningCurve, look: Look) -> None:
     """Add a learning curve with its interval."""
-    x = getattr(curve, against)
+    x = curve.trained
     _add_band(figure, x, curve.returns.low, curve.returns.high, look, agent.name)
     figure.add_scatter(
         x=x.tolist(),
@@ -129,17 +128,12 @@ def _add_curve(
 
 
 def _add_level(
-    figure: go.Figure,
-    agent: AgentResults,
-    curve: LearningCurve,
-    against: str,
-    look: Look,
-    is_named: bool,
+    figure: go.Figure, agent: AgentResults, curve: LearningCurve, look: Look, is_named: bool
 ) -> None:
     """Add a baseline as a thin line."""
     hover = {"hovertemplate": "%{y:,.0f}"} if is_named else {"hoverinfo": "skip"}
     figure.add_scatter(
-        x=getattr(curve, against).tolist(),
+        x=curve.trained.tolist(),
         y=curve.returns.value.tolist(),
         name=agent.label,
         mode="lines",

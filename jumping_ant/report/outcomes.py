@@ -10,8 +10,6 @@ from jumping_ant.looks import naming
 from jumping_ant.looks.measures import MEASURES, TERM
 from jumping_ant.looks.wording import interval, number
 
-BUDGETS = ("return_at_equal_steps", "return_at_equal_seconds")
-
 
 @dataclass(frozen=True)
 class Cell:
@@ -35,11 +33,10 @@ class Row:
 def returns(
     results: Mapping[str, AgentResults], summary: Mapping[str, Any], confidence: float
 ) -> list[Row]:
-    """Return each agent's returns: of published and final policies, and after equal budgets.
+    """Return each agent's returns: of published and final policies, and after equal control steps.
 
     `summary` is `agents` of `results/comparison.json`.
     """
-    budgets = BUDGETS if charting.learners(results) else ()
 
     def cells(name: str) -> Iterator[Cell]:
         own = summary[name]["return"]
@@ -48,11 +45,11 @@ def returns(
         yield Cell(number(own["worst"]))
         final = results[name].variants.get("final")
         described = comparison.describe(final["return"], confidence) if final else None
-        yield _estimate(described, summary[name]["seeds"])
-        for budget in budgets:
-            yield _estimate(summary[name].get(budget), summary[name]["seeds"])
+        yield estimate(described, summary[name]["seeds"])
+        if charting.learners(results):
+            yield estimate(summary[name].get("return_at_equal_steps"), summary[name]["seeds"])
 
-    return [_row(agent, list(cells(name))) for name, agent in results.items()]
+    return [row(agent, list(cells(name))) for name, agent in results.items()]
 
 
 def behaviour(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> list[Row]:
@@ -61,10 +58,9 @@ def behaviour(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -
     def cells(name: str) -> Iterator[Cell]:
         for measure in charting.BEHAVIOUR:
             yield _cell(results, summary, name, measure)
-        for cost in charting.COSTS:  # follow from the given budget: none is best
-            yield Cell(number(summary[name][cost]))
+        yield Cell(number(summary[name]["env_steps"]))  # follow from params.yaml: none is best
 
-    return [_row(agent, list(cells(name))) for name, agent in results.items()]
+    return [row(agent, list(cells(name))) for name, agent in results.items()]
 
 
 def terms(
@@ -75,17 +71,19 @@ def terms(
     names = [name for name in first if name.startswith(TERM)]
 
     def cells(name: str) -> list[Cell]:
-        return [_estimate(summary[name][term], summary[name]["seeds"]) for term in names]
+        return [estimate(summary[name][term], summary[name]["seeds"]) for term in names]
 
     labels = [name.removeprefix(TERM).replace("_", " ") for name in names]
-    return labels, [_row(agent, cells(name)) for name, agent in results.items()]
+    return labels, [row(agent, cells(name)) for name, agent in results.items()]
 
 
-def _row(agent: AgentResults, cells: Sequence[Cell]) -> Row:
+def row(agent: AgentResults, cells: Sequence[Cell]) -> Row:
+    """Return an agent's row."""
     return Row(agent.label, agent.family, naming.remark(False, agent.block.robot), cells)
 
 
-def _estimate(entry: Mapping[str, float] | None, num_seeds: int, is_best: bool = False) -> Cell:
+def estimate(entry: Mapping[str, float] | None, num_seeds: int, is_best: bool = False) -> Cell:
+    """Return a number with its interval; a dash for none."""
     if entry is None:
         return Cell()
     ends = interval(entry["low"], entry["high"], num_seeds)
@@ -103,4 +101,4 @@ def _cell(
         if direction and not agent.is_baseline and measure in summary[learner]
     }
     is_best = name in scores and scores[name] == max(scores.values())
-    return _estimate(summary[name].get(measure), summary[name]["seeds"], is_best)
+    return estimate(summary[name].get(measure), summary[name]["seeds"], is_best)

@@ -1,21 +1,17 @@
 """The comparison as one page: `results/report.html`.
 
-It opens from disk without a network: charts, their library, styles and pictures are embedded in the
-file, and the films and recordings are those in `media/` beside it.
+It opens from disk without a network (see `jumping_ant.report.frame`); the films and recordings are
+those in `media/` beside it. Nothing on it depends on a clock.
 """
 
-import base64
 import hashlib
 import io
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import jinja2
 import plotly.graph_objects as go
-from plotly.offline import get_plotlyjs
 from ruamel.yaml import YAML
 
 from jumping_ant.base.files import read_bytes, read_json
@@ -26,14 +22,22 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.looks import looks, naming, panels
 from jumping_ant.looks.looks import Look
 from jumping_ant.looks.measures import MEASURES
-from jumping_ant.looks.naming import Family, by_family
+from jumping_ant.looks.naming import by_family
 from jumping_ant.looks.wording import estimate, number
-from jumping_ant.report import charts, contests, films, outcomes, pictures, standings, statements
+from jumping_ant.report import (
+    charts,
+    contests,
+    films,
+    frame,
+    outcomes,
+    pictures,
+    sections,
+    standings,
+)
 from jumping_ant.report.films import FilmedEpisode
 from jumping_ant.sim import robot
 from jumping_ant.sim.rewards import active
 
-FOLDER = Path(__file__).parent
 # The default address at which `make ui` serves what `jumping_ant.tracking` writes.
 MLFLOW = "http://127.0.0.1:5000"
 # In a database that the project created, its experiment is the first besides MLflow's own.
@@ -45,18 +49,13 @@ def build(root: Path, params: Params) -> str:
     """Return the page's HTML, from the project's assets, models, results and media."""
     summary = read_json(Paths(root).comparison, "compare")
     loaded = load(root, params)
-    families = charting.families(loaded)
-    drawn = looks.looks(families)
-    results = {name: loaded[name] for name in _order(families, summary["agents"])}
+    drawn = looks.looks(charting.families(loaded))
+    results = sections.ordered(loaded, summary["agents"])
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
     filmed = {name: films.read(root, params, agent) for name, agent in results.items()}
-    plotly, script = get_plotlyjs(), (FOLDER / "script.js").read_text(encoding="utf-8")
-    context = {
-        "security_policy": _security_policy(plotly, script),
+    context = sections.context(params, results, summary["claims"]) | {
         "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
         "title": _title(params, results),
-        "families": list(by_family(families)) if panels.is_crowded(families) else [""],
-        "panels": list(panels.panels(families)),
         "agents": _agents(root, results, filmed, drawn),
         "lead": _lead(results, summary),
         "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
@@ -65,50 +64,17 @@ def build(root: Path, params: Params) -> str:
         "reward_terms": reward_terms,
         "of_terms": of_terms,
         "equal_steps": _budget(summary["equal_steps"]),
-        "equal_seconds": _budget(summary["equal_seconds"]),
         "all_measures": MEASURES,
-        "statements": statements.read(summary["claims"], len(params.seeds)),
-        "verdicts": statements.count(summary["claims"]),
-        "signs": statements.SIGNS,
         "matrix_width": contests.improvement_width(len(results)),
-        "charts": _charts(root, params, results, summary, filmed, drawn),
         "confidence": f"{100 * params.compare.confidence:g}",
-        "level": f"{1 - params.compare.confidence:.2g}",
-        "seeds": len(params.seeds),
         "episodes": params.evaluate.episodes,
         "robot": _robot(root),
         "params": _params_text(params),
         "policies": _policies(root, params, results),
-        "machines": _machines(root, params, results),
         "mlflow": MLFLOW,
-        "plotly": plotly,
-        "style": (FOLDER / "style.css").read_text(encoding="utf-8"),
-        "script": script,
     }
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(FOLDER),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("template.html").render(context)
-
-
-def _security_policy(*scripts: str) -> str:
-    """Return what browsers may do with the page: run these scripts, and ask nobody for anything."""
-    digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()) for script in scripts]
-    allowed = " ".join(f"'sha256-{digest.decode()}'" for digest in digests)
-    return (
-        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
-        "img-src data: blob:; media-src 'self' file:; base-uri 'none'; form-action 'none'"
-    )
-
-
-def _order(families: Mapping[str, Family], agents: Mapping[str, Any]) -> list[str]:
-    """Return the agents' names by family, in each of them the best first."""
-    ranked = {name: families[name] for name in comparison.ranking(agents)}
-    return [name for members in by_family(ranked).values() for name in members]
+    charts = _charts(root, params, results, summary, filmed, drawn)
+    return frame.render(Path(__file__).parent, context, charts, ("charts.js", "films.js"))
 
 
 def _charts(
@@ -118,8 +84,8 @@ def _charts(
     summary: Mapping[str, Any],
     filmed: Mapping[str, FilmedEpisode],
     drawn: Mapping[str, Look],
-) -> dict[str, Any]:
-    """Return each chart's JSON by its place in the template, which skips missing charts."""
+) -> dict[str, go.Figure]:
+    """Return each chart by its place in the template."""
     model = robot.load(robot.read(root))
     motors = [model.actuator(index).name for index in range(model.nu)]
     figures = {
@@ -130,33 +96,7 @@ def _charts(
     figures |= {f"torques_{name}": films.torques(film, motors) for name, film in filmed.items()}
     if len(results) > 1:
         figures["improvement"] = contests.improvement(results, summary)
-    if charting.learners(results):
-        figures |= _learning(params, results, summary, drawn)
-        for against in charting.COSTS:
-            figures[f"cost_{against}"] = standings.cost(results, summary, against, drawn)
-    by_label = {agent.label: drawn[name] for name, agent in results.items()}
-    for index, entry in enumerate(summary["claims"]):
-        figures[f"claim_{index}"] = contests.claim(entry, by_label, params.seeds)
-    return {name: json.loads(figure.to_json()) for name, figure in figures.items()}
-
-
-def _learning(
-    params: Params,
-    results: Mapping[str, AgentResults],
-    summary: Mapping[str, Any],
-    drawn: Mapping[str, Look],
-) -> dict[str, go.Figure]:
-    """Return the charts of learning curves: a pair of them, or of many learners one a family."""
-    curves = comparison.learning_curves(results, params.compare)
-    grouped = panels.panels(charting.families(results))
-    named = comparison.best_baseline(results, summary["agents"]) if len(grouped) > 1 else None
-    return {
-        f"learning_{against}_{number}": charts.learning(
-            {name: results[name] for name in names}, curves, against, drawn, named
-        )
-        for number, names in enumerate(grouped.values())
-        for against in charting.TIMES
-    }
+    return figures | sections.figures(params, results, summary, drawn, "env_steps")
 
 
 def _leaders(results: Mapping[str, AgentResults]) -> list[str]:
@@ -292,21 +232,6 @@ def _policies(
                 }
             )
     return rows
-
-
-def _machines(
-    root: Path, params: Params, results: Mapping[str, AgentResults]
-) -> list[dict[str, str]]:
-    """Return the machines, with their versions, that policies were trained on."""
-    found = {}
-    for name in results:
-        for seed in params.seeds:
-            path = Paths(root).agent(name).seed(seed).machine
-            machine = read_json(path, f"train@{name}")
-            flat = {key: str(value) for key, value in machine.items() if key != "versions"}
-            flat |= machine["versions"]
-            found[json.dumps(flat)] = flat
-    return list(found.values())
 
 
 def _params_text(params: Params) -> str:

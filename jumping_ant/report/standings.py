@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 
 from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.results import AgentResults
+from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks import panels
 from jumping_ant.looks.looks import COLOURS, INK, Look
 from jumping_ant.looks.naming import by_family
@@ -53,22 +54,23 @@ def ranking(
 def cost(
     results: Mapping[str, AgentResults],
     summary: Mapping[str, Any],
-    against: str,
+    unit: Unit,
     drawn: Mapping[str, Look],
 ) -> go.Figure:
     """Draw the learners' returns against their cost, with the Pareto front and the baselines.
 
-    Of many learners only those on the front are named. `against` is a key of `charting.COSTS`.
+    Of many learners only those on the front are named. The cost is in `unit`.
     """
     figure = go.Figure()
     agents, learners = summary["agents"], charting.learners(results)
+    costs = [agents[name][comparison.COSTS[unit]] for name in learners]
     is_crowded = panels.is_crowded(charting.families(results))
-    named = summary[comparison.FRONTS[against]] if is_crowded else learners
-    _add_front(figure, *charting.front(results, summary, against))
-    for name in learners:
+    named = summary[comparison.FRONTS[unit]] if is_crowded else learners
+    _add_front(figure, *charting.front(results, summary, unit))
+    for name, place in zip(learners, costs, strict=True):
         label = results[name].label
         figure.add_scatter(
-            x=[agents[name][against]],
+            x=[place],
             y=[agents[name]["return"]["iqm"]],
             mode="markers+text",
             text=[label if name in named else ""],
@@ -89,8 +91,7 @@ def cost(
             showlegend=name == best,
         )
     _name_families(figure, {name: results[name] for name in learners})
-    costs = [agents[name][against] for name in learners]
-    figure.update_xaxes(title=charting.COSTS[against], **_cost_axis(costs))
+    figure.update_xaxes(title=charting.BUDGETS[unit], **_cost_axis(costs))
     figure.update_yaxes(title=charting.RETURN, rangemode="tozero")
     return finish(figure, 460)
 

@@ -19,7 +19,7 @@ from jumping_ant.base import tables
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
-from jumping_ant.experiment import curves, variant_names
+from jumping_ant.experiment import curves, summaries, variant_names
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks.looks import looks
 from jumping_ant.looks.naming import remark
@@ -145,8 +145,8 @@ class SeedRecord:
     @cached_property
     def artifacts(self) -> dict[str, Path]:
         """Files of the run, by their path in it; video and recording if they show this seed."""
-        names = (self.policy_path.name, "curve.csv", "machine.json")
-        found = {name: self.policy_path.with_name(name) for name in names}
+        own = self.paths.seed(self.seed)
+        found = {path.name: path for path in (own.policy, own.curve, self.paths.machines)}
         if filmed_seed(self.root, self.agent) == self.seed:
             found |= _media(self.paths)
         return _existing(found)
@@ -181,9 +181,11 @@ class ComparisonRecord:
 
     @cached_property
     def results(self) -> dict[str, Any]:
-        """`results/comparison.json`, empty if it does not exist."""
-        path = Paths(self.root).comparison
-        return read_json(path, "compare") if path.exists() else {}
+        """`results/comparison.json` with `results/speed.json`, empty if there is no comparison."""
+        paths = Paths(self.root)
+        files = {"compare": paths.comparison, "speed": paths.speed}
+        found = [read_json(path, stage) if path.exists() else {} for stage, path in files.items()]
+        return summaries.merged(*found)
 
     @cached_property
     def summary(self) -> dict[str, float]:
@@ -199,15 +201,17 @@ class ComparisonRecord:
     def artifacts(self) -> dict[str, Path]:
         """Files of the run, by their path in it."""
         paths = Paths(self.root)
-        figures = sorted(paths.figures.glob("*.*"))
         found = {
             "params.yaml": paths.params,
             "robot.json": paths.physique,
             "comparison.json": paths.comparison,
+            "speed.json": paths.speed,
             "results/report.html": paths.report,
+            "results/speed.html": paths.speed_page,
             f"media/{paths.lineup.name}": paths.lineup,
         }
-        found |= {f"figures/{path.name}": path for path in figures}
+        for folder in (paths.figures, paths.speed_files):
+            found |= {f"{folder.name}/{path.name}": path for path in sorted(folder.glob("*.*"))}
         for agent in self.agents:
             found |= _media(paths.agent(agent))
         return _existing(found)

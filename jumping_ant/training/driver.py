@@ -1,9 +1,9 @@
 """The driver of the `train` stage, which writes trainers' events to files.
 
 Only the driver accesses files while training runs (see `jumping_ant.training.seed_files`).
-Wall-clock times, which differ in every run, are kept separately in `timing.csv`. Checkpoints let a
-killed run resume where it stopped (see `jumping_ant.training.checkpoints`); the resulting files are
-the same.
+Wall-clock times and the machine, which equal trainings need not share, are kept apart in
+`timing.csv` and `machines.json`. Checkpoints let a killed run resume where it stopped (see
+`jumping_ant.training.checkpoints`); the resulting files are the same.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.job import Job
 from jumping_ant.base import tables
 from jumping_ant.base.errors import StoppedError
-from jumping_ant.base.files import read_bytes, write_text
+from jumping_ant.base.files import read_bytes, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
@@ -37,7 +37,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 
     Args:
         root: The project's folder; a robot in `assets/` is read, and `models/<agent>/` and the
-            agent's `timing.csv` are written.
+            agent's `timing.csv` and `machines.json` are written.
         params: All parameters.
         agent_name: Which agent.
 
@@ -72,7 +72,13 @@ def train(root: Path, params: Params, agent_name: str) -> None:
             places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
             raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
         timing = {number: seed.timing for number, seed in seeds.items()}
-        write_text(paths.timing, _timing_table(agent_name, timing))
+        machines = {str(number): seed.machine for number, seed in seeds.items()}
+        write_all(
+            {
+                paths.timing: _timing_table(agent_name, timing),
+                paths.machines: to_json(machines),
+            }
+        )
 
 
 def _run(

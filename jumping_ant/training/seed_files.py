@@ -2,7 +2,7 @@
 
 `curve.csv` grows row by row. When training ends, `policy.zip` is written in one piece: the snapshot
 that did best in validation, or the last policy, as `training.publish` specifies. `final.zip` is
-always the last policy, and `machine.json` describes the machine that both were trained on.
+always the last policy. Seconds and the machine are told to the driver, which keeps them apart.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 
 from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import to_json, write_all
+from jumping_ant.base.files import write_all
 from jumping_ant.base.paths import SeedPaths
 from jumping_ant.experiment import curves
 from jumping_ant.experiment.curves import COLUMNS
@@ -36,6 +36,7 @@ class SeedFiles:
     ) -> None:
         self.number = number
         self.timing: list[tuple[int, float]] = []
+        self.machine: dict[str, Any] | None = None  # that a finished seed was trained on
         self.is_finished = False
         self.saved_steps = 0
         self._owner = curves.owner(agent, number)
@@ -138,11 +139,11 @@ class SeedFiles:
         published = saved.best if self._publish == "best" and saved.best else saved.content
         write_all(
             {
-                self._paths.machine: to_json(saved.machine),
                 self._paths.final_policy: policy_file.owned(saved.content, self._paths.owner),
                 self._paths.policy: policy_file.owned(published, self._paths.owner),
             }
         )
+        self.machine = saved.machine
         self.is_finished = True
 
     def _write_row(self, row: dict[str, float]) -> None:

@@ -65,7 +65,7 @@ def test_figures_and_report_have_the_same_axes(tmp_path: Path, first: str, scale
     ):
         axes, axis = figure[name].axes[0], chart.layout.xaxis
         assert (axes.get_xscale(), axis.type or "linear") == (scale, scale)
-        assert axes.get_xlabel() == axis.title.text == charting.COSTS["env_steps"]
+        assert axes.get_xlabel() == axis.title.text == charting.BUDGETS["env_steps"]
         low, high = axis.range if scale == "linear" else [10**end for end in axis.range]
         assert low < BUDGETS[first] < BUDGETS["pgpe"] < high
 
@@ -73,5 +73,5 @@ def test_figures_and_report_have_the_same_axes(tmp_path: Path, first: str, scale
 def test_the_plots_of_dvc_have_the_figures_labels() -> None:
     plots = YAML(typ="safe").load(PROJECT_ROOT / "dvc.yaml")["plots"]
     own = [plot for entry in plots for plot in entry.values() if plot["template"] == "agents"]
-    assert {plot["x"]: plot["x_label"] for plot in own} == charting.TIMES
+    assert {plot["x"]: plot["x_label"] for plot in own} == charting.BUDGETS
     assert {plot["y_label"] for plot in own} == {charting.LEARNING}

@@ -15,7 +15,6 @@ from small_project import (
     episode_row,
     make_params,
     read_csv,
-    timing_rows,
     write_csv,
     write_curve,
     write_project,
@@ -71,16 +70,15 @@ def test_summary_follows_its_contract(project):
     assert list(dqn) == [
         "seeds", "return", "peak_height", "torque_change", "length", "apex", "mean_height", "jumps",
         "airborne_seconds", "flight", "fluidity", "work", "drift", "survived", "env_steps",
-        "train_seconds", "return_at_equal_steps", "return_at_equal_seconds",
+        "return_at_equal_steps",
     ]  # fmt: skip
-    assert (dqn["seeds"], dqn["env_steps"], dqn["train_seconds"]) == (4, 1000, 500.0)
+    assert (dqn["seeds"], dqn["env_steps"]) == (4, 1000)
     assert dqn["return"]["iqm"] == pytest.approx(715)  # the middle two of 700 ... 730
     assert 690 < dqn["return"]["low"] < 715 < dqn["return"]["high"] < 740
     assert dqn["return"]["mean"] == pytest.approx(715)
     assert (dqn["return"]["worst"], dqn["return"]["best"]) == (700, 730)
     assert set(dqn["survived"].values()) == {1.0}
     assert summary["agents"]["random"]["env_steps"] == 0
-    assert summary["agents"]["random"]["train_seconds"] == 0.0
 
 
 def test_the_ranking_goes_by_interquartile_means(project):
@@ -112,26 +110,21 @@ def test_the_pareto_front_holds_what_nothing_cheaper_exceeds(points, front):
 
 
 def test_fronts_are_of_learners(project):
-    # SAC returns more than DQN, after fewer steps and seconds; random needs none at all.
-    summary = summarize(project)
-    assert (summary["pareto_steps"], summary["pareto_seconds"]) == (["sac-long"], ["sac-long"])
+    # SAC returns more than DQN, after fewer steps; random needs none at all.
+    assert summarize(project)["pareto_steps"] == ["sac-long"]
     agents = {"dqn": "dqn", "pgpe": "pgpe"}  # 1000 steps to 700, 8000 steps to 5000
     write_project(project, agents, SEEDS)
-    summary = summarize(project, make_params(agents, SEEDS))
-    assert (summary["pareto_steps"], summary["pareto_seconds"]) == (["dqn", "pgpe"],) * 2
-    nothing = {"random": "random"}
-    summary = summarize(project, make_params(nothing, SEEDS))
-    assert (summary["pareto_steps"], summary["pareto_seconds"]) == ([], [])
+    assert summarize(project, make_params(agents, SEEDS))["pareto_steps"] == ["dqn", "pgpe"]
+    assert summarize(project, make_params({"random": "random"}, SEEDS))["pareto_steps"] == []
 
 
 def test_learners_are_compared_at_the_smallest_budget(project):
-    # Of 200 control steps and 100 s SAC's; DQN, evaluated at 250, had returned half at 250.
+    # Of 200 control steps SAC's; DQN, evaluated at 250, had returned half at 250.
     summary = summarize(project)
-    assert (summary["equal_steps"], summary["equal_seconds"]) == (200, 100.0)
+    assert summary["equal_steps"] == 200
     sac, dqn = summary["agents"]["sac-long"], summary["agents"]["dqn"]
     assert sac["return_at_equal_steps"]["iqm"] == sac["return"]["iqm"]
-    assert sac["return_at_equal_seconds"]["worst"] == pytest.approx(3000)
-    assert (dqn["return_at_equal_steps"], dqn["return_at_equal_seconds"]) == (None, None)
+    assert dqn["return_at_equal_steps"] is None
     assert "return_at_equal_steps" not in summary["agents"]["random"]
 
 
@@ -139,14 +132,10 @@ def test_returns_at_equal_budgets_lie_on_the_learning_curves(project):
     rows = curve_rows(400, 3000.0)  # evaluated after 100, 200, 300, 400 steps
     for seed in SEEDS:
         write_curve(project, "sac-long", seed, rows)
-    timing = [row for seed in SEEDS for row in timing_rows("sac-long", seed, rows, pace=2.0)]
-    write_csv(project / "results" / "agents" / "sac-long" / "timing.csv", timing)
     summary = summarize(project)  # DQN returns half after 250 steps, all of it after 500
-    assert (summary["equal_steps"], summary["equal_seconds"]) == (400, 500.0)
-    sac, dqn = summary["agents"]["sac-long"], summary["agents"]["dqn"]
+    assert summary["equal_steps"] == 400
+    dqn = summary["agents"]["dqn"]
     assert dqn["return_at_equal_steps"]["iqm"] == pytest.approx(715 * (0.5 + 0.5 * 150 / 250))
-    assert dqn["return_at_equal_seconds"]["iqm"] == pytest.approx(dqn["return"]["iqm"])
-    assert sac["return_at_equal_seconds"]["iqm"] == pytest.approx(3000)
 
 
 def test_variants_are_read_like_the_policies(project):
@@ -223,8 +212,7 @@ def test_labels_capitalise_acronyms_alone(project):
 
 def test_learning_curves_are_means_over_seeds_where_policies_were_evaluated(project):
     curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["dqn"]
-    np.testing.assert_allclose(curve.env_steps, [250, 500, 750, 1000])
-    np.testing.assert_allclose(curve.seconds, [125, 250, 375, 500])
+    np.testing.assert_allclose(curve.trained, [250, 500, 750, 1000])
     np.testing.assert_allclose(curve.returns.value, [357.5, 715, 715, 715])
     assert (curve.returns.low <= curve.returns.value).all()
     assert (curve.returns.high >= curve.returns.value).all()
@@ -233,19 +221,14 @@ def test_learning_curves_are_means_over_seeds_where_policies_were_evaluated(proj
 def test_learning_curves_of_unlike_seeds_share_a_grid(project):
     rows = curve_rows(2000, 700.0)  # the others stop at 1000
     write_curve(project, "dqn", 7, rows)
-    path = project / "results" / "agents" / "dqn" / "timing.csv"
-    timing = [row for row in read_csv(path) if row["seed"] != "7"]
-    timing += timing_rows("dqn", 7, rows)
-    write_csv(path, timing)
     curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["dqn"]
-    np.testing.assert_allclose(curve.env_steps, [500, 1000, 1500, 2000])
+    np.testing.assert_allclose(curve.trained, [500, 1000, 1500, 2000])
     np.testing.assert_allclose(curve.returns.value[-1], (700 + 710) / 2)  # 700, 700, 710, 730
 
 
 def test_the_baselines_curve_is_level_over_the_others_budgets(project):
     curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["random"]
-    np.testing.assert_allclose(curve.env_steps, [50, 1000])  # SAC's first, DQN's last
-    np.testing.assert_allclose(curve.seconds, [25, 500])
+    np.testing.assert_allclose(curve.trained, [50, 1000])  # SAC's first, DQN's last
     np.testing.assert_allclose(curve.returns.value, [345, 345])
     assert curve.returns.low[0] == curve.returns.low[1] < 345
 
@@ -255,7 +238,7 @@ def test_the_curve_of_a_search_without_learning_is_level_at_its_end(tmp_path):
     write_project(tmp_path, agents, SEEDS)
     results = load(tmp_path, make_params(agents, SEEDS))
     curve = comparison.learning_curves(results, COMPARE)["metronome"]
-    np.testing.assert_allclose(curve.env_steps, [50, 200])  # SAC's, not those of the search
+    np.testing.assert_allclose(curve.trained, [50, 200])  # SAC's, not those of the search
     np.testing.assert_allclose(curve.returns.value, [515, 515])
 
 
@@ -264,7 +247,7 @@ def test_baselines_alone_can_be_compared(tmp_path):
     write_project(tmp_path, agents, SEEDS)
     results = load(tmp_path, make_params(agents, SEEDS))
     curves = comparison.learning_curves(results, COMPARE)
-    np.testing.assert_allclose(curves["other"].env_steps, [0])
+    np.testing.assert_allclose(curves["other"].trained, [0])
     pair = comparison.summarize(results, COMPARE)["probability_of_improvement"]["random>other"]
     assert pair["p"] == 0.5
 
@@ -276,13 +259,12 @@ def test_tables_are_tidy(project):
     write_csv(project / "curves.csv", comparison.curve_rows(curves, families))
     write_text(project / "seeds.csv", tables.to_csv(comparison.seed_rows(results)))
     table = read_csv(project / "curves.csv")
-    columns = ["agent", "env_steps", "seconds", "return_iqm", "low", "high", "colour", "line"]
+    columns = ["agent", "env_steps", "return_iqm", "low", "high", "colour", "line"]
     assert list(table[0]) == columns
     assert [row["agent"] for row in table] == ["random"] * 2 + ["sac-long"] * 4 + ["dqn"] * 4
     table = read_csv(project / "seeds.csv")
     assert table[0] == {
-        "agent": "random", "seed": "3", "env_steps": "0", "seconds": "0.0",
-        "evaluation_return": "330.0",
+        "agent": "random", "seed": "3", "env_steps": "0", "evaluation_return": "330.0",
     }  # fmt: skip
     assert len(table) == 4 + 4 * 4 + 4 * 4
 
@@ -309,7 +291,6 @@ def test_dvc_plots_take_each_agents_look_by_name(project):
     ("path", "stage"),
     [
         ("results/agents/sac-long/episodes.csv", "evaluate@sac-long"),
-        ("results/agents/dqn/timing.csv", "train@dqn"),
         ("models/dqn/seed-7/curve.csv", "train@dqn"),
     ],
 )
@@ -383,8 +364,7 @@ def test_the_stage_writes_the_same_files_every_time(tmp_path):
     assert {"plots/learning_curves.csv", "plots/seeds.csv"} <= set(written[0])
     result = json.loads(written[0]["comparison.json"])
     assert list(result) == [
-        "agents", "equal_steps", "equal_seconds", "pareto_steps", "pareto_seconds",
-        "probability_of_improvement", "claims",
+        "agents", "equal_steps", "pareto_steps", "probability_of_improvement", "claims",
     ]  # fmt: skip
     assert list(result["agents"]) == list(agents)
     for claim in result["claims"]:

@@ -37,7 +37,7 @@ def drawn(compared):
 
 def test_every_figure_is_there(drawn):
     assert list(drawn) == [
-        "learning_curves", "final_return", "behaviour", "efficiency", "probability_of_improvement",
+        "final_return", "behaviour", "probability_of_improvement", "learning_curves", "efficiency",
         "claims",
     ]  # fmt: skip
 
@@ -67,13 +67,12 @@ def test_files_carry_no_date(drawn):
 
 def test_learning_curves_show_the_numbers(compared, drawn):
     curves = compared[1]
-    steps, seconds = drawn["learning_curves"].axes
-    lines = {line.get_label(): line for line in steps.lines}
+    (axes,) = drawn["learning_curves"].axes
+    lines = {line.get_label(): line for line in axes.lines}
     assert list(lines) == ["random", "DQN", "SAC", "pgpe-wide"]
-    np.testing.assert_allclose(lines["SAC"].get_xdata(), curves["sac"].env_steps)
+    np.testing.assert_allclose(lines["SAC"].get_xdata(), curves["sac"].trained)
     np.testing.assert_allclose(lines["SAC"].get_ydata(), curves["sac"].returns.value)
-    np.testing.assert_allclose(seconds.lines[2].get_xdata(), curves["sac"].seconds)
-    assert len({line.get_color() for line in steps.lines}) == 4
+    assert len({line.get_color() for line in axes.lines}) == 4
     (legend,) = drawn["learning_curves"].legends
     assert [text.get_text() for text in legend.get_texts()] == list(lines)
 
@@ -89,7 +88,6 @@ def test_budgets_far_apart_get_a_logarithmic_axis(compared, drawn):
 def test_axes_name_their_units(drawn):
     labels = [axes.get_xlabel() for figure in drawn.values() for axes in figure.axes]
     assert "Training budget [control steps]" in labels
-    assert "Training time per seed [s]" in labels
     assert "Apex of a jump [m]" in labels
     assert all(labels)
 
@@ -232,15 +230,14 @@ def test_cells_of_a_large_matrix_have_no_intervals(tmp_path, num_agents, expecte
 
 def test_costs_show_the_front_and_name_it(compared, drawn):
     results, _, summary, *_ = compared
-    steps, seconds = drawn["efficiency"].axes
+    (axes,) = drawn["efficiency"].axes
     assert summary["pareto_steps"] == ["sac", "pgpe-wide"]
-    for axes, cost in ((steps, "env_steps"), (seconds, "train_seconds")):
-        assert [text.get_text() for text in axes.texts] == ["SAC", "pgpe-wide"]
-        (front,) = [line for line in axes.lines if line.get_drawstyle() == "steps-post"]
-        agents = [summary["agents"][name] for name in ("sac", "pgpe-wide", "pgpe-wide")]
-        assert list(front.get_xdata()) == [agent[cost] for agent in agents]
-        assert list(front.get_ydata()) == [agent["return"]["iqm"] for agent in agents]
-    named = {line.get_label(): line for line in steps.lines if line.get_label()[0] != "_"}
+    assert [text.get_text() for text in axes.texts] == ["SAC", "pgpe-wide"]
+    (front,) = [line for line in axes.lines if line.get_drawstyle() == "steps-post"]
+    agents = [summary["agents"][name] for name in ("sac", "pgpe-wide", "pgpe-wide")]
+    assert list(front.get_xdata()) == [agent["env_steps"] for agent in agents]
+    assert list(front.get_ydata()) == [agent["return"]["iqm"] for agent in agents]
+    named = {line.get_label(): line for line in axes.lines if line.get_label()[0] != "_"}
     assert set(named) == {agent.label for agent in results.values()}
     dqn = summary["agents"]["dqn"]
     assert named["DQN"].get_xdata() == [dqn["env_steps"]]
@@ -273,8 +270,8 @@ def test_many_learners_have_a_panel_for_each_family(tmp_path):
     curves = comparison.learning_curves(results, COMPARE)
     drawn = figures.draw(results, curves, comparison.summarize(results, COMPARE), [], 0.95)
     panels = drawn["learning_curves"].axes
-    assert [axes.get_title(loc="left") for axes in panels] == ["Value-based", "", "Evolution", ""]
-    for axes, own in zip(panels, ["dqn", "dqn", "pgpe", "pgpe"], strict=True):
+    assert [axes.get_title(loc="left") for axes in panels] == ["Value-based", "Evolution"]
+    for axes, own in zip(panels, ["dqn", "pgpe"], strict=True):
         lines = [line.get_label() for line in axes.lines if line.get_marker() != "None"]
         assert lines == [name for name in agents if name.startswith(own)]
         thin = {
@@ -285,14 +282,14 @@ def test_many_learners_have_a_panel_for_each_family(tmp_path):
         assert thin.pop("metronome") == 505  # the better baseline has its name
         assert list(thin.values()) == [335]
     assert len({axes.get_ylim() for axes in panels}) == 1
-    assert {panels[0].get_xlim(), panels[1].get_xlim()} == {axes.get_xlim() for axes in panels}
+    assert len({axes.get_xlim() for axes in panels}) == 1
 
 
 def test_many_claims_stand_in_more_columns(compared):
     claims = compared[3]
     few = claim_panels.draw(claims, looks_by_label(compared))
-    many = claim_panels.draw([*claims, *claims], looks_by_label(compared))
-    assert len(many.axes) == 2 * len(few.axes) > claim_panels.MANY
+    many = claim_panels.draw([*claims, *claims, *claims], looks_by_label(compared))
+    assert len(many.axes) == 3 * len(few.axes) > claim_panels.MANY
     assert many.get_figwidth() == 2 * few.get_figwidth()
 
 

@@ -13,24 +13,25 @@ from jumping_ant.comparison import comparison
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import load
 from jumping_ant.experiment import curves, episodes
+from jumping_ant.speed import seconds
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1]
 PARAMS = make_params(AGENTS, SEEDS)
-PGPE = Path("results/agents/pgpe")
+PGPE, TIMING = Path("results/agents/pgpe"), Path("results/timing/pgpe")
 TABLES = {
     PGPE / "episodes.csv": "evaluate@pgpe",
     PGPE / "variants.csv": "evaluate@pgpe",
-    PGPE / "scaling.csv": "scaling@pgpe",
-    PGPE / "timing.csv": "train@pgpe",
+    TIMING / "scaling.csv": "scaling@pgpe",
+    TIMING / "timing.csv": "train@pgpe",
     Path("models/pgpe/seed-3/curve.csv"): "train@pgpe",
 }
 
-WRITERS = {
-    "episodes": "evaluate",
-    "variants": "evaluate",
-    "timing": "train",
-    "scaling": "scaling",
+WRITERS = {  # by folder and name
+    ("agents", "episodes"): "evaluate",
+    ("agents", "variants"): "evaluate",
+    ("timing", "timing"): "train",
+    ("timing", "scaling"): "scaling",
 }
 
 
@@ -41,10 +42,12 @@ def project(tmp_path: Path) -> Path:
 
 
 def compared(root: Path) -> object:
-    """All numbers and verdicts."""
-    agents = load(root, PARAMS)
+    """All numbers and verdicts, those on seconds as well."""
+    agents = load(root, PARAMS, curves.read_timed)
     claims = verdicts.check(agents, COMPARE, PARAMS.training.evaluation_episodes)
-    return comparison.summarize(agents, COMPARE), claims, comparison.seed_rows(agents)
+    summary = comparison.summarize(agents, COMPARE)
+    timed = seconds.summarize(root, PARAMS, agents, summary)
+    return summary, claims, comparison.seed_rows(agents), timed
 
 
 @pytest.mark.parametrize("table", TABLES, ids=str)
@@ -106,19 +109,19 @@ def swap(one: Path, other: Path) -> None:
         ),
         *(
             (
-                f"results/agents/dqn/{name}.csv",
-                f"results/agents/sac/{name}.csv",
-                f"results/agents/dqn/{name}.csv: row 1: given one of agent sac, allowed: rows of "
+                f"results/{folder}/dqn/{name}.csv",
+                f"results/{folder}/sac/{name}.csv",
+                f"results/{folder}/dqn/{name}.csv: row 1: given one of agent sac, allowed: rows of "
                 f"agent dqn; run `dvc repro --force {stage}@dqn`",
             )
-            for name, stage in WRITERS.items()
+            for (folder, name), stage in WRITERS.items()
         ),
     ],
 )
 def test_swapped_files_are_noticed(project: Path, one: str, other: str, said: str) -> None:
     swap(project / one, project / other)
     with pytest.raises(InputError) as caught:
-        load(project, PARAMS)
+        compared(project)
     assert str(caught.value) == f"{project}/{said}"
 
 
@@ -176,12 +179,13 @@ def test_a_cut_training_is_noticed(project: Path) -> None:
 def test_a_cell_out_of_its_range_is_named(
     project: Path, table: str, column: str, cell: str, allowed: str
 ) -> None:
-    path = project / "results" / "agents" / "sac" / f"{table}.csv"
+    (folder,) = (folder for folder, name in WRITERS if name == table)
+    path = project / "results" / folder / "sac" / f"{table}.csv"
     rows = read_csv(path)
     rows[1][column] = cell
     write_csv(path, rows)
     with pytest.raises(InputError) as caught:
-        load(project, PARAMS)
+        compared(project)
     said = f"{path}: row 2, column {column}: given {cell!r}, allowed: {allowed}; run `dvc repro"
     assert str(caught.value).startswith(said)
 
@@ -192,6 +196,6 @@ def test_seconds_of_a_learner_grow_from_its_first_row(project: Path) -> None:
     for cell in ("0", "99"):
         write_csv(path, [rows[0] | {"seconds": cell}, *rows[1:]])
         with pytest.raises(InputError, match="given seconds that are 0 or shrink"):
-            load(project, PARAMS)
+            compared(project)
     write_csv(path, [rows[0] | {"seconds": "0.001"}, *rows[1:]])
-    load(project, PARAMS)
+    compared(project)

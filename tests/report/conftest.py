@@ -39,7 +39,6 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     write_text(root / "assets" / "unedited.xml", robot.unedited(settings.robot))
     write_json(root / "assets" / "robot.json", robot.summarize(settings.robot, robot_xml))
     model = mujoco.MjModel.from_xml_string(robot_xml)
-    machine = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}
     for number, name in enumerate(AGENTS):
         episode = simulate(model, np.zeros((40, 8)), upward_speed=float(number))
         told = shown(root, name, episode)
@@ -47,9 +46,7 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
         film = rendering.film(robot_xml, episode, settings.record, processes=1)
         write_bytes(root / "media" / f"{name}.mp4", film)
         for seed in SEEDS:
-            folder = root / "models" / name / f"seed-{seed}"
-            write_bytes(folder / "policy.zip", f"{name} {seed}".encode())
-            write_json(folder / "machine.json", machine)
+            write_bytes(Paths(root).agent(name).seed(seed).policy, f"{name} {seed}".encode())
     results = load(root, settings)
     found = verdicts.check(results, settings.compare, settings.training.evaluation_episodes)
     summary = comparison.summarize(results, settings.compare) | {"claims": found}

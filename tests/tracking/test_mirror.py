@@ -64,6 +64,7 @@ def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
     assert tags["dvc_stage"] == "train@sac"
     files = artifact_dir(project, "sac-seed-1")
     assert (files / "policy.zip").read_bytes() == policy_path.read_bytes()
+    assert json.loads((files / "machines.json").read_text(encoding="utf-8"))["1"] == {"cpu": "a"}
     assert (files / "media" / "sac.mp4").read_bytes() == b"video of sac"
     assert not (artifact_dir(project, "sac-seed-0") / "media").exists()
     assert parent_name(project, "sac-seed-1") == comparison
@@ -74,6 +75,8 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
     metrics = content(project, "metrics", comparison)
     assert ("sac/return_iqm", 0, 65.0) in metrics
     assert ("pgpe/env_steps", 0, 400.0) in metrics
+    assert ("pgpe/train_seconds", 0, 40.0) in metrics
+    assert ("pgpe/return_at_equal_seconds_iqm", 0, 60.0) in metrics
     assert ("probability_of_improvement/sac_over_pgpe", 0, 0.75) in metrics
     files = artifact_dir(project, comparison)
     names = {str(path.relative_to(files)) for path in files.rglob("*") if path.is_file()}
@@ -81,14 +84,16 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
         "params.yaml",
         "robot.json",
         "comparison.json",
+        "speed.json",
         "results/report.html",
+        "results/speed.html",
         "figures/curves.png",
+        "speed/curves.png",
         *(f"media/{agent}.{kind}" for agent in AGENTS for kind in ("mp4", "rrd")),
     }
-    assert (
-        "**inconclusive** (p = 0.75 after Holm): SAC leads"
-        in dict(content(project, "tags", comparison))[pages.NOTE]
-    )
+    note = dict(content(project, "tags", comparison))[pages.NOTE]
+    assert "**inconclusive** (p = 0.75 after Holm): SAC leads" in note
+    assert "**supported** (p = 0.01 after Holm): PGPE is slow" in note
 
 
 def test_a_second_call_adds_nothing(project: Path) -> None:
@@ -315,8 +320,8 @@ def test_the_unedited_robot_has_no_edits(untracked_project: Path) -> None:
 
 def test_what_is_not_finite_is_not_logged(untracked_project: Path) -> None:
     agents = {"sac": {"seeds": 2, "fluidity": {"iqm": float("nan"), "mean": -2.5}}}
-    path = untracked_project / "results" / "comparison.json"
-    write_text(path, json.dumps({"agents": agents}))
+    write_text(Paths(untracked_project).comparison, json.dumps({"agents": agents}))
+    Paths(untracked_project).speed.unlink()
     params = params_file.load(untracked_project / "params.yaml")
     summary = records.read(untracked_project, params).summary
     assert summary == {"sac/seeds": 2.0, "sac/fluidity_mean": -2.5}
@@ -386,7 +391,7 @@ def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
     ("place", "said"),
     [
         ("results/agents/{}/trajectory.npz", "given an episode of agent 'pgpe', allowed: 'sac'"),
-        ("results/agents/{}/timing.csv", "given one of agent pgpe, allowed: rows of agent sac"),
+        ("results/timing/{}/timing.csv", "given one of agent pgpe, allowed: rows of agent sac"),
         ("results/agents/{}/seeds.csv", "given one of agent pgpe, allowed: rows of agent sac"),
         ("results/agents/{}/variants.csv", "given one of agent pgpe, allowed: rows of agent sac"),
         ("models/{}/seed-0/curve.csv", "given one of agent pgpe, seed 0, allowed: rows of agent"),

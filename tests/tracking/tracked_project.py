@@ -60,6 +60,7 @@ def evaluate(root: Path, agent: str) -> None:
     paths = Paths(root).agent(agent)
     timing = [f"{agent},{seed},{step},{step / 10}\n" for seed in SEEDS for step in STEPS]
     write_text(paths.timing, "".join(["agent,seed,env_steps,seconds\n", *timing]))
+    write_json(paths.machines, {str(seed): {"cpu": "a"} for seed in SEEDS})
     rows = "".join(f"{agent},{seed},{100 * seed + 15},2.5,0.25,\n" for seed in SEEDS)
     means = f"agent,seed,return,apex,flight,fluidity\n{rows}"
     variants = [("final", 50), ("rounded", 9)]
@@ -73,7 +74,7 @@ def evaluate(root: Path, agent: str) -> None:
 
 def compare(root: Path) -> None:
     interval = {"iqm": 65.0, "low": 15.0, "high": 115.0, "mean": 66.0, "worst": 15.0}
-    entry = {"seeds": 2, "return": interval, "env_steps": 400, "train_seconds": 40.0}
+    entry = {"seeds": 2, "return": interval, "env_steps": 400}
     write_json(
         Paths(root).comparison,
         {
@@ -82,7 +83,14 @@ def compare(root: Path) -> None:
             "claims": [{"text": "SAC leads", "verdict": "inconclusive", "p_holm": 0.75}],
         },
     )
+    equal = {"iqm": 60.0, "low": 10.0, "high": 110.0}
+    timed = {"train_seconds": 40.0, "return_at_equal_seconds": equal}
+    heavy = {"text": "PGPE is slow", "verdict": "supported", "p_holm": 0.01}
+    agents = dict.fromkeys(AGENTS, timed)
+    write_json(Paths(root).speed, {"agents": agents, "equal_seconds": 30.0, "claims": [heavy]})
     write_bytes(Paths(root).figures / "curves.png", b"picture")
+    write_bytes(Paths(root).speed_files / "curves.png", b"another")
+    write_text(Paths(root).speed_page, "<h1>Speed</h1>")
     write_text(Paths(root).report, "<h1>Report</h1>")
 
 

@@ -22,6 +22,7 @@ from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
@@ -69,7 +70,7 @@ def test_nothing_is_written_through_a_link_into_the_cache(project: Path) -> None
     """`cache.type: symlink` makes links of outputs; DVC unlinks only what it knows."""
     settings = small_params(1)
     cached = project / "cached"
-    for name in ("curve.csv", "policy.zip", "final.zip", "machine.json"):
+    for name in ("curve.csv", "policy.zip", "final.zip"):
         path = project / "models" / "pgpe" / "seed-0" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         cached.write_text("in the cache", encoding="utf-8")
@@ -79,16 +80,20 @@ def test_nothing_is_written_through_a_link_into_the_cache(project: Path) -> None
     assert not any(path.is_symlink() for path in (project / "models").rglob("*"))
 
 
-def test_a_machine_is_named_beside_each_policy(project: Path) -> None:
+def test_each_seeds_machine_is_named_apart_from_its_policies(project: Path) -> None:
     driver.train(project, small_params(1), "pgpe")
-    for seed in (0, 5):
-        folder = project / "models" / "pgpe" / f"seed-{seed}"
-        names = {path.name for path in folder.iterdir()}
-        assert names == {"curve.csv", "final.zip", "machine.json", "policy.zip"}
-        told = json.loads((folder / "machine.json").read_text(encoding="utf-8"))
-        assert told == machine.describe()
-        assert told["cpu"] and told["blas_threads"] == 1
-        assert set(told["versions"]) >= {"mujoco", "numpy", "torch"}
+    paths = Paths(project).agent("pgpe")
+    for _ in range(2):
+        told = json.loads(paths.machines.read_text(encoding="utf-8"))
+        assert told == {"0": machine.describe(), "5": machine.describe()}
+        for seed in (0, 5):
+            names = {path.name for path in paths.seed(seed).folder.iterdir()}
+            assert names == {"curve.csv", "final.zip", "policy.zip"}
+        paths.machines.unlink()
+        driver.train(project, small_params(1), "pgpe")  # trained before: its checkpoint tells
+    told = machine.describe()
+    assert told["cpu"] and told["blas_threads"] == 1
+    assert set(told["versions"]) >= {"mujoco", "numpy", "torch"}
 
 
 @pytest.mark.parametrize("agent", ONE_OF_EACH)
@@ -104,7 +109,7 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
         assert len(evaluated) == 2
         assert all(row["return_mean"] == "" for row in evaluated), "one row, one kind of return"
         assert int(evaluated[-1]["env_steps"]) == steps[-1]
-        timing = read_csv(project / "results" / "agents" / agent / "timing.csv")
+        timing = read_csv(Paths(project).agent(agent).timing)
         own = [row for row in timing if row["seed"] == str(seed)]
         assert {row["agent"] for row in timing} == {agent}
         assert [int(row["env_steps"]) for row in own] == steps

@@ -95,7 +95,7 @@ def test_a_killed_run_resumes_to_the_same_bytes(
     left = {path.name for path in (project / ".checkpoints").rglob("*") if path.is_file()}
     assert left == {"lock", "seed-0.finished", "seed-5.finished"}
     for seed in ("0", "5"):
-        timing = read_csv(project / "results" / "agents" / agent / "timing.csv")
+        timing = read_csv(project / "results" / "timing" / agent / "timing.csv")
         seconds = [float(row["seconds"]) for row in timing if row["seed"] == seed]
         assert seconds == sorted(seconds) and len(seconds) > 1
 

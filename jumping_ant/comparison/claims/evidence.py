@@ -87,24 +87,6 @@ def less_spread(case: Case) -> Finding:
     return findings.less_spread(AXES["return"], *case.samples(_mean("return")), case.params)
 
 
-def longer_training(case: Case) -> Finding:
-    """Ask whether the first agent trains for longer than the second, in seconds (as `more`)."""
-    samples = case.samples(lambda agent: Sample(agent.label, agent.train_seconds))
-    return findings.independent("Training time [s]", *samples, case.params)
-
-
-def more_speed_up(case: Case) -> Finding | None:
-    """Ask whether all cores speed the first agent's training up more than the second's.
-
-    The speed-up is the time of a unit of training on one thread over that on all cores, seed by
-    seed, and is tested as in `more`. There is no finding for agents that do not train.
-    """
-    if not all(agent.step_seconds for agent in case.agents):
-        return None
-    axis = "Speed-up from one thread to all cores"
-    return findings.independent(axis, *case.samples(_speed_up), case.params)
-
-
 def more_effort(unit: curves.Unit) -> Compare:
     """Ask whether the first agent needs more than the second to learn anything, for good.
 
@@ -154,10 +136,3 @@ def _effort(agent: AgentResults, unit: curves.Unit, threshold: float) -> Sample:
         for curve, row in zip(agent.curves.values(), rows, strict=True)
     ]
     return Sample(agent.label, np.array(efforts), np.array([row is not None for row in rows]))
-
-
-def _speed_up(agent: AgentResults) -> Sample:
-    """Return how many times as fast each seed trains on all cores; NaN if there is only one."""
-    cores = max(agent.step_seconds)
-    one, every = agent.step_seconds[1], agent.step_seconds[cores]
-    return Sample(agent.label, one / every if cores > 1 else np.full(len(one), np.nan))

@@ -2,6 +2,7 @@
 
 An agent represents its algorithm, whatever its name: with two SAC agents there are two claims on
 SAC and DQN. A claim whose agents or measurements are missing is left out.
+Those that rest on seconds are in `jumping_ant.speed.claims`.
 """
 
 from collections.abc import Iterator
@@ -13,11 +14,9 @@ from jumping_ant.comparison.claims.evidence import (
     Compare,
     fewer_steps,
     less_spread,
-    longer_training,
     more,
     more_effort,
     more_in_version,
-    more_speed_up,
     only_beside,
 )
 from jumping_ant.comparison.claims.field import Field, Select, each, pairs, twins
@@ -70,7 +69,8 @@ ROUNDING = Row(
     more_in_version("return", PUBLISHED, "rounded"),
 )
 # Which agents, in the order of their labels in the texts, and the claims on them.
-CLAIMS: tuple[tuple[Select, tuple[Row, ...]], ...] = (
+Table = tuple[tuple[Select, tuple[Row, ...]], ...]
+CLAIMS: Table = (
     (Field.beside_random, (
         Row(1, "{0} learns to jump: it is in the air for longer than {1}, and its jumps are "
             "higher.", more("flight", "apex")),
@@ -80,7 +80,6 @@ CLAIMS: tuple[tuple[Select, tuple[Row, ...]], ...] = (
     )),
     (pairs("sac", "dqn"), (
         Row(2, "{1} moves less fluidly than {0}.", more("fluidity")),
-        Row(3, "{0} takes more time to train than {1}, in all.", longer_training),
         Row(4, "{0} ends much better than {1}: at least 2 times its return.",
             more("return", factor=2.0)),
     )),
@@ -112,10 +111,6 @@ CLAIMS: tuple[tuple[Select, tuple[Row, ...]], ...] = (
             less_spread),
         Row(10, "{0} is computationally heavy: it needs more control steps than {1} to learn "
             "anything.", more_effort("env_steps")),
-        Row(10, "{0} is computationally heavy: it needs more training seconds than {1} to learn "
-            "anything.", more_effort("seconds")),
-        Row(15, "The population of {0} parallelises: all cores speed it up more than {1}, which "
-            "updates one policy.", more_speed_up),
     )),
     (Field.beside_sparse_rewards, (
         Row(11, "{0} is an alternative where rewards are sparse: it returns more than {1}, which "
@@ -145,9 +140,9 @@ CLAIMS: tuple[tuple[Select, tuple[Row, ...]], ...] = (
 )  # fmt: skip
 
 
-def claims(field: Field, params: CompareParams) -> Iterator[Claim]:
-    """Yield all claims that the available agents can test."""
-    for select, rows in CLAIMS:
+def claims(table: Table, field: Field, params: CompareParams) -> Iterator[Claim]:
+    """Yield the claims of a table that the available agents can test."""
+    for select, rows in table:
         for agents in select(field):
             labels = [agent.label for agent in agents]
             for row in rows:

@@ -1,7 +1,7 @@
 """Verdicts on the source article's claims about its agents.
 
 One rule gives every verdict. A claim is an effect and an exact two-sided test of no effect. All p
-values of a run are corrected together (Holm 1979). A claim is *supported* where the corrected p
+values of a family are corrected together (Holm 1979). A claim is *supported* where the corrected p
 value is at most 1 - confidence and the effect lies on the claimed side, *refuted* where it lies on
 the other side, and *inconclusive* otherwise. docs/claims.md has the claims.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.claims.findings import Finding
-from jumping_ant.comparison.claims.statements import Claim, claims
+from jumping_ant.comparison.claims.statements import CLAIMS, Claim, Table, claims
 from jumping_ant.comparison.hypothesis_tests import holm
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.comparison.sample_sizes import MOST_SEEDS
@@ -22,14 +22,17 @@ ROUNDING = 1e-12  # 1 - 0.95 is a little more than 0.05
 
 
 def check(
-    results: Mapping[str, AgentResults], params: CompareParams, evaluation_episodes: int
+    results: Mapping[str, AgentResults],
+    params: CompareParams,
+    evaluation_episodes: int,
+    table: Table = CLAIMS,
 ) -> list[dict[str, Any]]:
     """Return a verdict on each claim and the numbers behind it (docs/metrics.md has the keys).
 
-    `evaluation_episodes` are those per evaluation during training.
+    `evaluation_episodes` are those per evaluation during training, `table` the family of claims.
     """
     field = Field(list(results.values()), evaluation_episodes)
-    judged = list(claims(field, params))
+    judged = list(claims(table, field, params))
     corrected = holm([claim.finding.tested.p for claim in judged])
     verdicts = [
         verdict(claim.finding.side, p_holm, params.confidence)

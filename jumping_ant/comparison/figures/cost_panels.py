@@ -1,4 +1,4 @@
-"""The figure of what returns cost: against control steps, and against training seconds."""
+"""The figure of what returns cost, in control steps or in training seconds."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,9 +7,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jumping_ant.comparison import charting
-from jumping_ant.comparison.comparison import FRONTS
+from jumping_ant.comparison.comparison import COSTS, FRONTS
 from jumping_ant.comparison.figures import scales
 from jumping_ant.comparison.results import AgentResults
+from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks.looks import INK, Look
 
 
@@ -18,18 +19,18 @@ def draw(
     summary: Mapping[str, Any],
     drawn: Mapping[str, Look],
     reference: str | None,
+    unit: Unit = "env_steps",
 ) -> Figure:
     """Draw the learners' returns against their costs; the legend names the baseline `reference`."""
     height = 4 + 0.15 * len(charting.learners(results))
     figure = Figure(figsize=(9, height), layout="constrained")
-    panels = figure.subplots(1, len(charting.COSTS), sharey=True)
-    for axes, (cost, label) in zip(panels, charting.COSTS.items(), strict=True):
-        _draw_agents(axes, results, summary["agents"], cost, drawn, reference)
-        _draw_front(axes, results, summary, cost)
-        axes.set_xlabel(label)
-    panels[0].set_ylabel(charting.RETURN)
-    panels[0].set_ylim(bottom=0)
-    handles, labels = panels[0].get_legend_handles_labels()
+    axes = figure.subplots()
+    _draw_agents(axes, results, summary["agents"], COSTS[unit], drawn, reference)
+    _draw_front(axes, results, summary, unit)
+    axes.set_xlabel(charting.BUDGETS[unit])
+    axes.set_ylabel(charting.RETURN)
+    axes.set_ylim(bottom=0)
+    handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=9)
     return figure
 
@@ -57,11 +58,11 @@ def _draw_agents(
 
 
 def _draw_front(
-    axes: Axes, results: Mapping[str, AgentResults], summary: Mapping[str, Any], cost: str
+    axes: Axes, results: Mapping[str, AgentResults], summary: Mapping[str, Any], unit: Unit
 ) -> None:
     """Draw the greatest return at each cost, with the names of the agents that reach it."""
-    costs, returns = charting.front(results, summary, cost)
+    costs, returns = charting.front(results, summary, unit)
     axes.step(costs, returns, where="post", color=INK, linewidth=1.2, zorder=1)
     offset: Any = {"xytext": (-6, 6), "textcoords": "offset points", "ha": "right"}
-    for name, x, y in zip(summary[FRONTS[cost]], costs, returns, strict=False):  # one corner more
+    for name, x, y in zip(summary[FRONTS[unit]], costs, returns, strict=False):  # one corner more
         axes.annotate(results[name].label, (x, y), fontsize=9, **offset)

@@ -23,6 +23,7 @@ from jumping_ant.comparison.figures import (
     scales,
 )
 from jumping_ant.comparison.results import AgentResults
+from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks import looks
 from jumping_ant.looks.looks import INK, Look
 from jumping_ant.looks.measures import MEASURES
@@ -49,22 +50,36 @@ def draw(
     """Draw all figures that there is something for, by file name without its extension."""
     drawn = looks.looks(charting.families(results))
     ranked = {name: results[name] for name in comparison.ranking(summary["agents"])}
-    reference = comparison.best_baseline(results, summary["agents"])
     with style.context(STYLES):
         figures = {
-            "learning_curves": curve_panels.draw(results, curves, drawn, reference),
             "final_return": _draw_quantities(ranked, summary, drawn, {"return": charting.RETURN}),
             "behaviour": _draw_quantities(ranked, summary, drawn, charting.BEHAVIOUR),
         }
-        if charting.learners(results):
-            figures["efficiency"] = cost_panels.draw(results, summary, drawn, reference)
         if len(results) > 1:
             figures["probability_of_improvement"] = pair_matrix.draw(results, summary)
+        titled = _entitled(figures, confidence, len(results))
+    return titled | draw_costs(results, curves, summary, claims, confidence)
+
+
+def draw_costs(
+    results: Mapping[str, AgentResults],
+    curves: Mapping[str, LearningCurve],
+    summary: Mapping[str, Any],
+    claims: Sequence[Mapping[str, Any]],
+    confidence: float,
+    unit: Unit = "env_steps",
+) -> dict[str, Figure]:
+    """Draw what has a unit of training: curves and a summary with their front, and claims."""
+    drawn = looks.looks(charting.families(results))
+    reference = comparison.best_baseline(results, summary["agents"])
+    with style.context(STYLES):
+        figures = {"learning_curves": curve_panels.draw(results, curves, drawn, reference, unit)}
+        if charting.learners(results):
+            figures["efficiency"] = cost_panels.draw(results, summary, drawn, reference, unit)
         if claims:
             by_label = {agent.label: drawn[name] for name, agent in results.items()}
             figures["claims"] = claim_panels.draw(claims, by_label)
-        titles = _titles(f"{100 * confidence:g} %", len(results))
-        return {name: entitle(figure, titles[name]) for name, figure in figures.items()}
+        return _entitled(figures, confidence, len(results))
 
 
 def files(figures: Mapping[str, Figure]) -> dict[str, bytes]:
@@ -75,12 +90,15 @@ def files(figures: Mapping[str, Figure]) -> dict[str, bytes]:
     }
 
 
-def _titles(percent: str, num_agents: int) -> dict[str, str]:
-    """Return each figure's title, which says what interval it shows."""
+def _entitled(
+    figures: Mapping[str, Figure], confidence: float, num_agents: int
+) -> dict[str, Figure]:
+    """Give each figure its title, which says what interval it shows."""
+    percent = f"{100 * confidence:g} %"
     interval = f"{percent} interval (Student's t on the exact bootstrap standard error)"
     has_room = charting.has_room(num_agents)
     bootstrap = f", {percent} interval (percentile bootstrap)" if has_room else ""
-    return {
+    titles = {
         "learning_curves": f"Return while learning: interquartile mean over seeds,\n{interval}",
         "final_return": f"Return of the published policies, {interval}",
         "behaviour": f"How they jump, {interval}",
@@ -94,6 +112,7 @@ def _titles(percent: str, num_agents: int) -> dict[str, str]:
             "Lines join values of the same seed."
         ),
     }
+    return {name: entitle(figure, titles[name]) for name, figure in figures.items()}
 
 
 def _draw_quantities(

@@ -6,7 +6,7 @@ import numpy as np
 import small_agents
 from small_project import COMPARE
 
-from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison.claims import statements, verdicts
 from jumping_ant.comparison.results import AgentResults
 
 LOW, MIDDLE, HIGH = (np.linspace(start, 1.1 * start, 8) for start in (300.0, 700.0, 3000.0))
@@ -47,19 +47,19 @@ def having(one, variants=None, **quantities):
     return replace(one, quantities=one.quantities | own, variants=variants)
 
 
-def check(*agents):
-    return verdicts.check({one.name: one for one in agents}, COMPARE, 2)
+def check(*agents, table=statements.CLAIMS):
+    return verdicts.check({one.name: one for one in agents}, COMPARE, 2, table)
 
 
-def the_claim(part, *agents):
+def the_claim(part, *agents, table=statements.CLAIMS):
     """Return the only claim whose text has a part."""
-    matching = [claim for claim in check(*agents) if part in claim["text"]]
+    matching = [claim for claim in check(*agents, table=table) if part in claim["text"]]
     assert len(matching) == 1
     return matching[0]
 
 
-def one_verdict(part, *agents):
-    return the_claim(part, *agents)["verdict"]
+def one_verdict(part, *agents, table=statements.CLAIMS):
+    return the_claim(part, *agents, table=table)["verdict"]
 
 
 RANDOM, METRONOME = agent("random", "random", LOW), agent("metronome", "open_loop", LOW)
