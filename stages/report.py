@@ -1,7 +1,7 @@
 """Write the comparison as one page.
 
 Usage: python -m stages.report
-Reads: params.yaml; assets/, models/, media/, results/.
+Reads: params.yaml; assets/, models/, media/, results/agents/, results/comparison.json; no seconds.
 Writes: results/report.html.
 """
 

@@ -14,11 +14,11 @@ QUANTITIES = {"apex": "apex [m]", "flight": "flight", "fluidity": "fluidity"}
 
 
 def comparison(results: Mapping[str, Any]) -> str:
-    """Return what `comparison.json` holds: a table, then the claims; as much as MLflow keeps."""
+    """Return what a summary holds: a table, then the claims; as much as MLflow keeps."""
     text = ""
     for line in [*agent_table(results.get("agents", {})), *_claims(results.get("claims", []))]:
         if len(text) + len(line) > LONGEST:
-            return f"{text}\n(The rest is in `comparison.json`.)\n"
+            return f"{text}\n(The rest is in `comparison.json` and `speed.json`.)\n"
         text += line + "\n"
     return text
 
@@ -48,7 +48,7 @@ def policy(
 
 
 def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the lines of a table of `agents` of `comparison.json`."""
+    """Yield the lines of a table of a summary's `agents` (`summaries.merged`)."""
     if not agents:
         return
     headings = ("agent", "return", "mean", "worst seed", *QUANTITIES.values(), "training [s]")

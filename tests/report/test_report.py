@@ -341,11 +341,8 @@ def crowd(project: Path, settings: Params, tmp_path_factory: pytest.TempPathFact
     for name in copies:
         shutil.copy(root / "media" / "sac.mp4", root / "media" / f"{name}.mp4")
         for seed in SEEDS:
-            known, own = (
-                Paths(folder).agent(agent).seed(seed).policy
-                for folder, agent in ((project, "sac"), (root, name))
-            )
-            shutil.copy(known, own)
+            known = Paths(project).agent("sac").seed(seed).policy
+            shutil.copy(known, Paths(root).agent(name).seed(seed).policy)
     for name, algorithm in agents.items():
         episode = trajectory.load(Paths(project).agent(algorithm).trajectory)
         path = Paths(root).agent(name).trajectory

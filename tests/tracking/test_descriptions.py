@@ -37,7 +37,7 @@ def test_nothing_compared_has_no_description() -> None:
 def test_what_mlflow_would_cut_off_ends_with_a_whole_line() -> None:
     text = descriptions.comparison({"claims": [CLAIM] * 1000})
     assert len(text) < 8000
-    assert text.splitlines()[-2:] == ["", "(The rest is in `comparison.json`.)"]
+    assert text.splitlines()[-2:] == ["", "(The rest is in `comparison.json` and `speed.json`.)"]
 
 
 def test_a_policy_that_is_not_evaluated_is_told_so() -> None:
