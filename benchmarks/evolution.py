@@ -6,7 +6,6 @@ from functools import partial
 from itertools import islice
 
 import ray
-import torch
 from evotorch.algorithms import PGPE
 from evotorch.neuroevolution import GymNE
 
@@ -15,6 +14,7 @@ from benchmarks.article_ant import ArticleAnt
 from benchmarks.cost import MIN_ENV_STEPS, Cost, cost
 from benchmarks.measure import Row, rate
 from benchmarks.settings import CORES, article_agent, default_world
+from jumping_ant.agents import kernels
 from jumping_ant.agents.evolution import trainer
 from jumping_ant.agents.job import Job
 
@@ -33,7 +33,7 @@ def project(num_threads: int) -> Callable[[], float]:
     Args:
         num_threads: Threads that step the simulations; torch has one, as in the pipeline.
     """
-    torch.set_num_threads(1)
+    kernels.use(1)
     agent = article_agent("pgpe")
     events = trainer.train(Job(default_world(), agent, seed=0, num_threads=num_threads))
     next(events)
@@ -72,7 +72,7 @@ def population(size: int) -> Callable[[], Cost]:
 
 
 def _env_steps_per_second(population_size: int, num_threads: int) -> float:
-    torch.set_num_threads(1)
+    kernels.use(1)
     changes = {"population_size": population_size, "episode_steps": EPISODE_STEPS}
     agent = article_agent("pgpe").model_copy(update=changes)
     generations = max(1, MIN_ENV_STEPS // agent.population_size // agent.episode_steps)

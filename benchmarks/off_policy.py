@@ -12,6 +12,7 @@ from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import article_agent, default_world
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents import kernels
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy import trainer
 from jumping_ant.sim.env import Decisions
@@ -43,7 +44,7 @@ def _compare(algorithm: str) -> Row:
 
 def project(algorithm: str) -> Callable[[], float]:
     """Start the project's training of an agent with the article's settings, on one thread."""
-    torch.set_num_threads(1)
+    kernels.use(1)
     steps = STEPS[algorithm]
     changes: dict[str, Any] = {"log_interval": steps}
     if algorithm == "dqn":

@@ -20,8 +20,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 
+from jumping_ant.agents import kernels
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Finished
 from jumping_ant.agents.job import Job, trainer_of
@@ -180,7 +180,7 @@ def _train(
 
 
 def _compute_with_one_thread() -> None:
-    torch.set_num_threads(1)
+    kernels.use(1)
 
 
 def _run(

@@ -13,10 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import torch
-
 import jumping_ant
-from jumping_ant.base import machine
+from jumping_ant.agents import kernels
+from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.training.workers import Died, Ended, Item, News, Work
 
@@ -69,7 +68,10 @@ class Cluster:
                 raise ConnectionError("nothing answers there")  # Ray would try for minutes
             ray.init(
                 address,
-                runtime_env={"py_modules": [str(Path(jumping_ant.__file__).parent)]},
+                runtime_env={
+                    "py_modules": [str(Path(jumping_ant.__file__).parent)],
+                    "env_vars": portable.SWITCHES,
+                },
                 logging_level=logging.ERROR,
                 log_to_driver=False,
             )
@@ -145,7 +147,7 @@ class _Worker:
 
     def run(self, work: Work) -> Iterator[Any]:
         """Yield the job's items."""
-        torch.set_num_threads(machine.BLAS_THREADS)
+        kernels.use(machine.BLAS_THREADS)
         yield from work(self._stop)
 
     def stop(self) -> None:

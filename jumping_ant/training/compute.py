@@ -10,8 +10,7 @@ from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-import torch
-
+from jumping_ant.agents import kernels
 from jumping_ant.base import machine
 from jumping_ant.base.errors import WorkerError
 from jumping_ant.training import cluster
@@ -65,7 +64,7 @@ def stream(
 
 
 def _inline(start: Callable[[Key], Work], keys: Sequence[Key]) -> Iterator[tuple[Key, Any]]:
-    torch.set_num_threads(machine.BLAS_THREADS)
+    kernels.use(machine.BLAS_THREADS)
     with _stopped_by_signals() as stop:
         for key in keys:
             if stop.is_set():

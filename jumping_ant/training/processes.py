@@ -18,8 +18,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, cast
 
-import torch
-
+from jumping_ant.agents import kernels
 from jumping_ant.base import machine, output
 from jumping_ant.base.errors import WorkerError
 from jumping_ant.training.workers import Died, Ended, Item, News, Work
@@ -129,7 +128,7 @@ def _inherited() -> Iterator[None]:
 def _serve(pipe: Connection) -> None:
     """Run the jobs that arrive, one after another, until the driver closes the pipe."""
     output.tolerate_failures()
-    torch.set_num_threads(machine.BLAS_THREADS)
+    kernels.use(machine.BLAS_THREADS)
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     stop = threading.Event()
     try:

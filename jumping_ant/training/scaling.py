@@ -56,14 +56,14 @@ def _fastest(
 
 def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float:
     """Return the seconds of the second row of a seed's learning curve."""
-    import torch  # slow to import, and not needed for agents without a row
+    from jumping_ant.agents import kernels  # slow to import, and not for agents without a row
 
-    torch.set_num_threads(threads)
+    kernels.use(threads)
     events = trainer_of(agent)(Job(world, agent, seed, num_threads=threads))
     rows = (event for event in events if isinstance(event, Progress))
     next(rows)  # not timed: random actions and memory allocation
     started = time.perf_counter()
     next(rows)
     seconds = time.perf_counter() - started
-    torch.set_num_threads(machine.BLAS_THREADS)
+    kernels.use(machine.BLAS_THREADS)
     return seconds

@@ -1,7 +1,6 @@
-"""Trainings in this process compute as those of workers do: with one thread."""
+"""Trainings in this process compute as those of workers do."""
 
-import torch
-
+from jumping_ant.agents import kernels
 from jumping_ant.base import machine
 
-torch.set_num_threads(machine.BLAS_THREADS)
+kernels.use(machine.BLAS_THREADS)
