@@ -3,7 +3,7 @@
 Usage: python -m stages.train AGENT (DVC names it in the environment)
 Reads: params `seeds`, `env`, `training`, `agents.AGENT`; the robot in assets/; for imitation
     .inputs/train/ALGORITHM/demonstrations.zip.
-Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv),
+Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv), results/agents/AGENT/training.json,
     results/timing/AGENT/ (timing.csv, machines.json).
 """
 

@@ -50,7 +50,7 @@ def test_no_stage_but_the_last_ones_depends_on_a_clock_or_the_machine() -> None:
     apart = {"results/timing", "results/speed", "results/speed.html", "results/speed.json"}
     outs = {name: set(_paths(stage, "outs")) for name, stage in STAGES.items()}
     timed = {"results/timing/${key}/timing.csv", "results/timing/${key}/machines.json"}
-    assert outs["train"] == {"models/${key}", *timed}
+    assert outs["train"] == {"models/${key}", "results/agents/${key}/training.json", *timed}
     assert outs["scaling"] == {"results/timing/${key}/scaling.csv"}
     assert outs["speed"] == apart - {"results/timing"}
     for name, stage in STAGES.items():

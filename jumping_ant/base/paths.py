@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT, digest
 
 
 def home(root: Path) -> Path:
@@ -27,6 +27,10 @@ class SeedPaths:
         self.final_policy = self.folder / "final.zip"  # at the end of training
         self.curve = self.folder / "curve.csv"  # the learning curve
 
+    def digests(self) -> dict[str, str]:
+        """Return the SHA-256 of each file, by its name."""
+        return {path.name: digest(path) for path in (self.policy, self.final_policy, self.curve)}
+
 
 class AgentPaths:
     """The files of an agent."""
@@ -38,6 +42,7 @@ class AgentPaths:
         self.timing = timing / "timing.csv"  # training seconds at each row of the learning curves
         self.scaling = timing / "scaling.csv"  # seconds of a unit of training by number of threads
         self.machines = timing / "machines.json"  # that each seed was trained on
+        self.training = results / "training.json"  # digests of the files of each seed's training
         self.episodes = results / "episodes.csv"  # every held-out episode
         self.seed_means = results / "seeds.csv"  # of each seed over its held-out episodes
         self.variants = results / "variants.csv"  # means of each seed for other policy versions

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.job import Job
-from jumping_ant.base import tables
+from jumping_ant.base import portable, tables
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import read_bytes, to_json, write_all
 from jumping_ant.base.paths import Paths
@@ -37,7 +37,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 
     Args:
         root: The project's folder; a robot in `assets/` is read, and `models/<agent>/` and the
-            agent's `timing.csv` and `machines.json` are written.
+            agent's `timing.csv`, `machines.json` and `training.json` are written.
         params: All parameters.
         agent_name: Which agent.
 
@@ -54,6 +54,8 @@ def train(root: Path, params: Params, agent_name: str) -> None:
     with ExitStack() as stack:
         display = TrainingProgress(agent_name, params.seeds, agent.max_env_steps)
         stack.enter_context(display)
+        if not portable.is_supported():
+            display.say(portable.UNSUPPORTED)
         key = checkpoint_key(world, params.training, agent, demonstrations)
         checkpoints = Checkpoints(root, agent_name, key, display.say)
         stack.enter_context(checkpoints.opened(params.seeds))
@@ -73,10 +75,12 @@ def train(root: Path, params: Params, agent_name: str) -> None:
             raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
         timing = {number: seed.timing for number, seed in seeds.items()}
         machines = {str(number): seed.machine for number, seed in seeds.items()}
+        written = {str(number): paths.seed(number).digests() for number in seeds}
         write_all(
             {
                 paths.timing: _timing_table(agent_name, timing),
                 paths.machines: to_json(machines),
+                paths.training: to_json(written),
             }
         )
 
