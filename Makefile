@@ -7,6 +7,8 @@ PORT ?= 5000
 MINUTES ?= 30
 AGENT ?= *
 PRESET ?= default
+SEED ?=
+ALL ?=
 
 # Disable the telemetry of all tools.
 export DVC_NO_ANALYTICS := true
@@ -19,7 +21,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
 .PHONY: help install repro article check style test test-quick test-comparison test-smoke test-soak test-training \
-	test-rest bench soak publish ui view watch schema map lock clean
+	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -98,6 +100,12 @@ bench: install .venv/.peers ## compare the project with its peers, into benchmar
 
 soak: install ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
 	python -m soak --minutes $(MINUTES)
+
+verify: install ## retrain a published seed and compare its bytes (AGENT=sac SEED=20, or ALL=1)
+	@python -m scripts.verify $(if $(AGENT:*=),--agent $(AGENT)) $(if $(SEED),--seed $(SEED)) $(if $(ALL),--all)
+
+fingerprint: install ## compare what this machine computes with what was published, layer by layer
+	@python -m scripts.fingerprint
 
 publish: install ## write the results into README.md and docs/ (PRESET=families after that preset)
 	python -m scripts.publish $(PRESET)

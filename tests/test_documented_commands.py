@@ -49,6 +49,7 @@ HOURS = "hours of training; tests/test_pipeline.py makes the parameters, presets
 ARTICLE = "hours of training; tests/article/test_article_run.py runs it with less"
 MEASURES = "minutes that need the machine for themselves; tests/test_benchmarks.py tests its parts"
 SOAK = "half an hour; tests/test_soak.py runs a little of each part"
+VERIFY = "minutes of training; tests/test_verify.py verifies another agent"
 ELSEWHERE = {
     RUN: "tests/finished_project.py",
     COMMIT: "tests/finished_project.py",
@@ -63,6 +64,11 @@ ELSEWHERE = {
     "make install TORCH_INDEX=": "downloads gigabytes",
     "make lock": "asks package indexes for the newest versions",
     "make check": CHECKS,
+    "make verify": VERIFY,
+    "make verify ALL=1": VERIFY,
+    "make verify AGENT=sac SEED=20": VERIFY,
+    "make fingerprint": "tests/test_fingerprint.py",
+    "python -m scripts.fingerprint --publish": "writes a document; tests/test_fingerprint.py",
     "mypy": CHECKS,
     "pytest -q": CHECKS,
     "pytest tests/agents tests/policies tests/training": CHECKS,

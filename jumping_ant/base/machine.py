@@ -1,8 +1,7 @@
-"""The machine: its cores, and the properties that the bytes of results depend on.
+"""The machine: its cores, and the properties that results may depend on.
 
-On one machine equal parameters give equal bytes. On another the last digits may differ: a different
-processor, BLAS, or number of BLAS threads sums matrix products in a different order, and learning
-amplifies the differences. Other versions of MuJoCo, NumPy and torch differ more.
+Equal parameters give equal bytes on every processor that `jumping_ant.base.portable` supports, with
+one thread for products. Other versions of MuJoCo, NumPy and torch give others.
 """
 
 import importlib.metadata

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from small_training import (
 
 from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
-from jumping_ant.base import machine
+from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves
@@ -94,6 +95,20 @@ def test_each_seeds_machine_is_named_apart_from_its_policies(project: Path) -> N
     told = machine.describe()
     assert told["cpu"] and told["blas_threads"] == 1
     assert set(told["versions"]) >= {"mujoco", "numpy", "torch"}
+
+
+def test_digests_of_what_training_wrote_are_kept(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("jumping_ant.base.portable.is_supported", lambda: False)
+    driver.train(project, small_params(1), "pgpe")
+    paths = Paths(project).agent("pgpe")
+    kept = json.loads(paths.training.read_text(encoding="utf-8"))
+    for seed in ("0", "5"):
+        folder = paths.seed(int(seed)).folder
+        written = {path.name: sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
+        assert kept[seed] == written
+    assert portable.UNSUPPORTED in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("agent", ONE_OF_EACH)

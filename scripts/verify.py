@@ -1,0 +1,136 @@
+"""Retrain published seeds from nothing, and compare every byte with what was published.
+
+Usage: python -m scripts.verify [--agent AGENT] [--seed SEED] [--all]
+
+Runs the pipeline of the last commit in a copy of it: training and evaluation of one seed of one
+agent, which takes a minute or two; by default of the first seed of every agent; with --all of
+everything. Compares policies, learning curves and held-out episodes with results/agents/. Where
+they differ, says by how much the returns do, and which layer of this machine computes differently
+(see scripts.fingerprint); the exit status is 1 then.
+"""
+
+import csv
+import io
+import json
+import subprocess
+import sys
+import tarfile
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import fmean
+
+from jumping_ant.base import command_line, output
+from jumping_ant.base.errors import InputError, WorkerError, reported
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.paths import AgentPaths, Paths
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.models import Params
+from scripts import fingerprint
+from scripts.checkout import Checkout
+
+
+def main() -> None:
+    """Parse the command line, retrain and compare."""
+    parser = command_line.parser(__doc__)
+    parser.add_argument("--agent", default="", help="one agent; by default all")
+    parser.add_argument("--seed", type=int, help="one seed; by default the first")
+    parser.add_argument("--all", action="store_true", help="every seed")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        published, retrained = Path(folder, "published"), Checkout(Path(folder, "retrained"))
+        commit = _extract(published)
+        _extract(retrained.folder)
+        params = params_file.load(published / "params.yaml")
+        agents = [options.agent] if options.agent else list(params.agents)
+        seeds = params.seeds if options.all else [_seed(params, options.seed)]
+        retrained.write_params(chosen(params, agents, seeds))
+        _run(retrained, agents)
+        are_equal = [
+            compare(published, retrained.folder, agent, seed, commit)
+            for agent in agents
+            for seed in seeds
+        ]
+    if not all(are_equal):
+        fingerprint.compare(fingerprint.published())
+        sys.exit(1)
+
+
+def _extract(folder: Path) -> str:
+    """Write the files of the last commit into a folder, and return the commit's short name."""
+    git = ["git", "-C", str(PROJECT_ROOT)]
+    archived = subprocess.run([*git, "archive", "HEAD"], capture_output=True)
+    if archived.returncode:
+        reason = archived.stderr.decode().strip()
+        raise InputError(f"{PROJECT_ROOT}: given {reason}, allowed: a clone of the repository")
+    with tarfile.open(fileobj=io.BytesIO(archived.stdout)) as archive:
+        archive.extractall(folder, filter="data")
+    named = [*git, "rev-parse", "--short", "HEAD"]
+    return subprocess.run(named, check=True, capture_output=True, encoding="utf-8").stdout.strip()
+
+
+def _seed(params: Params, seed: int | None) -> int:
+    if seed is not None and seed not in params.seeds:
+        raise InputError(f"seed: given {seed}, allowed: {', '.join(map(str, params.seeds))}")
+    return params.seeds[0] if seed is None else seed
+
+
+def chosen(params: Params, agents: Sequence[str], seeds: Sequence[int]) -> Params:
+    """Return the published parameters with these seeds alone."""
+    for name in agents:
+        if params.agent(name).learns_from_demonstrations and list(seeds) != params.seeds:
+            raise InputError(f"{name}: imitates an agent's seeds together, allowed: --all")
+    return params.model_copy(update={"seeds": list(seeds)})
+
+
+def _run(project: Checkout, agents: Sequence[str]) -> None:
+    """Train and evaluate agents; the pipeline shows its progress."""
+    (project.folder / "dvc.lock").unlink()  # nothing is there that it tells of
+    stages = [f"evaluate@{agent}" for agent in agents]
+    for command in (["git", "init", "-q"], ["dvc", "repro", *stages]):
+        done = subprocess.run(command, cwd=project.folder, env=project.environment)
+        if done.returncode:
+            raise WorkerError("nothing is compared: the pipeline failed, see above")
+
+
+def compare(published: Path, retrained: Path, agent: str, seed: int, commit: str) -> bool:
+    """Print and return whether a seed's files are equal."""
+    theirs, ours = (Paths(root).agent(agent) for root in (published, retrained))
+    before, after = digests(theirs, seed), digests(ours, seed)
+    different = [name for name, digest in before.items() if after.get(name) != digest]
+    if (episodes := _episodes(theirs, seed)) != _episodes(ours, seed):
+        different.append(theirs.episodes.name)
+    if not different:
+        print(f"{agent} seed {seed}: same bytes as published (commit {commit})", flush=True)
+        return True
+    now, then = (_mean_return(paths, seed) for paths in (ours, theirs))
+    print(
+        f"{agent} seed {seed}: {', '.join(different)} differ from what is published (commit "
+        f"{commit}); mean return {now:,.1f}, published {then:,.1f} over "
+        f"{len(episodes)} episodes",
+        flush=True,
+    )
+    return False
+
+
+def digests(paths: AgentPaths, seed: int) -> dict[str, str]:
+    """Return the digests of the files that a seed's training wrote, by name."""
+    by_seed = json.loads(paths.training.read_text(encoding="utf-8"))
+    digests: dict[str, str] = by_seed[str(seed)]
+    return digests
+
+
+def _episodes(paths: AgentPaths, seed: int) -> list[dict[str, str]]:
+    """Return a seed's held-out episodes, as they are written."""
+    with paths.episodes.open(newline="", encoding="utf-8") as file:
+        return [row for row in csv.DictReader(file) if row["seed"] == str(seed)]
+
+
+def _mean_return(paths: AgentPaths, seed: int) -> float:
+    return fmean(float(row["return"]) for row in _episodes(paths, seed))
+
+
+if __name__ == "__main__":
+    output.tolerate_failures()
+    with reported():
+        main()

@@ -1,0 +1,65 @@
+"""Published seeds, retrained from nothing and compared."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import presets
+from scripts import verify
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "scripts.verify", *arguments]
+    return subprocess.run(command, cwd=PROJECT_ROOT, encoding="utf-8", capture_output=True)
+
+
+def test_a_published_seed_has_the_same_bytes_here() -> None:
+    done = run("--agent", "random", "--seed", "21")
+    assert done.returncode == 0, done.stderr
+    assert "random seed 21: same bytes as published (commit " in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--agent", "random", "--seed", "3"), "seed: given 3, allowed: 20, 21"),
+        (("--agent", "nobody"), "nobody"),
+    ],
+)
+def test_what_is_not_published_is_refused(arguments: tuple[str, ...], message: str) -> None:
+    done = run(*arguments)
+    assert done.returncode == 2 and message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_imitators_are_verified_with_all_seeds() -> None:
+    params = presets.load("families")
+    assert verify.chosen(params, ["bc"], params.seeds).seeds == params.seeds
+    with pytest.raises(InputError, match="bc: imitates an agent's seeds together, allowed: --all"):
+        verify.chosen(params, ["bc"], params.seeds[:1])
+
+
+def test_differences_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
+    for root in (ours, theirs):
+        folder = Paths(root).agent("dqn").training.parent
+        shutil.copytree(Paths(PROJECT_ROOT).agent("dqn").training.parent, folder)
+    assert verify.compare(theirs, ours, "dqn", 20, "abc")
+    assert capsys.readouterr().out == "dqn seed 20: same bytes as published (commit abc)\n"
+    paths = Paths(ours).agent("dqn")
+    digest = verify.digests(paths, 20)["policy.zip"]
+    training = paths.training.read_text(encoding="utf-8")
+    paths.training.write_text(training.replace(digest, "0" * 64), encoding="utf-8")
+    assert verify.compare(theirs, ours, "dqn", 21, "abc")
+    assert not verify.compare(theirs, ours, "dqn", 20, "abc")
+    assert "dqn seed 20: policy.zip differ from what is" in capsys.readouterr().out
+    lines = paths.episodes.read_text(encoding="utf-8").splitlines(keepends=True)
+    paths.episodes.write_text("".join(lines[:-1]), encoding="utf-8")
+    assert not verify.compare(theirs, ours, "dqn", 27, "abc")
+    assert "episodes.csv differ" in capsys.readouterr().out
