@@ -56,14 +56,15 @@ def _fastest(
 
 def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float:
     """Return the seconds of the second row of a seed's learning curve."""
-    from jumping_ant.agents import kernels  # slow to import, and not for agents without a row
+    from threadpoolctl import threadpool_limits  # slow to import, and not for agents without a row
 
-    kernels.use(threads)
-    events = trainer_of(agent)(Job(world, agent, seed, num_threads=threads))
-    rows = (event for event in events if isinstance(event, Progress))
-    next(rows)  # not timed: random actions and memory allocation
-    started = time.perf_counter()
-    next(rows)
-    seconds = time.perf_counter() - started
-    kernels.use(machine.BLAS_THREADS)
-    return seconds
+    from jumping_ant.agents import kernels
+
+    kernels.use(machine.BLAS_THREADS)  # PyTorch's own threads would fight with those of products
+    with threadpool_limits(threads, user_api="blas"):
+        events = trainer_of(agent)(Job(world, agent, seed, num_threads=threads))
+        rows = (event for event in events if isinstance(event, Progress))
+        next(rows)  # not timed: random actions and memory allocation
+        started = time.perf_counter()
+        next(rows)
+        return time.perf_counter() - started
