@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.base import portable
+from jumping_ant.base import machine, portable
 from scripts import fingerprint, layers
 
 KNOWN = fingerprint.published()
@@ -24,4 +24,6 @@ def test_every_layer_is_as_published(name: str, compute: Any) -> None:
     others = {key for key, version in KNOWN["versions"].items() if ours[key] != version}
     if others - {fingerprint.RENDERER} or (others and name == "film"):
         pytest.skip(f"published are the layers of other versions of {', '.join(sorted(others))}")
+    if name == "film" and machine.processor() not in KNOWN["processors"]:
+        pytest.skip("Mesa compiles for the processor; films were compared on others only")
     assert compute() == KNOWN["layers"][name], f"{name} differs on this processor"
