@@ -70,8 +70,8 @@ def test_gradients_flow_through_them() -> None:
 def test_libraries_use_the_kernels_that_every_processor_has() -> None:
     threadpoolctl = pytest.importorskip("threadpoolctl")
     blas = [pool for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
-    assert blas and {(pool["architecture"], pool["num_threads"]) for pool in blas} == {
-        ("Haswell", 1)
-    }
+    assert {pool["architecture"] for pool in blas} == {"Haswell"}
+    own = [pool for pool in blas if "numpy.libs" in pool["filepath"]]
+    assert [pool["num_threads"] for pool in own] == [1]
     assert torch.backends.cpu.get_cpu_capability() == "AVX2"
     assert not np._core._multiarray_umath.__cpu_features__["X86_V4"]  # type: ignore[attr-defined]
