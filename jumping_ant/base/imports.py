@@ -26,7 +26,7 @@ def direct(path: Path, root: Path = CODE_ROOT) -> frozenset[Path]:
 
 def files_of(module: str, root: Path = CODE_ROOT) -> set[Path]:
     """Return the project's non-empty files that importing a module runs, with parent packages."""
-    parts = module.split(".")
+    parts = module.split(".") if module else []
     places = [root.joinpath(*parts[: length + 1]) for length in range(len(parts))]
     files = {file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")}
     return {file for file in files if file.is_file() and file.stat().st_size > 0}

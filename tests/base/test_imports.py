@@ -45,3 +45,8 @@ def test_relative_imports_are_found(project: Path) -> None:
     found = imports.direct(project / "house/cellar/stairs.py", project)
     cellar = {"house/cellar/__init__.py", "house/cellar/wine.py"}
     assert names(found, project) == {"house/kitchen.py"} | cellar
+
+
+def test_no_name_is_no_file_whatever_lies_beside_the_project(project: Path) -> None:
+    project.with_suffix(".py").write_text("x = 1\n", encoding="utf-8")
+    assert imports.files_of("", project) == set()

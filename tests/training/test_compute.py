@@ -49,8 +49,9 @@ def wait_for_the_end(folder: Path, key: str, stop: threading.Event) -> Iterator[
 
 @pytest.fixture(autouse=True, scope="module")
 def workers_find_this_file() -> Iterator[None]:
-    """Ray's workers, too, which do not have this process's `sys.path`."""
+    """Ray's workers, too, which do not have this process's `sys.path`, nor the user's token."""
     with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setenv("RAY_AUTH_MODE", "disabled")
         monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
         yield
 
