@@ -20,7 +20,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro article check style test test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install try repro preset article check style test test-quick test-comparison test-smoke test-soak test-training \
 	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -50,6 +50,12 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg .venv/.dvc ## install
 
 repro: install ## rerun what a change to params.yaml or to the code affects
 	dvc repro
+
+try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (4 minutes)
+	python -m scripts.preset quick
+
+preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families)
+	@python -m scripts.preset $(PRESET)
 
 article: install ## reproduce what the article printed, into results/article.json (2.5 hours on 2 cores)
 	python -m scripts.article

@@ -2,17 +2,12 @@
 
 Usage: python -m scripts.article [--measure] [--folder FOLDER]
 
-Runs the whole pipeline with `presets/article` in a copy of the project, `.article/`, which takes
-hours. A stopped run resumes from its checkpoints, and the project's own results do not change. Then
-tests the trained agents as the article did, which takes a minute, and writes results/article.json
-and results/article/*.png.
+Runs the whole pipeline with `presets/article` in a copy of the project, `.presets/article/`, which
+takes hours (see scripts.preset). Then tests the trained agents as the article did, which takes a
+minute, and writes results/article.json and results/article/*.png.
 """
 
-import signal
-import subprocess
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +15,13 @@ from jumping_ant.agents import catalogue
 from jumping_ant.article import figures as article_figures
 from jumping_ant.article import reproduction
 from jumping_ant.base import command_line, machine, output
-from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
+from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks.looks import looks
-from scripts.checkout import Checkout, renew_project
+from scripts import preset
 
-FOLDER = PROJECT_ROOT / ".article"
 RESULTS = PROJECT_ROOT / "results"
 
 
@@ -35,10 +29,15 @@ def main() -> None:
     """Parse the command line, run and measure."""
     parser = command_line.parser(__doc__)
     parser.add_argument("--measure", action="store_true", help="only measure what is trained")
-    parser.add_argument("--folder", type=Path, default=FOLDER, help="where the trained agents are")
+    parser.add_argument(
+        "--folder",
+        type=Path,
+        default=preset.folder_of("article"),
+        help="where the trained agents are",
+    )
     options = parser.parse_args()
     if not options.measure:
-        run(options.folder, presets.load("article"))
+        preset.run(options.folder, presets.load("article"))
     started = time.perf_counter()
     content = measure(options.folder)
     hours = content["training"]["hours_on_2_cores"]
@@ -46,42 +45,6 @@ def main() -> None:
         f"training took {hours:.2g} hours on 2 cores (the measured seconds of all seeds, halved), "
         f"measuring {time.perf_counter() - started:.0f} s"
     )
-
-
-def run(folder: Path, params: Params) -> None:
-    """Run the pipeline in a copy of the project, resuming an earlier run.
-
-    Args:
-        folder: Folder of the copy.
-        params: Its parameters.
-
-    Raises:
-        StoppedError: A signal requested a stop.
-        WorkerError: The pipeline failed; its own message is printed above.
-    """
-    renew_project(folder)
-    copy = Checkout(folder)
-    copy.write_params(params)
-    with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
-        status = subprocess.run(["dvc", "repro"], cwd=folder, env=copy.environment).returncode
-    if interrupts:
-        raise StoppedError("`make article` resumes from the last checkpoints")
-    if status:
-        raise WorkerError(
-            f"`dvc repro` in {folder} ended with status {status}; see its output above; "
-            "`make article` resumes from there"
-        )
-
-
-@contextmanager
-def _interrupts_noted() -> Iterator[list[int]]:
-    """Have Ctrl-C append to a list instead of raising KeyboardInterrupt."""
-    interrupts: list[int] = []
-    previous = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
-    try:
-        yield interrupts
-    finally:
-        signal.signal(signal.SIGINT, previous)
 
 
 def measure(folder: Path) -> dict[str, Any]:

@@ -110,4 +110,4 @@ def _names() -> list[str]:
 def _copy(names: Iterable[str], folder: Path) -> None:
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(PROJECT_ROOT / name, folder / name)
+        shutil.copy2(PROJECT_ROOT / name, folder / name)  # with its time, by which make decides

@@ -2,10 +2,10 @@
 
 Usage: python -m scripts.publish [PRESET]
 
-Writes the section of that preset in docs/results.md. With the preset `default`, which is the
-default, it writes the pictures of the README as well: docs/images/, and README.md's table of
-claims. With `article` it reads the output of `make article` in .article/ and results/article.json,
-and also writes the table of printed values in docs/article.md. With `run` it writes SAC's returns
+Writes the section of that preset in docs/results.md, from its run in .presets/ (`make preset`).
+With the preset `default`, which is the default, it writes the pictures of the README as well:
+docs/images/, and README.md's table of claims. With `article` it also writes the table of printed
+values in docs/article.md, from results/article.json. With `run` it writes SAC's returns
 beside published ones, too. With `families` the section is in docs/families.md, which gets pictures
 as well, and results/families.json the comparison; `tuning` is what results/tuning.csv says of the
 search for settings, in the same document.
@@ -31,18 +31,12 @@ from jumping_ant.experiment import curves, params_file, summaries
 from jumping_ant.looks import wording
 from jumping_ant.looks.wording import p_value
 from jumping_ant.tracking import descriptions
+from scripts.preset import folder_of
 
 DOCS = PROJECT_ROOT / "docs"
 README = PROJECT_ROOT / "README.md"
 RESULTS = PROJECT_ROOT / "results"
-FOLDERS = {
-    "default": PROJECT_ROOT,
-    "ablations": PROJECT_ROOT,
-    "article": PROJECT_ROOT / ".article",
-    "run": PROJECT_ROOT,
-    "hopper": PROJECT_ROOT,
-    "families": PROJECT_ROOT,
-}
+PRESETS = ("default", "ablations", "article", "run", "hopper", "families")
 DOCUMENTS = {"families": DOCS / "families.md"}  # others: docs/results.md
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
 PUBLISHED = DOCS / "published" / "ant_sac.csv"
@@ -65,29 +59,30 @@ Sections = dict[tuple[Path, str], str]  # what documents say, by document and ma
 def main() -> None:
     """Parse the command line and write."""
     parser = command_line.parser(__doc__)
-    parser.add_argument("preset", nargs="?", default="default", choices=[*FOLDERS, "tuning"])
+    parser.add_argument("preset", nargs="?", default="default", choices=[*PRESETS, "tuning"])
     preset = parser.parse_args().preset
-    for (document, name), content in _sections(preset).items():
+    folder = PROJECT_ROOT if preset == "default" else folder_of(preset)
+    for (document, name), content in _sections(preset, folder).items():
         replace_section(document, name, content)
     if preset in PICTURES:
         for name in FIGURES:
-            picture = (RESULTS / "figures" / f"{name}.png").read_bytes()
+            picture = (folder / "results" / "figures" / f"{name}.png").read_bytes()
             write_bytes(DOCS / "images" / f"{PICTURES[preset]}{name}.png", picture)
     if preset == "default":
         write_bytes(DOCS / "images" / "jumping.webp", animation())
     elif preset == "families":
-        write_json(RESULTS / "families.json", results(PROJECT_ROOT))
+        write_json(RESULTS / "families.json", results(folder))
 
 
-def _sections(preset: str) -> Sections:
-    """Return what documents say of a preset that has just been run."""
+def _sections(preset: str, folder: Path) -> Sections:
+    """Return what documents say of a preset that has been run in a folder."""
     if preset == "tuning":
         return tuning_sections()
-    sections = comparison_sections(preset, results(FOLDERS[preset]))
+    sections = comparison_sections(preset, results(folder))
     if preset == "article":
         sections |= printed_sections()
     elif preset == "run":
-        sections[RESULTS_PAGE, "published"] = published_table(PROJECT_ROOT)
+        sections[RESULTS_PAGE, "published"] = published_table(folder)
     return sections
 
 
@@ -246,7 +241,7 @@ def published_table(root: Path) -> str:
         if not all(map(len, here)):
             raise InputError(
                 f"{Paths(root).agent('sac').models}: given no validation at {steps:,} control "
-                "steps; run `dvc exp run $(cat presets/run)` first"
+                "steps; run `make preset PRESET=run` first"
             )
         theirs = published["return"][published["env_steps"] == steps]
         cells = [_median_of(np.concatenate(here)), _median_of(theirs)]

@@ -43,7 +43,7 @@ def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -
         ("tuning", "docs/families.md"),
         *(
             (preset, str(publish.DOCUMENTS.get(preset, publish.RESULTS_PAGE)))
-            for preset in publish.FOLDERS
+            for preset in publish.PRESETS
         ),
     ],
 )

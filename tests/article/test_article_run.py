@@ -12,16 +12,16 @@ from ruamel.yaml import YAML
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.article import figures as article_figures
 from jumping_ant.article import printed_values, reproduction
-from jumping_ant.base.errors import InputError, StoppedError, WorkerError
+from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file, presets
+from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks.looks import looks
 from jumping_ant.sim import robot
 from jumping_ant.training.driver import train
 from scripts import article as command
 from scripts import publish
-from scripts.checkout import Checkout, renew_project
+from scripts.checkout import renew_project
 
 TINY: dict[str, dict[str, Any]] = {
     "dqn": {"total_steps": 300, "learning_starts": 100, "buffer_size": 300, "net_arch": [8]},
@@ -228,35 +228,3 @@ def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: P
     ).read_text(encoding="utf-8")
     assert not (copy / "jumping_ant" / "gone.py").exists()
     assert {(copy / name).read_text(encoding="utf-8") for name in kept} == {"kept"}
-
-
-def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
-    """Have copies find a shell script in place of DVC."""
-    (folder / "dvc").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
-    (folder / "dvc").chmod(0o755)
-    monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
-
-
-def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
-    params, copy = presets.load("article"), tmp_path / "copy"
-    command.run(copy, params)
-    assert (copy / "called").read_text(encoding="utf-8") == f"{copy} repro\n"
-    assert params_file.load(copy / "params.yaml") == params
-
-
-def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    replace_dvc(monkeypatch, tmp_path, "exit 3")
-    with pytest.raises(WorkerError, match="ended with status 3; .* `make article` resumes"):
-        command.run(tmp_path / "copy", presets.load("article"))
-
-
-def test_an_interrupt_waits_for_the_pipeline_to_save(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    replace_dvc(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
-    with pytest.raises(StoppedError, match="resumes from the last checkpoints"):
-        command.run(tmp_path / "copy", presets.load("article"))
-    assert (tmp_path / "copy" / "saved").exists()

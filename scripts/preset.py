@@ -1,0 +1,89 @@
+"""Run the pipeline with a preset, in a copy of the project of its own.
+
+Usage: python -m scripts.preset NAME
+
+The copy is `.presets/NAME/`, a whole project: `make ui` and `make view` work in it. The project's
+own results do not change. A stopped run resumes from its checkpoints.
+"""
+
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from jumping_ant.base import command_line, output
+from jumping_ant.base.errors import StoppedError, WorkerError, reported
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.experiment import presets
+from jumping_ant.experiment.models import Params
+from scripts.checkout import Checkout, renew_project
+
+FEW_SEEDS = 5  # fewer can't decide any claim: of 4 against 4, p is at least 0.029
+
+
+def folder_of(name: str) -> Path:
+    """Return the folder of a preset's copy."""
+    return PROJECT_ROOT / ".presets" / name
+
+
+def main() -> None:
+    """Parse the command line and run."""
+    parser = command_line.parser(__doc__)
+    parser.add_argument("name", help="name of a file in presets/")
+    name = parser.parse_args().name
+    params, folder = presets.load(name), folder_of(name)
+    run(folder, params)
+    print(
+        f"\nThe report: {folder}/results/report.html, films: {folder}/media/*.mp4\n"
+        f"MLflow: make -C {folder} ui, recordings in Rerun: make -C {folder} view AGENT=lineup"
+    )
+    if len(params.seeds) < FEW_SEEDS:
+        print(
+            f"{len(params.seeds)} seeds show what the robot does; they prove nothing about which "
+            "learner is better. `make repro` asks that."
+        )
+
+
+def run(folder: Path, params: Params) -> None:
+    """Run the pipeline in a copy of the project, resuming an earlier run.
+
+    Args:
+        folder: Folder of the copy.
+        params: Its parameters.
+
+    Raises:
+        StoppedError: A signal requested a stop.
+        WorkerError: The pipeline failed; its own message is printed above.
+    """
+    renew_project(folder)
+    with suppress(FileExistsError):  # so that the copy's `make` finds what is installed
+        (folder / ".venv").symlink_to(PROJECT_ROOT / ".venv")
+    copy = Checkout(folder)
+    copy.write_params(params)
+    with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
+        status = subprocess.run(["dvc", "repro"], cwd=folder, env=copy.environment).returncode
+    if interrupts:
+        raise StoppedError("the same command resumes from the last checkpoints")
+    if status:
+        raise WorkerError(
+            f"`dvc repro` in {folder} ended with status {status}; see its output above; "
+            "the same command resumes from there"
+        )
+
+
+@contextmanager
+def _interrupts_noted() -> Iterator[list[int]]:
+    """Have Ctrl-C append to a list instead of raising KeyboardInterrupt."""
+    interrupts: list[int] = []
+    previous = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    try:
+        yield interrupts
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+if __name__ == "__main__":
+    output.tolerate_failures()
+    with reported():
+        main()

@@ -1,0 +1,60 @@
+"""A preset in a folder of its own."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from jumping_ant.base.errors import StoppedError, WorkerError
+from jumping_ant.experiment import params_file, presets
+from scripts import preset
+from scripts.checkout import Checkout
+
+
+def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
+    """Have copies find a shell script in place of DVC."""
+    (folder / "dvc").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    (folder / "dvc").chmod(0o755)
+    monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
+
+
+def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
+    params, copy = presets.load("quick"), tmp_path / "copy"
+    preset.run(copy, params)
+    assert (copy / "called").read_text(encoding="utf-8") == f"{copy} repro\n"
+    assert params_file.load(copy / "params.yaml") == params
+
+
+def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace_dvc(monkeypatch, tmp_path, "exit 3")
+    with pytest.raises(WorkerError, match="ended with status 3; .* the same command resumes"):
+        preset.run(tmp_path / "copy", presets.load("quick"))
+
+
+def test_an_interrupt_waits_for_the_pipeline_to_save(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_dvc(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
+    with pytest.raises(StoppedError, match="resumes from the last checkpoints"):
+        preset.run(tmp_path / "copy", presets.load("quick"))
+    assert (tmp_path / "copy" / "saved").exists()
+
+
+def test_what_is_made_is_told_and_that_few_seeds_prove_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replace_dvc(monkeypatch, tmp_path, "exit 0")
+    copy = tmp_path / ".presets" / "quick"
+    monkeypatch.setattr(preset, "folder_of", lambda name: copy)
+    monkeypatch.setattr("sys.argv", ["preset", "quick"])
+    preset.main()
+    told = capsys.readouterr().out
+    assert f"{copy}/results/report.html" in told
+    assert "2 seeds show what the robot does; they prove nothing" in told
+    make = subprocess.run(
+        ["make", "--dry-run", "install"], cwd=copy, encoding="utf-8", capture_output=True
+    )
+    assert "environment.sh packages" not in make.stdout  # the copy uses what is installed
