@@ -2,11 +2,12 @@
 
 Usage: python -m scripts.verify [--agent AGENT] [--seed SEED] [--all]
 
-Runs the pipeline of the last commit in a copy of it: training and evaluation of one seed of one
-agent, which takes a minute or two; by default of the first seed of every agent; with --all of
-everything. Compares policies, learning curves and held-out episodes with results/agents/. Where
-they differ, says by how much the returns do, and which layer of this machine computes differently
-(see scripts.fingerprint); the exit status is 1 then.
+Takes the commit that last changed results/agents/, whatever was changed since, and runs its code in
+a copy: training and evaluation of one seed of one agent, which takes a minute or two; by default of
+the first seed of every agent; with --all of everything. Compares policies, learning curves and
+held-out episodes with what that commit holds. Where they differ, says by how much the returns do,
+and which layer of this machine computes differently (see scripts.fingerprint); the exit status is 1
+then.
 """
 
 import csv
@@ -39,8 +40,9 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         published, retrained = Path(folder, "published"), Checkout(Path(folder, "retrained"))
-        commit = _extract(published)
-        _extract(retrained.folder)
+        commit = _published()
+        _extract(commit, published)
+        _extract(commit, retrained.folder)
         params = params_file.load(published / "params.yaml")
         agents = [options.agent] if options.agent else list(params.agents)
         seeds = params.seeds if options.all else [_seed(params, options.seed)]
@@ -56,17 +58,26 @@ def main() -> None:
         sys.exit(1)
 
 
-def _extract(folder: Path) -> str:
-    """Write the files of the last commit into a folder, and return the commit's short name."""
-    git = ["git", "-C", str(PROJECT_ROOT)]
-    archived = subprocess.run([*git, "archive", "HEAD"], capture_output=True)
-    if archived.returncode:
-        reason = archived.stderr.decode().strip()
-        raise InputError(f"{PROJECT_ROOT}: given {reason}, allowed: a clone of the repository")
-    with tarfile.open(fileobj=io.BytesIO(archived.stdout)) as archive:
+def _extract(commit: str, folder: Path) -> None:
+    """Write the files of a commit into a folder."""
+    with tarfile.open(fileobj=io.BytesIO(_git("archive", commit))) as archive:
         archive.extractall(folder, filter="data")
-    named = [*git, "rev-parse", "--short", "HEAD"]
-    return subprocess.run(named, check=True, capture_output=True, encoding="utf-8").stdout.strip()
+
+
+def _published() -> str:
+    """Return the short name of the commit that published the results."""
+    if _git("rev-parse", "--is-shallow-repository").strip() == b"true":
+        raise InputError(f"{PROJECT_ROOT}: given a shallow clone, allowed: one with its history")
+    return _git("log", "-1", "--format=%h", "--", "results/agents").decode().strip()
+
+
+def _git(*command: str) -> bytes:
+    """Run git in the project and return its output."""
+    done = subprocess.run(["git", "-C", str(PROJECT_ROOT), *command], capture_output=True)
+    if done.returncode:
+        reason = done.stderr.decode().strip()
+        raise InputError(f"{PROJECT_ROOT}: given {reason}, allowed: a clone of the repository")
+    return done.stdout
 
 
 def _seed(params: Params, seed: int | None) -> int:
