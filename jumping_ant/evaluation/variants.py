@@ -93,7 +93,7 @@ def make(
 
     `validation_seed` is that of the first episode by which the best sample is chosen.
     """
-    names = variant_names.names(algorithm, chooses_torques=published.actions.table is None)
+    names = variant_names.names(algorithm, published.actions.chooses_torques)
     variants: dict[str, Policy] = {"final": final}
     if "rounded" in names:
         commands = AMPLITUDE * np.array(world.env.commands, dtype=np.float64)

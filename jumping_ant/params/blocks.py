@@ -7,7 +7,7 @@ state the range of each number. The settings of an agent are defined next to its
 """
 
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -15,6 +15,7 @@ from pydantic import (
     ConfigDict,
     Field,
     field_validator,
+    model_validator,
 )
 
 # Upper bounds keep physics and memory finite; they are far beyond what is useful.
@@ -152,12 +153,22 @@ class EnvParams(Block):
 class ActionParams(Block):
     """What an agent chooses from at each decision, and how long each choice is held."""
 
-    kind: Literal["torques", "commands"]
-    """Any torques, or one of the commands of `env.commands`."""
+    kind: Literal["torques", "commands", "levels"]
+    """Any torques, one of the commands of `env.commands`, or one of a few levels for each motor."""
+    levels: Literal[2, 3] | None = Field(default=None, exclude_if=lambda levels: levels is None)
+    """[-] Levels of each motor: -1 and 1, or -1, 0 and 1, times the amplitude; null otherwise."""
     amplitude: Annotated[float, Field(gt=0, le=1)]
     """[-] Factor on torques over peak torque; the article's commands have 0.5."""
     hold: Count
     """[control steps] How long each choice is held."""
+
+    @model_validator(mode="after")
+    def _levels_have_a_number(self) -> Self:
+        if (self.kind == "levels") != (self.levels is not None):
+            given = "none" if self.levels is None else self.levels
+            allowed = "2 or 3" if self.kind == "levels" else "none"
+            raise ValueError(f"levels is {given}, but kind {self.kind} takes {allowed}")
+        return self
 
 
 class TorqueParams(ActionParams):

@@ -190,14 +190,16 @@ class QuantileCommands(GreedyCommands):
 
 
 class ActorCritic(Network):
-    """The actor of A2C and PPO: the mean of a Gaussian, or the most probable command."""
+    """The actor of A2C and PPO: a Gaussian's mean, or the most probable command or levels."""
 
     PREFIXES = ("mlp_extractor.policy_net.", "action_net.")
     FACTORS = "features_extractor.factors"
 
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
-        choices = self.actions.choices(self._forward(observations))
+        outputs = self._forward(observations)
+        is_gaussian = self.actions.chooses_torques
+        choices = self.actions.choices(outputs) if is_gaussian else self.actions.best(outputs)
         return self.actions.torques(choices).astype(np.float64)
 
     def _activate(self, values: NDArray[np.float32]) -> NDArray[np.float32]:

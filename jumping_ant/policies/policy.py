@@ -72,6 +72,7 @@ def header_entries(kind: str, interface: Interface, **fields: int) -> dict[str, 
         "amplitude": actions.amplitude,
         "num_observations": interface.num_observations,
         "num_motors": interface.num_motors,
+        **({} if actions.levels is None else {"levels": actions.levels}),
         **fields,
     }
     entries = {HEADER: json.dumps(header).encode()}
@@ -103,4 +104,7 @@ def action_set(header: Header, entries: Entries) -> ActionSet:
         raise ValueError(f"actions held for {hold} control steps")
     if not 0 < amplitude <= 1:
         raise ValueError(f"torques of {amplitude} times the peak torque")
-    return ActionSet(table, amplitude, hold)
+    levels = int(header["levels"]) if "levels" in header else None
+    if levels is not None and (table is not None or not 2 <= levels <= LARGEST):
+        raise ValueError(f"{levels} levels of each motor")
+    return ActionSet(table, amplitude, hold, levels)

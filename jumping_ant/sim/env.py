@@ -183,7 +183,7 @@ class Decisions(gym.Wrapper):
         """Hold a choice for its duration or until the episode ends.
 
         Args:
-            action: Number of a command, or torques in [-1, 1], shape (num_motors,).
+            action: Number of a command, or torques in [-1, 1] or levels' indices, (num_motors,).
 
         Returns:
             The last observation, shape (num_observations,), the summed reward, whether the episode

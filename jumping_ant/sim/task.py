@@ -61,6 +61,8 @@ def action_space(actions: ActionSet, num_motors: int) -> gym.Space[Any]:
     """Return the space of one choice from an action set."""
     if actions.table is not None:
         return gym.spaces.Discrete(len(actions.table))
+    if actions.levels is not None:
+        return gym.spaces.MultiDiscrete([actions.levels] * num_motors)
     return gym.spaces.Box(-1.0, 1.0, (num_motors,), np.float32)
 
 

@@ -138,7 +138,8 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         If an environment's episode ends within them, the step returns the values at that end.
 
         Args:
-            actions: Torques in [-1, 1], shape (num_envs, num_motors), or commands, (num_envs,).
+            actions: Choices from the action set: torques in [-1, 1] or indices of levels, shape
+                (num_envs, num_motors), or commands, (num_envs,).
 
         Returns:
             Observations (num_envs, num_observations), rewards, terminations and truncations

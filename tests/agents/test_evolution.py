@@ -84,8 +84,11 @@ def test_returns_are_those_of_gymne(
         assert float(batch.evals[index]) == np.float32(theirs)
 
 
-def test_the_policy_scores_what_the_solution_scored(robot_xml: str) -> None:
-    agent = AGENT.model_copy(update={"observation_normalization": False})
+@pytest.mark.parametrize("levels", [None, 2, 3])
+def test_the_policy_scores_what_the_solution_scored(robot_xml: str, levels: int | None) -> None:
+    kind = "torques" if levels is None else "levels"
+    actions = ActionParams(kind=kind, levels=levels, amplitude=1.0, hold=1)
+    agent = AGENT.model_copy(update={"observation_normalization": False, "actions": actions})
     problem = JumpProblem(Job(World(robot_xml, PARAMS.env), agent, seed=0))
     batch = problem.generate_batch(6)
     problem.evaluate(batch)

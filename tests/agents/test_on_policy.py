@@ -24,12 +24,14 @@ from jumping_ant.sim.world import World
 
 ENV = small_agents.PARAMS.env.model_copy(update={"max_episode_steps": 60})
 NAMES = small_agents.of_package("on_policy")
-KINDS = ("torques", "commands")
+KINDS = ("torques", "commands", "levels")
 
 
 def small(name: str, kind: str, hold: int = 2) -> Any:
     agent = small_agents.agents()[name]
-    actions = ActionParams(kind=kind, amplitude=1.0, hold=hold)
+    actions = ActionParams(
+        kind=kind, levels=2 if kind == "levels" else None, amplitude=1.0, hold=hold
+    )
     alone = {"num_envs": 1, "long_episodes": 0.0, "tumbled_starts": 0.0, "episode_steps": 40}
     return agent.model_copy(update={"actions": actions, "n_steps": 20} | alone)
 

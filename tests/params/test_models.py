@@ -90,7 +90,7 @@ def test_budgets_are_counted_in_control_steps(
         (
             "agents.sac.actions.hod",
             1,
-            "unknown key (did you mean 'hold'?); allowed: kind, amplitude, hold",
+            "unknown key (did you mean 'hold'?); allowed: kind, levels, amplitude, hold",
         ),
         ("agents.random.actions.hold", MISSING, "missing; it must be given"),
         ("env.frame_skip", MISSING, "missing; it must be given"),
@@ -114,7 +114,12 @@ def test_budgets_are_counted_in_control_steps(
         # Actions that an algorithm cannot take.
         ("agents.dqn.actions.kind", "torques", "given 'torques', allowed: 'commands'"),
         ("agents.sac.actions.kind", "commands", "given 'commands', allowed: 'torques'"),
-        ("agents.random.actions.kind", "all", "given 'all', allowed: 'torques' or 'commands'"),
+        (
+            "agents.random.actions.kind",
+            "all",
+            "given 'all', allowed: 'torques', 'commands' or 'levels'",
+        ),
+        ("agents.pgpe.actions.levels", 4, "given 4, allowed: 2 or 3 or null"),
         # Ranges.
         ("robot.density", 0, "given 0, allowed: greater than 0 or null"),
         ("robot.density", -2.5, "given -2.5, allowed: greater than 0 or null"),
@@ -183,6 +188,21 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
             "agents.metronome.half_periods",
             [2, 0],
             "agents.metronome.half_periods.1: given 0, allowed: greater than or equal to 1",
+        ),
+        (
+            "agents.pgpe.actions.levels",
+            2,
+            "agents.pgpe.actions: levels is 2, but kind torques takes none",
+        ),
+        (
+            "agents.pgpe.actions.kind",
+            "levels",
+            "agents.pgpe.actions: levels is none, but kind levels takes 2 or 3",
+        ),
+        (
+            "agents.dqn.actions.kind",
+            "levels",
+            "agents.dqn.actions.kind: given 'levels', allowed: 'commands'",
         ),
         ("seeds", [0, -1], "seeds.1: given -1, allowed: greater than or equal to 0"),
         (

@@ -25,7 +25,9 @@ def linear_policy(actions: ActionSet = ActionSet()) -> LinearPolicy:  # noqa: B0
 
 NUMBERS = {
     "linear": linear_policy(ActionSet(amplitude=0.25, hold=4)),
+    "linear levels": linear_policy(ActionSet(amplitude=0.25, hold=4, levels=2)),
     "uniform": UniformPolicy(3, ActionSet(amplitude=0.25, hold=4), 8),
     "uniform commands": UniformPolicy(3, COMMANDS, 8),
+    "uniform levels": UniformPolicy(3, ActionSet(levels=3), 8),
     "open loop": OpenLoopPolicy(ActionSet(COMMAND_SIGNS[[3, 4]], hold=3)),
 }

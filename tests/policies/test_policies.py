@@ -126,7 +126,7 @@ def test_files_are_the_same_bytes_and_act_the_same(policy: Any, tmp_path: Path) 
     assert type(loaded) is type(policy)
     assert loaded.to_bytes() == content == policy.to_bytes()
     mine, read = policy.actions, loaded.actions
-    assert (read.hold, read.amplitude) == (mine.hold, mine.amplitude)
+    assert (read.hold, read.amplitude, read.levels) == (mine.hold, mine.amplitude, mine.levels)
     assert np.array_equal(read.table, mine.table) and (read.table is None) == (mine.table is None)
     for one in (policy, loaded):
         one.start(range(50))
@@ -146,6 +146,8 @@ def test_linear_policy_by_hand() -> None:
     weaker = replace(policy, actions=ActionSet(amplitude=0.5)).act(observation)
     assert weaker.tolist() == [[0.125, -0.125, 0.5, -0.5, 0, 0, 0, 0.0625]]
     assert torques.dtype == np.float64
+    signs = replace(policy, actions=ActionSet(amplitude=0.5, levels=2)).act(observation)
+    assert signs.tolist() == [[0.5, -0.5, 0.5, -0.5, 0.5, 0.5, 0.5, 0.5]]
 
 
 def test_random_torques_depend_on_seed_and_episode_alone() -> None:

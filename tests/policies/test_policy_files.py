@@ -49,8 +49,8 @@ def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
 HEADER = SIZES | {"format": 3, "kind": "uniform", "seed": 0, "hold": 1, "amplitude": 1.0}
 
 
-def with_amplitude(amplitude: Any) -> bytes:
-    return pack({"policy.json": json.dumps(HEADER | {"amplitude": amplitude}).encode()})
+def with_header(**fields: Any) -> bytes:
+    return pack({"policy.json": json.dumps(HEADER | fields).encode()})
 
 
 def actor(*weights: Any) -> dict[str, Any]:
@@ -108,6 +108,7 @@ LINEAR = linear_policy().to_bytes()
 ARRAYS = dict(Archive(LINEAR))
 
 
+LEVELLED = OPEN_LOOP["policy.json"].replace(b"}", b', "levels": 2}')
 DAMAGED = {
     "empty": b"",
     "text": b"no policy at all",
@@ -143,9 +144,12 @@ DAMAGED = {
     "held for a word": archive("uniform", hold="long"),
     "held for half a step": archive("uniform", hold=0.5),
     "amplitude missing": pack({"policy.json": b'{"kind": "uniform", "seed": 0, "hold": 1}'}),
-    "amplitude no number": with_amplitude("loud"),
-    "amplitude not finite": with_amplitude(float("nan")),
-    "amplitude beyond the peak torque": with_amplitude(2.0),
+    "amplitude no number": with_header(amplitude="loud"),
+    "amplitude not finite": with_header(amplitude=float("nan")),
+    "amplitude beyond the peak torque": with_header(amplitude=2.0),
+    "one level": with_header(levels=1),
+    "levels without end": with_header(levels=10**9),
+    "levels and a table": pack(OPEN_LOOP | {"policy.json": LEVELLED}),
     "later format": pack({"policy.json": ARRAYS["policy.json"].replace(b": 3,", b": 4,")}),
     "weight not a number": pack(ARRAYS | {"weight.npy": npy(np.full((8, 27), np.nan))}),
     "bias infinite": pack(ARRAYS | {"bias.npy": npy(np.full(8, np.inf))}),
@@ -162,12 +166,8 @@ DAMAGED = {
     "layers of other widths": archive(
         "td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 10))))}
     ),
-    "motors beyond number": pack(
-        {"policy.json": json.dumps(HEADER | {"num_motors": 10**9}).encode()}
-    ),
-    "observations beyond number": pack(
-        {"policy.json": json.dumps(HEADER | {"num_observations": 10**12}).encode()}
-    ),
+    "motors beyond number": with_header(num_motors=10**9),
+    "observations beyond number": with_header(num_observations=10**12),
 }
 
 
@@ -195,12 +195,12 @@ def test_the_damage_is_all_that_is_wrong() -> None:
         archive("uniform", hold=3),
         archive("open_loop", COMMAND_SIGNS),
         archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE}),
-        with_amplitude(0.5),
+        with_header(amplitude=0.5, levels=2),
         pack(OPEN_LOOP),
         pack(ARRAYS),
         archive("td3", **{"policy.pth": tensors(**actor(np.ones((8, 27))))}),
         archive("td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 9))))}),
-        pack({"policy.json": json.dumps(HEADER).encode()}),
+        with_header(),
     ):
         assert policy_file.parse(content).actions.hold >= 1
 

@@ -55,6 +55,29 @@ def test_torques_are_scaled_by_the_amplitude() -> None:
     assert action_set("torques", 1.0).torques(chosen) is chosen
 
 
+def test_two_levels_are_the_signs_of_the_outputs() -> None:
+    actions = ActionSet(amplitude=0.25, levels=2)
+    assert action_space(actions, 8) == gym.spaces.MultiDiscrete([2] * 8)
+    outputs = np.array([[3.0, 1e-30, 0.0, -0.0, -1e-30, -0.2, -7.0, 0.9]], dtype=np.float32)
+    choices = actions.choices(outputs)
+    assert action_space(actions, 8).contains(choices[0])
+    assert (4 * actions.torques(choices)).tolist() == [[1, 1, 1, 1, -1, -1, -1, 1]]
+
+
+def test_outputs_go_to_the_nearest_of_three_levels() -> None:
+    actions = ActionSet(amplitude=0.5, levels=3)
+    outputs = np.array([[3.0, 0.5, 0.49, 0.0, -0.49, -0.5, -0.51, -2.0]])
+    torques = actions.torques(actions.choices(outputs))
+    assert torques.tolist() == [[0.5, 0.5, 0, 0, 0, 0, -0.5, -0.5]], "halfway: the upper one"
+
+
+def test_the_best_choice_is_that_of_each_motors_highest_value() -> None:
+    values = np.array([[0, 2, 1, 5, 4, 3], [7, 0, 0, 0, 0, 9]])
+    assert ActionSet(levels=3).best(values).tolist() == [[1, 0], [0, 2]]
+    assert ActionSet(levels=2).best(values).tolist() == [[1, 1, 0], [0, 0, 1]]
+    assert ActionSet(COMMAND_SIGNS).best(values).tolist() == [3, 5]
+
+
 def test_random_choices_cover_the_set() -> None:
     generator = np.random.default_rng(0)
     commands = action_set("commands", 0.5)
@@ -65,6 +88,10 @@ def test_random_choices_cover_the_set() -> None:
     torques = np.array([some.sample(generator, 8) for _ in range(1000)])
     assert 0.24 < torques.max() <= 0.25 and -0.25 <= torques.min() < -0.24
     np.testing.assert_allclose(torques.mean(axis=0), 0, atol=0.025)
+    levels = ActionSet(amplitude=0.25, levels=3)
+    drawn = np.array([levels.sample(generator, 8) for _ in range(1000)])
+    shares = [(drawn == level).mean(axis=0) for level in (-0.25, 0, 0.25)]
+    np.testing.assert_allclose(shares, 1 / 3, atol=0.06)
 
 
 def test_the_first_motors_drive_the_front_legs_and_the_others_the_back_legs(robot_xml: str) -> None:

@@ -280,6 +280,7 @@ def test_commands_are_the_torques_of_the_table(make: Any) -> None:
 HELD = {
     "torques": ActionSet(amplitude=0.5, hold=3),
     "commands": ActionSet(0.5 * COMMAND_SIGNS, hold=3),
+    "levels": ActionSet(hold=3, levels=3),
 }
 
 
