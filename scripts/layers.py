@@ -94,10 +94,12 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "random_actions": {"actions": TORQUES},
 }
 COMMANDS = {"actions": {"kind": "commands", "amplitude": 0.5, "hold": 3}}
+LEVELS = {"actions": {"kind": "levels", "levels": 2, "amplitude": 1.0, "hold": 3}}
 SPREAD = {"stdev_init": 0.2}
 RATES = SPREAD | {"center_learning_rate": 0.1, "stdev_learning_rate": 0.1}
 OWN_SETTINGS: dict[str, dict[str, Any]] = {
     "dqn": COMMANDS,
+    "decqn": LEVELS,
     "qrdqn": COMMANDS,
     "ddpg": {"action_noise": 0.2},
     "td3": {"action_noise": 0.2},

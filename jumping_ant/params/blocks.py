@@ -185,6 +185,15 @@ class CommandParams(ActionParams):
     """One of the commands of `env.commands`."""
 
 
+class LevelParams(ActionParams):
+    """The actions of agents that choose a level for each motor."""
+
+    kind: Literal["levels"]
+    """One of a few levels for each motor."""
+    levels: Literal[2, 3]
+    """[-] Levels of each motor: -1 and 1, or -1, 0 and 1, times the amplitude."""
+
+
 class DemonstrationParams(Block):
     """Demonstrations of a trained agent (see `jumping_ant.training.demonstrating`)."""
 

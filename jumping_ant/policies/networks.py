@@ -149,14 +149,14 @@ class NormalizedActor(GaussianActor):
 
 
 class GreedyCommands(Network):
-    """DQN's Q-network, which acts with the command of the highest value."""
+    """DQN's Q-network, which acts with the command, or the levels, of the highest value."""
 
     PREFIXES = ("q_net.q_net.",)
     FACTORS = "q_net.features_extractor.factors"
 
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
-        return self._torques(self.actions.choices(self._forward(observations)))
+        return self._torques(self.actions.best(self._forward(observations)))
 
     def explore(
         self, observations: Array, generators: Sequence[np.random.Generator], epsilon: float

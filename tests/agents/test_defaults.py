@@ -3,14 +3,17 @@
 import inspect
 from typing import Any
 
+import gymnasium as gym
 import pytest
 import small_agents
 from evotorch.algorithms import CMAES
 from evotorch.optimizers import ClipUp
 from sb3_contrib import ARS
 
+from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.job import resolve
+from jumping_ant.sim.env import Decisions
 
 SB3 = [*small_agents.of_package("off_policy"), *small_agents.of_package("on_policy")]
 
@@ -40,7 +43,11 @@ def test_settings_have_the_defaults_of_stable_baselines3(name: str) -> None:
 @pytest.mark.parametrize("name", SB3)
 def test_networks_have_the_sizes_of_stable_baselines3(name: str) -> None:
     learner, settings = resolve(ALGORITHMS[name].learner), small_agents.agents()[name]
-    robot = "CartPole-v1" if settings.actions.kind == "commands" else "Pendulum-v1"  # type: ignore[attr-defined]
+    robot: Any = {
+        "commands": "CartPole-v1",
+        "torques": "Pendulum-v1",
+        "levels": Decisions(gym.make("JumpingAnt-v0"), ActionSet(levels=2)),
+    }[settings.actions.kind]  # type: ignore[attr-defined]
     replay = {"buffer_size": 10} if "buffer_size" in own_defaults(name) else {}
     sizes = learner("MlpPolicy", robot, **replay).policy.net_arch
     actors = sizes["pi"] if isinstance(sizes, dict) else sizes  # ours are those of all networks

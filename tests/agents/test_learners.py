@@ -22,10 +22,11 @@ from jumping_ant.agents.off_policy.lean.adam import FlatAdam, denormals_flushed
 from jumping_ant.agents.off_policy.lean.mlp import MLP, Pass
 from jumping_ant.agents.off_policy.lean.replay import BatchedReplayBuffer
 from jumping_ant.agents.sb3.model import make_envs
-from jumping_ant.experiment import params_file
+from jumping_ant.experiment import presets
+from jumping_ant.params.blocks import LevelParams
 from jumping_ant.sim.world import World
 
-PARAMS = params_file.load()
+PARAMS = presets.load("families")
 ENV = PARAMS.env.model_copy(update={"max_episode_steps": 45})
 
 
@@ -77,6 +78,51 @@ def test_updates_are_those_of_sb3(
     assert {key for key in theirs if key != "train/ent_coef_loss"} == set(lean.logger.name_to_value)
     for key, value in lean.logger.name_to_value.items():
         assert value == pytest.approx(theirs[key], rel=1e-3), key
+
+
+@pytest.mark.parametrize("levels", [2, 3])
+def test_the_value_of_levels_is_the_mean_over_the_motors(robot_xml: str, levels: int) -> None:
+    """Seyde et al. 2023: equations 2 and 3, by autograd on SB3's own network and batches."""
+    actions = LevelParams(kind="levels", levels=levels, amplitude=1.0, hold=3)  # type: ignore[arg-type]
+    ours = filled_model(robot_xml, "decqn", actions=actions, n_steps=2, final_learning_rate=None)
+    network, target = copy.deepcopy(ours.q_net), copy.deepcopy(ours.q_net_target)
+    for weight in target.parameters():
+        weight.data += 0.05 * torch.randn_like(weight)
+    ours.q_net_target.load_state_dict(target.state_dict())
+    optimizer = torch.optim.Adam(network.parameters(), lr=ours.lr_schedule(1.0))
+    start = weights(ours)
+    np.random.seed(1)
+    ours.train(gradient_steps=5, batch_size=64)
+    np.random.seed(1)
+    for batch in ours.replay_buffer.draw(5, 64).split(64):
+        values, following = (
+            [head(seen)[:, levels * motor :][:, :levels] for motor in range(8)]
+            for head, seen in ((network, batch.observations), (target, batch.next_observations))
+        )
+        best = torch.stack([own.max(dim=1).values for own in following]).mean(dim=0)
+        chosen = [own[range(64), batch.actions[:, motor]] for motor, own in enumerate(values)]
+        goal = batch.rewards[:, 0] + batch.discounts[:, 0] * best.detach()
+        loss = torch.nn.functional.smooth_l1_loss(torch.stack(chosen).mean(dim=0), goal)
+        optimizer.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(network.parameters(), ours.max_grad_norm)
+        optimizer.step()
+    theirs = torch.cat([weight.detach().flatten() for weight in network.parameters()])
+    mine = weights(ours)[: len(theirs)]
+    moved = (theirs - start[: len(theirs)]).norm()
+    assert moved > 0.01 and (mine - theirs).norm() < 1e-3 * moved
+
+
+def test_each_motor_explores_on_its_own(robot_xml: str) -> None:
+    model = filled_model(robot_xml, "decqn")
+    observation = np.random.default_rng(0).normal(0, 1, (4, 27)).astype(np.float32)
+    greedy = model.predict(observation, deterministic=True)[0]
+    assert greedy.shape == (4, 8) and set(np.unique(greedy)) == {0, 1}
+    model.exploration_rate = 0.5
+    explored = np.array([model.predict(observation)[0] != greedy for _ in range(1000)])
+    np.testing.assert_allclose(explored.mean(axis=0), 0.25, atol=0.07)
+    together = np.corrcoef(explored.reshape(1000, -1).T)[np.triu_indices(32, 1)]
+    assert abs(together.mean()) < 0.05
 
 
 @pytest.mark.parametrize("epsilon", [0.0, 0.5, 1.0])

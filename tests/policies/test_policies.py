@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import cloudpickle
+import gymnasium as gym
 import numpy as np
 import pytest
 import small_agents
@@ -67,6 +68,9 @@ def test_units_are_pickled_the_same_under_every_python(monkeypatch: pytest.Monke
 
 def sb3_torques(model: Any) -> np.ndarray:
     actions, _ = model.predict(OBSERVATIONS.astype(np.float32), deterministic=True)
+    if isinstance(model.action_space, gym.spaces.MultiDiscrete):
+        assert set(np.unique(actions)) == {0, 1}
+        return 0.75 * (2 * actions - 1)
     return 0.75 * (COMMAND_SIGNS[actions] if actions.ndim == 1 else actions)
 
 

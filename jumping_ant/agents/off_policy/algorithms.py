@@ -16,6 +16,7 @@ from jumping_ant.params.blocks import (
     CommandParams,
     Count,
     Fraction,
+    LevelParams,
     NonNegative,
     Positive,
     Steps,
@@ -92,18 +93,16 @@ class TargetParams(OffPolicyParams):
 
 @defaults(batch_size=32, tau=1.0, train_freq=4)
 class ValueParams(TargetParams):
-    """Settings of the algorithms that learn the values of discrete commands."""
+    """Settings of the algorithms that learn the values of discrete actions."""
 
-    actions: CommandParams
-    """Actions that the agent chooses from: commands."""
     target_update_interval: Steps = 10_000
     """[transitions] Interval between target updates."""
     exploration_fraction: Annotated[float, Field(gt=0, le=1)] = 0.1
     """[-] Share of the budget over which exploration decays."""
     exploration_initial_eps: Fraction = 1.0
-    """[-] Initial probability of a random command."""
+    """[-] Initial probability of a random command, or level of a motor."""
     exploration_final_eps: Fraction = 0.05
-    """[-] Probability of a random command after the decay."""
+    """[-] That probability after the decay."""
     max_grad_norm: Positive = 10.0
     """[-] Gradients are clipped to this norm."""
 
@@ -114,6 +113,18 @@ class DQNParams(ValueParams):
 
     algorithm: Literal["dqn"]
     """Algorithm of the catalogue."""
+    actions: CommandParams
+    """Actions that the agent chooses from: commands."""
+
+
+@defaults(learning_rate=1e-4)
+class DecQNParams(ValueParams):
+    """Decoupled Q-networks on a few levels for each motor (Seyde et al. 2023)."""
+
+    algorithm: Literal["decqn"]
+    """Algorithm of the catalogue."""
+    actions: LevelParams
+    """Actions that the agent chooses from: levels of each motor."""
 
 
 @defaults(learning_rate=5e-5, exploration_fraction=0.005, exploration_final_eps=0.01)
@@ -122,6 +133,8 @@ class QRDQNParams(ValueParams):
 
     algorithm: Literal["qrdqn"]
     """Algorithm of the catalogue."""
+    actions: CommandParams
+    """Actions that the agent chooses from: commands."""
     n_quantiles: Annotated[int, Field(ge=1, le=10_000)] = 200
     """[-] Quantiles of each command's return."""
 
@@ -218,6 +231,15 @@ ALGORITHMS = {
         DQNParams,
         family="value-based",
         learner=f"{_LEAN}:LeanDQN",
+        logged=("train/loss", "rollout/exploration_rate"),
+        counters=("_n_calls", "exploration_rate"),
+    ),
+    "decqn": Algorithm(
+        DecQNParams,
+        family="value-based",
+        learner="jumping_ant.agents.off_policy.decqn:DecQN",
+        label="DecQN",
+        network="dqn",
         logged=("train/loss", "rollout/exploration_rate"),
         counters=("_n_calls", "exploration_rate"),
     ),

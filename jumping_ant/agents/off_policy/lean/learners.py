@@ -35,7 +35,11 @@ LOG_SQRT_2PI = 0.5 * math.log(2 * math.pi)
 
 
 class LeanDQN(DQN):
-    """DQN (Mnih et al. 2015) that learns as SB3's does."""
+    """DQN (Mnih et al. 2015) that learns as SB3's does.
+
+    A choice may have several parts, the values of whose options lie one part after the other in the
+    network's outputs. A choice's value is the mean over its parts; a command is a single part.
+    """
 
     replay_buffer: BatchedReplayBuffer
 
@@ -66,10 +70,11 @@ class LeanDQN(DQN):
         episode_start: NDArray[Any] | None = None,
         deterministic: bool = False,
     ) -> tuple[NDArray[np.int64], tuple[NDArray[Any], ...] | None]:
-        """Choose a command for each environment, epsilon-greedily while exploring.
+        """Make a choice for each environment, epsilon-greedily while exploring.
 
         SB3 decides once for all environments whether to explore; here this is decided for each
-        environment. With one environment the two choose alike.
+        environment, and each part of its choice. With one environment and one part the two choose
+        alike.
 
         Args:
             observation: Shape (n, num_observations).
@@ -78,21 +83,27 @@ class LeanDQN(DQN):
             deterministic: Whether to disable exploration.
 
         Returns:
-            Commands, shape (n,), and `state`.
+            Commands, shape (n,), or other choices, (n, parts), and `state`.
         """
         assert isinstance(observation, np.ndarray)
-        is_random = np.zeros(len(observation), dtype=np.bool_)
+        shape = (len(observation), *cast(tuple[int, ...], self.action_space.shape))
+        is_random = np.zeros(shape, dtype=np.bool_)
         if not deterministic:
-            is_random = np.random.rand(len(observation)) < self.exploration_rate
+            is_random = np.random.rand(*shape) < self.exploration_rate
         if is_random.all():
             return np.array([self.action_space.sample() for _ in is_random]), state
         extractor = self.q_net.features_extractor
         features = extractor(torch.from_numpy(observation))
-        values = self._online.forward(features, self._acting_pass)
-        actions = values.argmax(1).numpy()
-        for index in np.flatnonzero(is_random):
-            actions[index] = self.action_space.sample()
+        values = self._by_part(self._online.forward(features, self._acting_pass))
+        actions = values.argmax(2).numpy().reshape(shape)
+        for index in np.flatnonzero(is_random.reshape(len(observation), -1).any(axis=1)):
+            sample = self.action_space.sample()
+            actions[index] = np.where(is_random[index], sample, actions[index])
         return actions, state
+
+    def _by_part(self, values: Tensor) -> Tensor:
+        """Return a network's outputs, (n, outputs), as values of shape (n, parts, options)."""
+        return values.view(len(values), math.prod(self.action_space.shape or ()), -1)
 
     @denormals_flushed()
     @torch.no_grad()
@@ -107,16 +118,20 @@ class LeanDQN(DQN):
         batches = _draw(self, self.q_net, gradient_steps, batch_size)
         # The target network is constant during these steps: one pass serves them all.
         next_values = self._target.forward(batches.next_observations, self._target_pass)
-        next_values = next_values.amax(1, keepdim=True)
+        next_values = self._by_part(next_values).amax(2).mean(1, keepdim=True)
         targets = batches.rewards + batches.discounts * next_values
         errors = torch.empty_like(targets)
         steps = (batches.split(batch_size), targets.split(batch_size), errors.split(batch_size))
         for batch, target, error in zip(*steps, strict=True):
-            values = self._online.forward(batch.observations, self._learning_pass)
-            torch.sub(values.gather(1, batch.actions), target, out=error)
-            slopes = error.clamp(-1, 1).div_(batch_size)  # derivatives of the Huber loss
-            gradient = torch.zeros_like(values).scatter_(1, batch.actions, slopes)
-            self._online.backward(gradient, self._learning_pass)
+            outputs = self._online.forward(batch.observations, self._learning_pass)
+            values, actions = self._by_part(outputs), batch.actions[:, :, None]
+            torch.sub(values.gather(2, actions).mean(1), target, out=error)
+            # The derivatives of the Huber loss, of which each part has its share.
+            slopes = error.clamp(-1, 1).div_(batch_size * actions.shape[1])
+            gradient = torch.zeros_like(values).scatter_(
+                2, actions, slopes[:, None].expand_as(actions)
+            )
+            self._online.backward(gradient.view_as(outputs), self._learning_pass)
             self._adam.clip(self.max_grad_norm)
             self._adam.step()
 
