@@ -51,6 +51,10 @@ class ActionSet:
         """Return how many outputs a policy has that chooses from this set by `choices`."""
         return num_motors if self.table is None else len(self.table)
 
+    def num_motors(self, num_outputs: int) -> int:
+        """Return how many motors a policy with so many outputs drives."""
+        return num_outputs if self.table is None else self.table.shape[1]
+
     def choices(self, outputs: NDArray[Any]) -> NDArray[Any]:
         """Return what a policy's outputs choose.
 

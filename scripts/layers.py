@@ -108,6 +108,7 @@ OWN_SETTINGS: dict[str, dict[str, Any]] = {
     "xnes": RATES,
     "cem": SPREAD | {"parenthood_ratio": 0.5},
     "cmaes": SPREAD,
+    "oscillator": SPREAD | {"frequency": 3.0},
     "ars": {"n_top": 2},
     "dagger": {"episode_steps": 30, "tumbled_starts": 0.25},
 }

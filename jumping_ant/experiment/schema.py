@@ -29,7 +29,7 @@ def pipeline() -> str:
     names = [name for name in ALGORITHMS if name not in demonstrated()]
     lines = "".join(f"      - .inputs/train/{name}\n" for name in names)
     content = PIPELINE.read_text(encoding="utf-8")
-    return re.sub(r"(      - \.inputs/train/\w+\n)+", lines, content, count=1)
+    return re.sub(r"(      - \.inputs/train/[\w-]+\n)+", lines, content, count=1)
 
 
 if __name__ == "__main__":

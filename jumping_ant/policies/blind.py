@@ -1,11 +1,13 @@
-"""Policies that ignore observations: random actions, or a fixed cycle of commands."""
+"""Policies that ignore observations: random actions, a fixed cycle of commands, oscillators."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.base.archive import pack
+from jumping_ant.base.archive import from_array, pack, to_array
 from jumping_ant.policies.policy import (
     Array,
     Entries,
@@ -74,3 +76,70 @@ class OpenLoopPolicy:
     def from_entries(cls, header: Header, entries: Entries) -> "OpenLoopPolicy":
         """Build the policy from a policy file's entries."""
         return cls(action_set(header, entries))
+
+
+@dataclass(frozen=True)
+class Oscillators:
+    """An oscillator for each output of one policy, or of n policies that play side by side.
+
+    Raffin et al. 2024, "An open-loop baseline for reinforcement learning locomotion tasks", section
+    3: an output is amplitude * sin(angle + phase) + offset, and its angle advances by one of two
+    speeds that all share, the first while the sine is positive. There, outputs are positions for a
+    controller that measures the joints; here, they are torques.
+    """
+
+    amplitudes: Array  # (num_outputs,) or (n, num_outputs)
+    phases: Array  # [rad] at the start, of the same shape
+    offsets: Array  # of the same shape
+    speeds: Array  # [rad/decision], (2,) or (n, 2)
+
+    ARRAYS: ClassVar = ("amplitudes", "phases", "offsets", "speeds")
+
+    def outputs(self, angles: Array) -> tuple[Array, Array]:
+        """Return the outputs at angles that include the phases [rad], and the next angles."""
+        sines = np.sin(angles)
+        fast, slow = self.speeds[..., :1], self.speeds[..., 1:]
+        return self.amplitudes * sines + self.offsets, angles + np.where(sines > 0, fast, slow)
+
+
+class OscillatorPolicy:
+    """Oscillators that drive all motors and ignore the state."""
+
+    def __init__(self, oscillators: Oscillators, actions: ActionSet) -> None:
+        self.actions = actions
+        self._oscillators = oscillators
+        self._angles = oscillators.phases
+
+    def start(self, episode_seeds: Sequence[int]) -> None:
+        """Begin one episode per seed."""
+        self._angles = self._oscillators.phases
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, shape (n, num_motors)."""
+        outputs, self._angles = self._oscillators.outputs(self._angles)
+        torques = self.actions.torques(self.actions.choices(outputs[None]))
+        return np.tile(torques, (len(observations), 1))
+
+    def to_bytes(self) -> bytes:
+        """Return the policy file's content."""
+        num_motors = self.actions.num_motors(len(self._oscillators.phases))
+        interface = Interface(self.actions, None, num_motors)
+        arrays = {
+            f"{name}.npy": from_array(getattr(self._oscillators, name))
+            for name in Oscillators.ARRAYS
+        }
+        return pack(header_entries("oscillator", interface) | arrays)
+
+    @classmethod
+    def from_entries(cls, header: Header, entries: Entries) -> "OscillatorPolicy":
+        """Build the policy from a policy file's entries."""
+        actions = action_set(header, entries)
+        outputs = (actions.num_outputs(int(header["num_motors"])),)
+        arrays = {name: to_array(entries[f"{name}.npy"]) for name in Oscillators.ARRAYS}
+        for name, array in arrays.items():
+            allowed = (2,) if name == "speeds" else outputs
+            if array.shape != allowed:
+                raise ValueError(f"{name}: given shape {array.shape}, allowed: {allowed}")
+            if not np.isfinite(array).all():
+                raise ValueError(f"{name}: given numbers that are not finite")
+        return cls(Oscillators(**arrays), actions)

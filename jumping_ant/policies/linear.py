@@ -55,8 +55,7 @@ class LinearPolicy(Stateless):
         """Return the policy file's content."""
         arrays = {f"{name}.npy": from_array(getattr(self, name)) for name in self.ARRAYS}
         outputs, num_observations = self.weight.shape
-        table = self.actions.table
-        num_motors = outputs if table is None else table.shape[1]
+        num_motors = self.actions.num_motors(outputs)
         interface = Interface(self.actions, num_observations, num_motors)
         return pack(header_entries("linear", interface) | arrays)
 

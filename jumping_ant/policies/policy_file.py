@@ -8,7 +8,7 @@ import numpy as np
 
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import InputError
-from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
+from jumping_ant.policies.blind import OpenLoopPolicy, OscillatorPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.networks import (
     ActorCritic,
@@ -26,6 +26,7 @@ Owner = tuple[str, int]  # an agent and a seed
 KINDS: dict[str, Any] = {
     "uniform": UniformPolicy,
     "open_loop": OpenLoopPolicy,
+    "oscillator": OscillatorPolicy,
     "linear": LinearPolicy,
     "sac": GaussianActor,
     "td3": TanhActor,

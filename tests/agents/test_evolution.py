@@ -12,8 +12,12 @@ from evotorch.neuroevolution.net import RunningStat
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Finished, Progress, Snapshot
-from jumping_ant.agents.evolution.problem import JumpProblem
-from jumping_ant.agents.evolution.searchers import AugmentedRandomSearch, make_searcher
+from jumping_ant.agents.evolution.problem import JumpProblem, OscillatorProblem
+from jumping_ant.agents.evolution.searchers import (
+    AugmentedRandomSearch,
+    OpenAIES,
+    make_searcher,
+)
 from jumping_ant.agents.evolution.trainer import train
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive
@@ -103,6 +107,39 @@ def test_the_policy_scores_what_the_solution_scored(robot_xml: str, levels: int 
     assert problem.returns[2] == pytest.approx(total, rel=1e-3, abs=1e-6)
 
 
+def test_oscillators_score_as_policies_what_they_scored_side_by_side(robot_xml: str) -> None:
+    agent: Any = small_agents.agents()["oscillator"]
+    world = World(robot_xml, PARAMS.env)
+    problem = OscillatorProblem(Job(world, agent, seed=0))
+    batch = problem.generate_batch(agent.population_size)
+    batch.access_values()[:] += torch.linspace(0.1, 1.5, 26)
+    problem.evaluate(batch)
+    assert len(set(problem.returns)) == agent.population_size
+    for index, score in enumerate(problem.returns):
+        policy = problem.policy(batch[index].values, torch.zeros(26))
+        env = RobotEnv(world)
+        env.reset(seed=derive(0, "starts", index))
+        observation, _ = env.reset()
+        policy.start([0])
+        steps = (env.step(policy.act(observation[None])[0])[1] for _ in range(agent.episode_steps))
+        assert sum(steps) == score
+
+
+def test_oscillators_have_the_frequencies_of_their_logarithms(robot_xml: str) -> None:
+    """At 2 and 4 Hz and with decisions of 0.1 s: three of them above zero, and one below."""
+    agent: Any = small_agents.agents()["oscillator"]
+    actions = ActionParams(kind="torques", amplitude=1.0, hold=2)
+    job = Job(World(robot_xml, PARAMS.env), agent.model_copy(update={"actions": actions}), seed=0)
+    solution = torch.zeros(26)
+    solution[:8], solution[8:16] = 1.0, 0.1 * torch.pi
+    solution[-2:] = torch.tensor([1.0, 2.0])
+    policy = OscillatorProblem(job).policy(solution, solution)
+    policy.start([0])
+    torques = np.array([policy.act(np.zeros((1, 27)))[0, 0] for _ in range(7)])
+    angles = np.pi * np.array([0.1, 0.5, 0.9, 1.3, 2.1, 2.5, 2.9])
+    np.testing.assert_allclose(torques, np.sin(angles), atol=1e-6)
+
+
 @pytest.mark.parametrize("name", small_agents.of_package("evolution"))
 def test_the_seed_alone_determines_the_run(robot_xml: str, name: str) -> None:
     agent: Any = small_agents.agents()[name]
@@ -172,3 +209,31 @@ def test_random_search_takes_the_step_of_its_paper() -> None:
     for _ in range(20):
         searcher.step()
     assert searcher.center[0] > 1 and searcher.generation == 21
+
+
+def test_openais_strategy_takes_the_step_of_its_paper() -> None:
+    """Salimans et al. 2017: Adam on the gradient of ranks from -0.5 to 0.5, less the decay."""
+    seen: list[np.ndarray] = []
+
+    def returns(values: torch.Tensor) -> torch.Tensor:
+        seen.append(values.numpy().astype(np.float64))
+        return torch.exp(3.0 * values[:, 0] - values[:, 1].square())
+
+    problem = Problem(
+        "max", returns, solution_length=3, initial_bounds=(0, 0), vectorized=True, seed=0
+    )
+    searcher = OpenAIES(problem, popsize=8, learning_rate=0.25, noise_stdev=0.5, weight_decay=0.1)
+    center = torch.zeros(3, dtype=torch.float64, requires_grad=True)
+    adam = torch.optim.Adam([center], lr=0.25, maximize=True)
+    for generation in range(6):
+        searcher.step()
+        policies = seen[generation]
+        fitness = 3 * policies[:, 0] - policies[:, 1] ** 2
+        ranks = np.argsort(np.argsort(fitness)) / 7 - 0.5
+        noise = (policies - center.detach().numpy()) / 0.5
+        np.testing.assert_allclose(noise[:4], -noise[4:], atol=1e-5)
+        gradient = (ranks[:, None] * noise).sum(axis=0) / (8 * 0.5)
+        center.grad = torch.from_numpy(gradient) - 0.1 * center.detach()
+        adam.step()
+        np.testing.assert_allclose(searcher.center, center.detach(), rtol=1e-4, atol=1e-6)
+    assert searcher.center[0] > 0.5 and searcher.generation == 6

@@ -4,7 +4,12 @@ import numpy as np
 from commands import COMMAND_SIGNS
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
+from jumping_ant.policies.blind import (
+    OpenLoopPolicy,
+    OscillatorPolicy,
+    Oscillators,
+    UniformPolicy,
+)
 from jumping_ant.policies.linear import LinearPolicy
 
 COMMANDS = ActionSet(0.5 * COMMAND_SIGNS, hold=3)
@@ -23,6 +28,14 @@ def linear_policy(actions: ActionSet = ActionSet()) -> LinearPolicy:  # noqa: B0
     )
 
 
+def oscillator_policy(actions: ActionSet = ActionSet()) -> OscillatorPolicy:  # noqa: B008
+    generator = np.random.default_rng(2)
+    amplitudes, phases, offsets = generator.normal(0, 0.5, (3, 8))
+    return OscillatorPolicy(
+        Oscillators(amplitudes, phases, offsets, np.array([0.5, 0.75])), actions
+    )
+
+
 NUMBERS = {
     "linear": linear_policy(ActionSet(amplitude=0.25, hold=4)),
     "linear levels": linear_policy(ActionSet(amplitude=0.25, hold=4, levels=2)),
@@ -30,4 +43,6 @@ NUMBERS = {
     "uniform commands": UniformPolicy(3, COMMANDS, 8),
     "uniform levels": UniformPolicy(3, ActionSet(levels=3), 8),
     "open loop": OpenLoopPolicy(ActionSet(COMMAND_SIGNS[[3, 4]], hold=3)),
+    "oscillator": oscillator_policy(),
+    "oscillator levels": oscillator_policy(ActionSet(amplitude=0.5, hold=2, levels=3)),
 }

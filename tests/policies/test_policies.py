@@ -24,7 +24,12 @@ from jumping_ant.agents.sb3.model import make_envs, policy_bytes
 from jumping_ant.base.errors import InputError
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
-from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
+from jumping_ant.policies.blind import (
+    OpenLoopPolicy,
+    OscillatorPolicy,
+    Oscillators,
+    UniformPolicy,
+)
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim.env import Decisions, RobotEnv
 from jumping_ant.sim.world import World
@@ -180,6 +185,22 @@ def test_the_open_loop_plays_its_table_in_a_circle() -> None:
         np.testing.assert_array_equal(drawn, np.stack([expected, expected], axis=1))
 
 
+def test_oscillators_by_hand() -> None:
+    """Two motors in opposite phase, whose sines last for two decisions above zero and one below."""
+    amplitudes, offsets = np.array([0.5, 2.0]), np.array([0.25, 0.0])
+    speeds = np.array([np.pi / 2, np.pi])
+    phases = np.array([np.pi / 4, np.pi / 4 + np.pi])
+    oscillators = Oscillators(amplitudes, phases, offsets, speeds)
+    root = np.sqrt(0.5)
+    sines = [[1, -1], [1, 1], [-1, 1], [1, -1], [1, 1]]
+    expected = np.clip(np.array(sines) * root * amplitudes + offsets, -1, 1)
+    policy = OscillatorPolicy(oscillators, ActionSet(amplitude=0.5))
+    for _ in range(2):  # each episode begins at the phases
+        policy.start([1, 2, 3])
+        drawn = np.array([policy.act(OBSERVATIONS[:3]) for _ in range(5)])
+        np.testing.assert_allclose(drawn, 0.5 * np.tile(expected[:, None], (1, 3, 1)))
+
+
 def test_neighbours_are_drawn_around_the_centre() -> None:
     policy = linear_policy()
     generator = np.random.default_rng(0)
@@ -206,7 +227,7 @@ def test_the_interface_is_read_without_the_policy(network: Any, tmp_path: Path) 
         policy = policy_file.parse(content)
         (tmp_path / name).write_bytes(content)
         found = policy_file.read_interface(tmp_path / name)
-        sees = None if isinstance(policy, OpenLoopPolicy | UniformPolicy) else 27
+        sees = 27 if hasattr(policy, "layers") or isinstance(policy, LinearPolicy) else None
         assert (found.num_observations, found.num_motors) == (sees, 8)
         assert found.actions.hold == policy.actions.hold
     (tmp_path / "torn").write_bytes(network[2][:-9])

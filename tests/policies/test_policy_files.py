@@ -17,6 +17,7 @@ from small_policies import NUMBERS, linear_policy
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies import policy_file
+from jumping_ant.policies.blind import Oscillators
 
 SIZES = {"num_observations": 27, "num_motors": 8}
 
@@ -100,6 +101,7 @@ NETWORK_OF_NINE = one_layer("q_net.q_net.0", (9, 27), 9)
 
 
 OPEN_LOOP = dict(Archive(NUMBERS["open loop"].to_bytes()))
+OSCILLATORS = dict(Archive(NUMBERS["oscillator"].to_bytes()))
 
 
 LINEAR = linear_policy().to_bytes()
@@ -139,6 +141,12 @@ DAMAGED = {
     "table of infinities": archive("open_loop", np.full((2, 8), np.inf)),
     "table beyond the peak torque": archive("open_loop", np.full((2, 8), 1.5)),
     "torn table": pack(OPEN_LOOP | {"commands.npy": OPEN_LOOP["commands.npy"][:-5]}),
+    "oscillators of other number": pack(
+        OSCILLATORS | {f"{name}.npy": npy(np.ones(7)) for name in Oscillators.ARRAYS}
+    ),
+    "oscillator without a phase": pack(OSCILLATORS | {"phases.npy": npy(np.ones(7))}),
+    "three speeds": pack(OSCILLATORS | {"speeds.npy": npy(np.ones(3))}),
+    "speed not a number": pack(OSCILLATORS | {"speeds.npy": npy(np.array([1, np.nan]))}),
     "held for no time": archive("uniform", hold=0),
     "held backwards": archive("uniform", hold=-3),
     "held for a word": archive("uniform", hold="long"),
@@ -197,6 +205,7 @@ def test_the_damage_is_all_that_is_wrong() -> None:
         archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE}),
         with_header(amplitude=0.5, levels=2),
         pack(OPEN_LOOP),
+        pack(OSCILLATORS),
         pack(ARRAYS),
         archive("td3", **{"policy.pth": tensors(**actor(np.ones((8, 27))))}),
         archive("td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 9))))}),

@@ -1,4 +1,4 @@
-"""Evolutionary algorithms of EvoTorch, and augmented random search: settings and searchers."""
+"""Evolutionary algorithms, most of them EvoTorch's: settings and searchers."""
 
 from functools import partial
 from typing import Annotated, Literal, Self
@@ -119,6 +119,17 @@ class CMAESParams(EvolutionParams):
     """Whether the covariance matrix is diagonal."""
 
 
+class OscillatorParams(CMAESParams):
+    """Oscillators that ignore observations, tuned by CMA-ES (Raffin et al. 2024)."""
+
+    algorithm: Literal["oscillator"]  # type: ignore[assignment]
+    """Algorithm of the catalogue."""
+    frequency: Positive
+    """[Hz] Frequency of the oscillators at the start of the search."""
+    observation_normalization: Literal[False] = False
+    """Nothing is normalised: oscillators ignore observations."""
+
+
 class ARSParams(EvolutionParams):
     """Augmented random search (Mania, Guy and Recht 2018), named as in SB3-Contrib."""
 
@@ -143,6 +154,21 @@ class ARSParams(EvolutionParams):
         return self
 
 
+class OpenAIESParams(EvolutionParams):
+    """OpenAI's evolution strategy (Salimans et al. 2017), with its authors' defaults."""
+
+    algorithm: Literal["openai-es"]
+    """Algorithm of the catalogue."""
+    population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
+    """[policies] Size of a generation, in mirrored pairs."""
+    learning_rate: Positive = 0.01
+    """[-] Learning rate of Adam, which moves the centre."""
+    noise_stdev: Positive = 0.02
+    """[-] Standard deviation of the policies around the centre."""
+    weight_decay: NonNegative = 0.005
+    """[-] Factor on the centre that is subtracted from the gradient."""
+
+
 _SEARCHERS = "jumping_ant.agents.evolution.searchers"
 _row = partial(Algorithm, family="evolution", network="linear")
 ALGORITHMS = {
@@ -151,5 +177,12 @@ ALGORITHMS = {
     "xnes": _row(XNESParams, learner="evotorch.algorithms:XNES"),
     "cem": _row(CEMParams, learner="evotorch.algorithms:CEM"),
     "cmaes": _row(CMAESParams, learner="evotorch.algorithms:CMAES", label="CMA-ES"),
+    "oscillator": _row(
+        OscillatorParams,
+        learner=f"{_SEARCHERS}:oscillator",
+        label="oscillator",
+        network="oscillator",
+    ),
     "ars": _row(ARSParams, learner=f"{_SEARCHERS}:AugmentedRandomSearch"),
+    "openai-es": _row(OpenAIESParams, learner=f"{_SEARCHERS}:OpenAIES", label="OpenAI-ES"),
 }

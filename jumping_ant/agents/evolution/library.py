@@ -34,8 +34,9 @@ with not_installed(*UNUSED):
     from evotorch import Problem, SolutionBatch
     from evotorch.algorithms import CMAES, PGPE
     from evotorch.neuroevolution.net import RunningNorm
+    from evotorch.tools.ranking import centered
 
-__all__ = ["CMAES", "PGPE", "Problem", "SolutionBatch"]
+__all__ = ["CMAES", "PGPE", "Problem", "SolutionBatch", "centered"]
 
 
 def plain(tensor: Tensor) -> Tensor:

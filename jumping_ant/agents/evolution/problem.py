@@ -1,10 +1,10 @@
-"""The EvoTorch problem of finding a linear policy that jumps.
+"""The EvoTorch problems of finding a linear policy that jumps, or oscillators that do.
 
 A generation's policies run side by side in one batch of simulations, for one short episode each.
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -19,16 +19,19 @@ from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.agents.evolution.library import Normalizer, Problem, SolutionBatch, plain
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive, derive_all
+from jumping_ant.policies.blind import OscillatorPolicy, Oscillators
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 
+Array = NDArray[Any]
+Evolved = LinearPolicy | OscillatorPolicy
 Network = tuple[torch.Tensor, torch.Tensor]  # weight (outputs, observations), bias (outputs,)
 INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the initial centre, as in EvoTorch's GymNE
 
 
 class JumpProblem(Problem):
-    """The EvoTorch problem of finding a linear policy that jumps.
+    """The EvoTorch problems of finding a linear policy that jumps, or oscillators that do.
 
     A solution is the flat weight (num_outputs, num_observations) followed by the bias
     (num_outputs,); the outputs are torques, or preferences for commands. Its fitness is the return
@@ -44,7 +47,7 @@ class JumpProblem(Problem):
         self._shape = (self.actions.num_outputs(anatomy.num_motors), anatomy.num_observations)
         super().__init__(
             "max",
-            solution_length=self._shape[0] * (anatomy.num_observations + 1),
+            solution_length=self._solution_length(),
             dtype=torch.float32,
             initial_bounds=INITIAL_BOUNDS,
             seed=derive(job.seed, "search", bits=32),
@@ -72,7 +75,11 @@ class JumpProblem(Problem):
             envs.reset(seed=[starts[index] for index in share])
         self._pool = ThreadPoolExecutor(len(self._shares))
 
-    def policy(self, center: torch.Tensor, spread: torch.Tensor) -> LinearPolicy:
+    def _solution_length(self) -> int:
+        num_outputs, num_observations = self._shape
+        return num_outputs * (num_observations + 1)
+
+    def policy(self, center: torch.Tensor, spread: torch.Tensor) -> Evolved:
         """Return the policy at a centre, (solution_length,), with the current normaliser."""
         weight, bias = self._unflatten(center)
         mean, stdev = self._moments()
@@ -109,8 +116,7 @@ class JumpProblem(Problem):
         return [generator for envs in self._envs for generator in envs.generators]
 
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
-        networks = [self._unflatten(solution) for solution in plain(batch.values)]
-        shares = [[networks[index] for index in share] for share in self._shares]
+        shares = [plain(batch.values)[share] for share in self._shares]
         episodes = list(self._pool.map(self._play, self._envs, shares))
         self.returns = np.concatenate([episode.returns for episode in episodes])
         alive = np.concatenate([episode.alive for episode in episodes], axis=1)
@@ -122,28 +128,34 @@ class JumpProblem(Problem):
         self.fitness = self.returns - self.agent.decrease_rewards_by * lengths
         batch.set_evals(torch.as_tensor(self.fitness, dtype=torch.float32))
 
-    def _play(self, envs: RobotVectorEnv, networks: Sequence[Network]) -> "_Episodes":
-        """Run an episode of each policy, as one batch."""
+    def _play(self, envs: RobotVectorEnv, solutions: torch.Tensor) -> "_Episodes":
+        """Run an episode of each solution's policy, as one batch."""
         decisions = -(-self.agent.episode_steps // self.actions.hold)
-        num_outputs, num_observations = self._shape
-        episodes = _Episodes.empty(decisions, len(networks), num_observations)
-        outputs = torch.empty(len(networks), num_outputs)
-        mean, stdev = self._moments()
-
-        def act(observations: NDArray[np.float64]) -> NDArray[Any]:
-            normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
-            # Row by row, as GymNE does: a single product of all rows would round differently.
-            for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
-                torch.addmv(bias, weight, row, out=out)
-            return self.actions.choices(outputs.numpy())
-
+        episodes = _Episodes.empty(decisions, len(solutions), self._shape[1])
+        outputs = self._outputs(solutions)
         start, _ = envs.reset()
         episodes.observations[0], episodes.alive[0] = start, True
-        for number, step in enumerate(rollout.steps(envs, start, act), start=1):
+        steps = rollout.steps(envs, start, lambda seen: self.actions.choices(outputs(seen)))
+        for number, step in enumerate(steps, start=1):
             episodes.observations[number] = step.next_observations
             episodes.alive[number] = step.alive
             episodes.returns[:] += step.rewards
         return episodes
+
+    def _outputs(self, solutions: torch.Tensor) -> Callable[[Array], Array]:
+        """Return the function that gives the policies' outputs for observations, a row for each."""
+        networks = [self._unflatten(solution) for solution in solutions]
+        outputs = torch.empty(len(networks), self._shape[0])
+        mean, stdev = self._moments()
+
+        def act(observations: Array) -> Array:
+            normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
+            # Row by row, as GymNE does: a single product of all rows would round differently.
+            for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
+                torch.addmv(bias, weight, row, out=out)
+            return outputs.numpy()
+
+        return act
 
     def _unflatten(self, solution: torch.Tensor) -> Network:
         """Return weight and bias of a flat solution."""
@@ -156,6 +168,43 @@ class JumpProblem(Problem):
         if self.normalizer.count == 0:
             return torch.zeros(self._shape[1]), torch.ones(self._shape[1])
         return self.normalizer.mean, self.normalizer.stdev
+
+
+class OscillatorProblem(JumpProblem):
+    """The EvoTorch problem of finding oscillators that jump (see `Oscillators`).
+
+    A solution is the amplitudes, phases [rad] and offsets of all outputs, and the logarithms to the
+    base 2 of the two frequencies [Hz]. Its fitness is that of `JumpProblem`.
+    """
+
+    def __init__(self, job: Job[EvolutionParams]) -> None:
+        super().__init__(job)
+        self._step_seconds = job.world.dt * self.actions.hold
+
+    def _solution_length(self) -> int:
+        return 3 * self._shape[0] + 2
+
+    def policy(self, center: torch.Tensor, spread: torch.Tensor) -> Evolved:
+        """Return the policy at a centre, (solution_length,)."""
+        return OscillatorPolicy(self._oscillators(center), self.actions)
+
+    def _outputs(self, solutions: torch.Tensor) -> Callable[[Array], Array]:
+        oscillators = self._oscillators(solutions)
+        angles = oscillators.phases
+
+        def act(observations: Array) -> Array:
+            nonlocal angles
+            outputs, angles = oscillators.outputs(angles)
+            return outputs
+
+        return act
+
+    def _oscillators(self, solutions: torch.Tensor) -> Oscillators:
+        """Return the oscillators of a solution, or of several, a row each."""
+        numbers = solutions.numpy().astype(np.float64)
+        amplitudes, phases, offsets = np.split(numbers[..., :-2], 3, axis=-1)
+        speeds = 2 * np.pi * self._step_seconds * np.exp2(numbers[..., -2:])
+        return Oscillators(amplitudes, phases, offsets, speeds)
 
 
 @dataclass(frozen=True)

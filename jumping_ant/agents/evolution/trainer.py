@@ -1,21 +1,24 @@
-"""Evolution of a linear policy, mostly on EvoTorch."""
+"""Evolution of a linear policy or of oscillators, mostly on EvoTorch."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
-from jumping_ant.agents.evolution.problem import JumpProblem
+from jumping_ant.agents.evolution.problem import JumpProblem, OscillatorProblem
 from jumping_ant.agents.evolution.searchers import Searcher, make_searcher
 from jumping_ant.agents.job import Job
 from jumping_ant.base.archive import pack_state, unpack_state
 
+PROBLEMS = {"linear": JumpProblem, "oscillator": OscillatorProblem}  # by the kind of policy
+
 
 def train(job: Job[EvolutionParams]) -> Iterator[Event]:
-    """Evolve a linear policy; each row of the curve is a generation, each snapshot its centre."""
+    """Evolve a policy; each row of the curve is a generation, each snapshot its centre."""
     agent = job.agent
-    problem = JumpProblem(job)
+    problem = PROBLEMS[row(agent).network](job)
     searcher = make_searcher(problem, agent)
     if job.checkpoint is not None:
         state = unpack_state(job.checkpoint)
