@@ -98,8 +98,8 @@ class Oscillators:
     def outputs(self, angles: Array) -> tuple[Array, Array]:
         """Return the outputs at angles that include the phases [rad], and the next angles."""
         sines = np.sin(angles)
-        fast, slow = self.speeds[..., :1], self.speeds[..., 1:]
-        return self.amplitudes * sines + self.offsets, angles + np.where(sines > 0, fast, slow)
+        speeds = np.where(sines > 0, self.speeds[..., :1], self.speeds[..., 1:])
+        return self.amplitudes * sines + self.offsets, angles + speeds
 
 
 class OscillatorPolicy:

@@ -31,7 +31,7 @@ INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the initial centre, as in EvoTorch's GymNE
 
 
 class JumpProblem(Problem):
-    """The EvoTorch problems of finding a linear policy that jumps, or oscillators that do.
+    """The EvoTorch problem of finding a linear policy that jumps.
 
     A solution is the flat weight (num_outputs, num_observations) followed by the bias
     (num_outputs,); the outputs are torques, or preferences for commands. Its fitness is the return
