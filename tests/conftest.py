@@ -39,6 +39,7 @@ ROBOT = RobotParams(
     friction=1.0,
     torsional_friction=0.5,
     rolling_friction=0.5,
+    contact_margin=0.01,
     edits={},
 )
 ENV = EnvParams(

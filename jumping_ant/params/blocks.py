@@ -76,6 +76,8 @@ class RobotParams(Block):
     """[m] Torsional friction of parts and floor (Gymnasium's Ant: 0.5); unused with condim 3."""
     rolling_friction: Positive | None
     """[m] Rolling friction of parts and floor (Gymnasium's Ant: 0.5); unused with condim 3."""
+    contact_margin: NonNegative | None
+    """[m] Contact margin of parts and floor (Gymnasium's Ant: 0.01); two that meet add theirs."""
     edits: dict[str, dict[str, dict[str, bool | int | float | str | list[float]]]]
     """Any other MJCF attribute: {element: {name pattern: {attribute: value}}}."""
 

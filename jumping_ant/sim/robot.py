@@ -56,6 +56,8 @@ def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
     if params.damping is not None:
         _set_damping(spec, params.damping)
     _set_friction(spec, (params.friction, params.torsional_friction, params.rolling_friction))
+    if params.contact_margin is not None:
+        _set_contact_margin(spec, params.contact_margin)
     mjcf.compiled(spec, "robot: these edits do not compile")
     return _edit(spec.to_xml(), params.edits)
 
@@ -257,3 +259,12 @@ def _set_friction(spec: mujoco.MjSpec, friction: tuple[float | None, ...]) -> No
     for geom in spec.geoms:
         pairs = zip(friction, geom.friction, strict=True)
         geom.friction = [own if new is None else new for new, own in pairs]
+
+
+def _set_contact_margin(spec: mujoco.MjSpec, margin: float) -> None:
+    """Set the distance of every part and of the floor within which contacts begin [m].
+
+    For two geoms in contact, MuJoCo uses the sum; until version 3.3 it used the larger value.
+    """
+    for geom in spec.geoms:
+        geom.margin = margin

@@ -26,6 +26,7 @@ ROBOT = {
     "friction": 0.6,
     "torsional_friction": 0.3,
     "rolling_friction": 0.3,
+    "contact_margin": 0.005,
     "edits": {},
 }
 ENV = {

@@ -14,6 +14,8 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
 from jumping_ant.params.blocks import RobotParams
 from jumping_ant.sim import robot
+from jumping_ant.sim.env import RobotEnv
+from jumping_ant.sim.world import World
 
 # The source's own values: with these, nothing is edited.
 UNEDITED = RobotParams(
@@ -27,6 +29,7 @@ UNEDITED = RobotParams(
     friction=1.0,
     torsional_friction=0.5,
     rolling_friction=0.5,
+    contact_margin=0.01,
     edits={},
 )
 
@@ -152,10 +155,43 @@ def test_the_articles_motors_joints_and_contacts(articles: mujoco.MjModel) -> No
 def test_the_articles_robot_is_gymnasiums_but_for_that(
     articles: mujoco.MjModel, source: mujoco.MjModel
 ) -> None:
-    for name in ("geom_size", "geom_pos", "body_pos", "jnt_range", "dof_armature", "geom_margin"):
+    for name in ("geom_size", "geom_pos", "body_pos", "jnt_range", "dof_armature", "geom_gap"):
         np.testing.assert_array_equal(getattr(articles, name), getattr(source, name), err_msg=name)
     assert articles.opt.timestep == source.opt.timestep == 0.01
     assert articles.opt.integrator == source.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+
+
+def test_contacts_of_the_articles_robot_begin_where_they_did_in_its_mujoco(
+    articles: mujoco.MjModel,
+) -> None:
+    """At the larger of its file's two margins of 0.01 m; MuJoCo 4.0 has the sum of two."""
+    data = mujoco.MjData(articles)
+    for lowered, begins in ((-1e-6, False), (1e-6, True)):
+        mujoco.mj_resetData(articles, data)
+        mujoco.mj_forward(articles, data)
+        feet = (
+            data.geom_xpos[:, 2]
+            - articles.geom_size[:, 0]
+            - np.abs(articles.geom_size[:, 1] * data.geom_xmat[:, 8])
+        )
+        lowest = feet[1:].min()  # without the floor
+        data.qpos[2] -= lowest - 0.01 + lowered
+        mujoco.mj_forward(articles, data)
+        assert (data.ncon > 0) is begins
+
+
+@pytest.mark.parametrize(("seed", "printed"), [(0, 265.6), (1, 222.6), (2, 226.7), (3, 227.3)])
+def test_a_held_pose_returns_what_it_does_in_the_articles_mujoco(seed: int, printed: float) -> None:
+    """The numbers are those of MuJoCo 2.3.6 and Gymnasium 0.28.1's Ant-v4, with the same starts.
+
+    Command 3 of the article pushes all four feet down: the robot rises and stands still.
+    """
+    env = RobotEnv(World(robot.build(article.ROBOT), article.ENV))
+    env.reset(seed=seed)
+    torques = 0.5 * np.array(article.ENV.commands[3])
+    total = sum(env.step(torques)[1] for _ in range(1000))
+    assert total == pytest.approx(printed, abs=0.1)
+    assert env.data.qpos[2] == pytest.approx(0.622043, abs=1e-6)  # [m]
 
 
 @pytest.mark.parametrize("damping", [0.0, 2.5])

@@ -23,6 +23,7 @@ AS_IT_COMES = RobotParams(
     friction=None,
     torsional_friction=None,
     rolling_friction=None,
+    contact_margin=None,
     edits={},
 )
 
