@@ -1,10 +1,11 @@
 """Train as the article does, over several seeds, and check whether its printed values recur.
 
-Usage: python -m scripts.article [--measure] [--folder FOLDER]
+Usage: python -m scripts.article [--measure] [--folder FOLDER] [--tests TESTS]
 
 Runs the whole pipeline with `presets/article` in a copy of the project, `.presets/article/`, which
-takes hours (see scripts.preset). Then tests the trained agents as the article did, which takes a
-minute, and writes results/article.json and results/article/*.png.
+takes hours (see scripts.preset). Then tests the trained agents as the article did, which takes
+minutes, and writes results/article.json and results/article/*.png. What is said of DQN's printed
+value rests on all seeds of its run in results/article_tests.csv (see `scripts.article_runs`).
 """
 
 import time
@@ -20,7 +21,7 @@ from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks.looks import looks
-from scripts import preset
+from scripts import article_runs, preset
 
 RESULTS = PROJECT_ROOT / "results"
 
@@ -35,11 +36,16 @@ def main() -> None:
         default=preset.folder_of("article"),
         help="where the trained agents are",
     )
+    parser.add_argument(
+        "--tests", type=int, default=reproduction.NUM_TESTS, help="of each policy [%(default)s]"
+    )
     options = parser.parse_args()
+    if options.tests < 1:
+        parser.error(f"--tests: given {options.tests}, allowed: 1 or more")
     if not options.measure:
         preset.run(options.folder, presets.load("article"))
     started = time.perf_counter()
-    content = measure(options.folder)
+    content = measure(options.folder, options.tests)
     hours = content["training"]["hours_on_2_cores"]
     print(
         f"training took {hours:.2g} hours on 2 cores (the measured seconds of all seeds, halved), "
@@ -47,11 +53,12 @@ def main() -> None:
     )
 
 
-def measure(folder: Path) -> dict[str, Any]:
+def measure(folder: Path, num_tests: int) -> dict[str, Any]:
     """Measure the trained agents of a project, and write the results into this one.
 
     Args:
         folder: Folder of the project that trained them.
+        num_tests: Number of tests of each policy.
 
     Returns:
         The content of `results/article.json`.
@@ -62,11 +69,16 @@ def measure(folder: Path) -> dict[str, Any]:
     if not (folder / "params.yaml").exists():
         raise InputError(f"{folder}: given no project, allowed: what `make article` has trained")
     params = params_file.load(folder / "params.yaml")
-    measured = reproduction.reproduce(folder, params)
+    measured = reproduction.reproduce(folder, params, num_tests)
+    is_articles = _settings(params) == _settings(presets.load("article"))
     content = measured.summary() | {
-        "article_settings": _settings(params) == _settings(presets.load("article")),
+        "article_settings": is_articles,
         "machine": machine.describe() | {"cores": machine.num_cores()},
     }
+    tests = article_runs.tests(article_runs.PATH, "preset")
+    if is_articles and len(tests):
+        dqn = content["printed"]["dqn"]
+        dqn |= reproduction.place(dqn["value"], tests)
     write_json(RESULTS / "article.json", content)
     own = looks({name: catalogue.row(agent).family for name, agent in params.agents.items()})
     for name, figure in article_figures.draw(measured, own).items():

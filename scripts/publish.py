@@ -5,10 +5,11 @@ Usage: python -m scripts.publish [PRESET]
 Writes the section of that preset in docs/results.md, from its run in .presets/ (`make preset`).
 With the preset `default`, which is the default, it writes the pictures of the README as well:
 docs/images/, and README.md's table of claims. With `article` it also writes the table of printed
-values in docs/article.md, from results/article.json. With `run` it writes SAC's returns
-beside published ones, too. With `families` the section is in docs/families.md, which gets pictures
-as well, and results/families.json the comparison; `tuning` is what results/tuning.csv says of the
-search for settings, in the same document.
+values in docs/article.md, from results/article.json; `article-runs` is what
+results/article_tests.csv says of DQN with other versions and contacts, in the same document. With
+`run` it writes SAC's returns beside published ones, too. With `families` the section is in
+docs/families.md, which gets pictures as well, and results/families.json the comparison; `tuning` is
+what results/tuning.csv says of the search for settings, in the same document.
 """
 
 import csv
@@ -31,18 +32,21 @@ from jumping_ant.experiment import curves, params_file, summaries
 from jumping_ant.looks import wording
 from jumping_ant.looks.wording import p_value
 from jumping_ant.tracking import descriptions
+from scripts import article_runs
 from scripts.preset import folder_of
 
 DOCS = PROJECT_ROOT / "docs"
 README = PROJECT_ROOT / "README.md"
 RESULTS = PROJECT_ROOT / "results"
 PRESETS = ("default", "ablations", "article", "run", "hopper", "families")
+OTHERS = ("article-runs", "tuning")  # no presets
 DOCUMENTS = {"families": DOCS / "families.md"}  # others: docs/results.md
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
 PUBLISHED = DOCS / "published" / "ant_sac.csv"
 PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": tables.Column()}
 PUBLISHED_STEPS = (100_000, 200_000)
 FIGURES = ("learning_curves", "final_return")
+VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
 PICTURES = {"default": "", "families": "families-"}  # prefixes of their names in docs/images/
 TUNING = RESULTS / "tuning.csv"
 RESULTS_PAGE = DOCS / "results.md"
@@ -59,7 +63,7 @@ Sections = dict[tuple[Path, str], str]  # what documents say, by document and ma
 def main() -> None:
     """Parse the command line and write."""
     parser = command_line.parser(__doc__)
-    parser.add_argument("preset", nargs="?", default="default", choices=[*PRESETS, "tuning"])
+    parser.add_argument("preset", nargs="?", default="default", choices=[*PRESETS, *OTHERS])
     preset = parser.parse_args().preset
     folder = PROJECT_ROOT if preset == "default" else folder_of(preset)
     for (document, name), content in _sections(preset, folder).items():
@@ -78,6 +82,8 @@ def _sections(preset: str, folder: Path) -> Sections:
     """Return what documents say of a preset that has been run in a folder."""
     if preset == "tuning":
         return tuning_sections()
+    if preset == "article-runs":
+        return runs_sections()
     sections = comparison_sections(preset, results(folder))
     if preset == "article":
         sections |= printed_sections()
@@ -98,6 +104,7 @@ def committed_sections() -> Sections:
         comparison_sections("default", results(PROJECT_ROOT))
         | comparison_sections("families", _read(RESULTS / "families.json"))
         | printed_sections()
+        | runs_sections()
         | tuning_sections()
     )
 
@@ -122,6 +129,11 @@ def printed_sections() -> Sections:
     """Return what documents say of the article's printed values."""
     printed = _read(RESULTS / "article.json")["printed"]
     return {(DOCS / "article.md", "printed"): printed_table(printed)}
+
+
+def runs_sections() -> Sections:
+    """Return what documents say of DQN's runs with other versions and contacts."""
+    return {(DOCS / "article.md", "runs"): runs_table(article_runs.summary(article_runs.PATH))}
 
 
 def tuning_sections() -> Sections:
@@ -188,15 +200,64 @@ def printed_table(printed: dict[str, Any]) -> str:
         "PGPE, mean fitness at generation 100": printed["pgpe"],
         "PGPE's film, return of 1,000 steps": printed["pgpe"]["film"],
     }
-    verdicts = {True: "yes", False: "no", None: "too few seeds"}
     rows = [
         f"| {name} | {wording.number(own['value'])} | "
         f"{wording.estimate(own['median'], own['low'], own['high'], len(own['ours']))} | "
-        f"{wording.number(own['percentile'])} % | {verdicts[own['reproduced']]} |"
+        f"{_judgement(own)} |"
         for name, own in values.items()
     ]
-    head = "| value | printed | ours, median of the seeds | of ours below it | reproduced |"
-    return "\n".join([head, "|---|---|---|---|---|", *rows])
+    head = (
+        "| value | printed | ours, median of the seeds | tests as far out | p | reproduced |\n"
+        "|---|---|---|---|---|---|"
+    )
+    if control := printed["dqn"].get("control"):
+        share = {name: wording.percent(own) for name, own in control["probability"].items()}
+        reached, every = sum(control["tests"]["reached"]), control["tests"]["each"]
+        rows.append(
+            f"| always command {control['command']}, tested as DQN | "
+            f"{wording.number(printed['dqn']['value'])} | mean {wording.number(control['mean'])} | "
+            f"{reached} of {every:,}: {share['value']} [{share['low']}–{share['high']}] % | | |"
+        )
+    return "\n".join([head, *rows])
+
+
+def runs_table(summary: dict[str, Any]) -> str:
+    """Return DQN's runs with other versions and contacts, and their differences, as Markdown.
+
+    Args:
+        summary: What `article_runs.summary` returns.
+    """
+    runs = [
+        f"| `{name}` | {len(own['means'])} | "
+        f"{wording.estimate(np.median(own['means']), min(own['means']), max(own['means']), 2)} | "
+        f"{_judgement(own)} |"
+        for name, own in summary["runs"].items()
+    ]
+    pairs = [
+        f"| `{pair['first']}` against `{pair['second']}` | {wording.percent(pair['probability'])} "
+        f"[{wording.percents(pair['low'], pair['high'])}] % | {wording.p_value(pair['p'])} |"
+        for pair in summary["pairs"]
+    ]
+    lines = [
+        "| run | policies | their mean returns: median [all] | tests as far out | p | reproduced |",
+        "|---|---|---|---|---|---|",
+        *runs,
+        "",
+        "| runs | a policy of the first returns more than one of the second | p, exact rank test |",
+        "|---|---|---|",
+        *pairs,
+    ]
+    return "\n".join(lines)
+
+
+def _judgement(own: dict[str, Any]) -> str:
+    """Return three cells of a printed value: how many tests lay as far out, p, and the verdict."""
+    tests, found = own["tests"], own["probability"]
+    share = wording.percent(found["value"])
+    interval = wording.percents(found["low"], found["high"])
+    shares = f"{sum(tests['reached'])} of {len(tests['reached']) * tests['each']:,}"
+    p, verdict = wording.p_value(found["p"]), VERDICTS[own["reproduced"]]
+    return f"{shares}: {share} [{interval}] % | {p} | {verdict}"
 
 
 def effort_table(rows: Sequence[dict[str, str]]) -> str:

@@ -74,6 +74,8 @@ ELSEWHERE = {
     "make soak MINUTES=30": SOAK,
     "make article": ARTICLE,
     "python -m scripts.article --measure": ARTICLE,
+    "python -m scripts.article_runs": "takes days; tests/article/test_article_runs.py",
+    f"{PUBLISH} PRESET=article-runs": "tests/article/test_article_runs.py writes this table",
     f"{PUBLISH} PRESET=article": "tests/article/test_article_run.py writes this table",
     f"{PUBLISH} PRESET=run": "needs its budget; tests/test_publish.py writes this table",
     PUBLISH: "needs films of 13 s; tests/test_publish.py makes its table and pictures",

@@ -1,7 +1,7 @@
 """Figures that compare the article's printed values with ours.
 
-Each seed is a thin line in its agent's colour (see `jumping_ant.looks.looks`), the printed values
-are a bold one. The same numbers give the same bytes.
+Each seed's first test is a thin line in its agent's colour (see `jumping_ant.looks.looks`), the
+printed values are a bold one. The same numbers give the same bytes.
 """
 
 import io
@@ -68,8 +68,8 @@ def _draw_fitness(fitness: Mapping[str, Trace], look: Look) -> Figure:
 
 
 def _draw_trace(axes: Axes, trace: Trace, look: Look) -> None:
-    x = np.arange(1, trace.ours.shape[1] + 1)
-    for number, seed in enumerate(trace.ours):
+    x = np.arange(1, trace.ours.shape[2] + 1)
+    for number, seed in enumerate(trace.ours[:, 0]):
         name = "our seeds" if number == 0 else "_"
         axes.plot(x, seed, color=look.colour, linewidth=0.9, alpha=0.7, label=name)
     points = list(trace.printed), list(trace.printed.values())

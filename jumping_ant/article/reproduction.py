@@ -4,27 +4,30 @@ DQN and SAC: the final model runs for 1,000 control steps, exploring as in train
 terminates or resets the episode: a robot that has fallen continues. (Stable-Baselines3's `predict`
 explores unless told not to: DQN draws a random command with its final epsilon, SAC draws from its
 Gaussian.) In the article MuJoCo resets a state that is not finite; here the rewards are zero from
-such a state on.
+such a state on. The article tested once; here every seed's policy is tested often.
 
-PGPE: the fitness of the population, generation by generation, from the learning curve. The
-article's film showed the centre in a problem whose normaliser was empty and was not updated, that
-is, with raw observations; both that and the centre as trained are measured.
+PGPE: the fitness of the population, generation by generation, from the learning curve, which is a
+single number a seed. The article's film showed the centre in a problem whose normaliser was empty
+and was not updated, that is, with raw observations; both that and the centre as trained are
+measured.
 
-A printed value is a single sample. It counts as reproduced if at least eight seeds were trained and
-it lies within the central 95 % of their values.
+A printed value is one test of one policy. It is not reproduced if it lies too far out to be a test
+of another policy of ours, and reproduced if there is no doubt that it does not (see `judge`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
+from scipy import stats
 
-from jumping_ant.article import printed_values
+from jumping_ant.actions import ActionSet
+from jumping_ant.article import printed_values, tail
+from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
@@ -32,14 +35,20 @@ from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.networks import GreedyCommands
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
 AGENTS = ("dqn", "sac", "pgpe")
-CENTRAL = 95.0  # [%] of our values, within which a printed one is reproduced
-MIN_SEEDS = 8  # with fewer, nothing is decided
+CENTRAL = 95.0  # [%] of our values, which `low` and `high` enclose
+NUM_TESTS = 50  # of each seed's policy
+CONTROL = 4  # the command that is tested for comparison: it lifts all four feet
+# Levels of two-sided p values. A value too far out is not reproduced: the level of a test, for the
+# four values of the table in docs/article.md together. Reproduced is what surely is further in.
+TOO_FAR_OUT = 0.05 / 4
+FAR_IN = 0.05
 
 Array = NDArray[np.float64]
 Act = Callable[[Array], Array]
@@ -50,7 +59,7 @@ class Trace:
     """A printed series beside ours."""
 
     printed: Mapping[int, float]  # by control step or generation
-    ours: Array  # at steps or generations 1, 2, ..., (num_seeds, length)
+    ours: Array  # at steps or generations 1, 2, ..., (num_seeds, num_tests, length)
 
     def places(self) -> list[dict[str, Any]]:
         """Return where each printed value lies among ours, with its step or generation as `at`."""
@@ -62,7 +71,7 @@ class Trace:
         return place(self.printed[at], self._at(at))
 
     def _at(self, at: int) -> Array:
-        return self.ours[:, at - 1]
+        return self.ours[:, :, at - 1]
 
 
 @dataclass(frozen=True)
@@ -72,8 +81,9 @@ class Reproduction:
     seeds: list[int]
     totals: Mapping[str, Trace]  # running totals of the rewards in the tests of DQN and SAC
     fitness: Mapping[str, Trace]  # of PGPE's population by generation: mean, best and median
-    film: Array  # return of PGPE's centre with raw observations in 1,000 steps, (num_seeds,)
-    trained: Array  # the same with observations normalised as in training
+    film: Array  # return of PGPE's centre, raw observations, 1,000 steps, (num_seeds, num_tests)
+    trained: Array  # the same with observations normalised as in training, (num_seeds,)
+    control: dict[str, Any]  # how often a command that is always the same reaches DQN's value
     seconds: Mapping[str, list[float]]  # training time by agent and seed [s], without validation
 
     def summary(self) -> dict[str, Any]:
@@ -81,6 +91,7 @@ class Reproduction:
         printed = {
             agent: trace.last() | {"points": trace.places()} for agent, trace in self.totals.items()
         }
+        printed["dqn"]["control"] = self.control
         steps = printed_values.PGPE_FILM_STEPS
         film = (printed_values.PGPE_FILM_FITNESS + steps) / steps * printed_values.TEST_STEPS
         printed["pgpe"] = self.fitness["fitness_mean"].last() | {
@@ -99,45 +110,95 @@ class Reproduction:
         }
 
 
-def reproduce(root: Path, params: Params) -> Reproduction:
-    """Run the article's tests on the trained agents of a project, which must have all `AGENTS`."""
+def reproduce(root: Path, params: Params, num_tests: int = NUM_TESTS) -> Reproduction:
+    """Run the article's tests on the trained agents of a project.
+
+    Args:
+        root: Folder of the project.
+        params: Its parameters, which must have all `AGENTS`.
+        num_tests: Number of tests of each policy.
+    """
     dqn, _, _ = (_agent(params, name) for name in AGENTS)
-    world = World(robot.read(root), params.env)
-    dqn_totals = _test(root, world, params, "dqn", epsilon=dqn.exploration_final_eps)
-    sac_totals = _test(root, world, params, "sac")
-    centers = [_final_policy(root, "pgpe", seed) for seed in params.seeds]
-    returns = partial(_returns, world, params.seeds)
+    world, seeds = World(robot.read(root), params.env), params.seeds
+    policies = {name: [_final_policy(root, name, seed) for seed in seeds] for name in AGENTS}
+    epsilon = dqn.exploration_final_eps
+    dqn_totals = test(world, policies["dqn"], seeds, num_tests, epsilon=epsilon)
+    centers = policies["pgpe"]
+    films = [without_normalizer(center) for center in centers]
     return Reproduction(
-        seeds=params.seeds,
+        seeds=seeds,
         totals={
             "dqn": Trace(printed_values.DQN_TOTALS, dqn_totals),
-            "sac": Trace(printed_values.SAC_TOTALS, sac_totals),
+            "sac": Trace(printed_values.SAC_TOTALS, test(world, policies["sac"], seeds, num_tests)),
         },
         fitness=_fitness(root, params),
-        film=returns([without_normalizer(center) for center in centers]),
-        trained=returns(centers),
+        film=_returns(world, films, seeds, num_tests),
+        trained=_returns(world, centers, seeds, 1)[:, 0],
+        control=control(world, policies["dqn"][0].actions, epsilon, len(seeds) * num_tests),
         seconds={agent: _training_seconds(root, params, agent) for agent in AGENTS},
     )
 
 
 def play(
-    world: World, act: Act, hold: int, seed: int, num_steps: int = printed_values.TEST_STEPS
+    world: World,
+    act: Act,
+    hold: int,
+    seeds: Sequence[int],
+    num_steps: int = printed_values.TEST_STEPS,
 ) -> Array:
-    """Run without termination or reset, and return the reward of each control step, (num_steps,).
+    """Run without termination or reset, and return the rewards, (num_episodes, num_steps).
 
-    `act` chooses torques, shape (1, num_motors), every `hold` control steps. Rewards are zero from
-    the first state on that is not finite.
+    `act` chooses torques, shape (num_episodes, num_motors), every `hold` control steps; each seed
+    determines an episode's start. An episode's rewards are zero from its first state on that is not
+    finite.
     """
-    envs = RobotVectorEnv(world, 1, autoreset_mode=AutoresetMode.DISABLED)
-    observations, _ = envs.reset(seed=[seed])
-    rewards = np.zeros(num_steps)
+    envs = RobotVectorEnv(world, len(seeds), machine.num_cores(), AutoresetMode.DISABLED)
+    observations, _ = envs.reset(seed=list(seeds))
+    rewards = np.zeros((len(seeds), num_steps))
     for step in range(num_steps):
         if step % hold == 0:
             torques = act(observations)
-        observations, reward, *_ = envs.step(torques)
-        rewards[step] = reward[0]
+        observations, rewards[:, step], *_ = envs.step(torques)
     envs.close()
     return rewards
+
+
+def test(
+    world: World,
+    policies: Sequence[Any],
+    seeds: Sequence[int],
+    num_tests: int,
+    **exploration: float,
+) -> Array:
+    """Test policies as the article does, all at once.
+
+    Args:
+        world: The robot and the task.
+        policies: Policies of one agent, which explore.
+        seeds: The seed of each, which determines start states and exploration.
+        num_tests: Number of tests of each policy.
+        exploration: What `explore` of the policies gets besides.
+
+    Returns:
+        Total rewards by control step, shape (num_policies, num_tests, TEST_STEPS).
+    """
+    generators = [
+        [np.random.default_rng(derive(seed, "test", 2 * number + 1)) for number in range(num_tests)]
+        for seed in seeds
+    ]
+
+    def act(observations: Array) -> Array:
+        own = zip(policies, np.split(observations, len(policies)), generators, strict=True)
+        return np.concatenate([policy.explore(*rest, **exploration) for policy, *rest in own])
+
+    return _totals(world, act, policies[0].actions.hold, seeds, num_tests)
+
+
+def _totals(world: World, act: Act, hold: int, seeds: Sequence[int], num_tests: int) -> Array:
+    """Return total rewards by control step, shape (num_seeds, num_tests, TEST_STEPS)."""
+    starts = [derive(seed, "test", 2 * number) for seed in seeds for number in range(num_tests)]
+    rewards = play(world, act, hold, starts)
+    return np.cumsum(rewards.reshape(len(seeds), num_tests, -1), axis=2)
 
 
 def without_normalizer(policy: LinearPolicy) -> LinearPolicy:
@@ -145,15 +206,77 @@ def without_normalizer(policy: LinearPolicy) -> LinearPolicy:
     return replace(policy, mean=np.zeros_like(policy.mean), stdev=np.ones_like(policy.stdev))
 
 
-def place(value: float, ours: Array) -> dict[str, Any]:
-    """Return where a printed value lies among ours, (num_seeds,); docs/article.md has the keys."""
-    percentile = percentile_among(value, ours)
+def control(world: World, actions: ActionSet, epsilon: float, num_tests: int) -> dict[str, Any]:
+    """Test the command `CONTROL`, whatever is observed, as DQN is tested; see docs/article.md.
+
+    It says how much learning the printed value takes. The interval of its probability is exact
+    (Clopper and Pearson 1934), as these are independent tests of one policy.
+    """
+    biases = np.eye(len(world.env.commands), dtype=np.float32)[CONTROL]
+    ignored = np.zeros(world.anatomy.num_observations, np.float32)
+    always = GreedyCommands(ignored, actions, [(np.outer(biases, ignored), biases)])
+    returns = test(world, [always], [0], num_tests, epsilon=epsilon)[0, :, -1]
+    reached = int((returns >= max(printed_values.DQN_TOTALS.values())).sum())
+    ends = stats.binomtest(reached, num_tests).proportion_ci(tail.CONFIDENCE)
     return {
-        "value": value,
-        "ours": ours.tolist(),
-        "percentile": percentile,
-        "reproduced": _is_central(percentile) if len(ours) >= MIN_SEEDS else None,
-    } | _spread(ours)
+        "command": CONTROL,
+        "epsilon": epsilon,
+        "tests": {"each": num_tests, "reached": [reached]},
+        "mean": float(returns.mean()),
+        "probability": {
+            "value": reached / num_tests,
+            "low": float(ends.low),
+            "high": float(ends.high),
+        },
+    }
+
+
+def place(value: float, tests: Array) -> dict[str, Any]:
+    """Return where a printed value lies among ours, (num_seeds, num_tests).
+
+    docs/article.md has the keys.
+    """
+    ours = tests[:, 0]
+    return (
+        {
+            "value": value,
+            "ours": ours.tolist(),
+            "percentile": percentile_among(value, ours),
+        }
+        | judge(value, tests)
+        | _spread(ours)
+    )
+
+
+def judge(value: float, tests: Array) -> dict[str, Any]:
+    """Return how likely a test of a new policy is to lie as far out as a printed value.
+
+    The side on which it lies further out counts, and two-sided p values are twice its probability.
+    The value is not reproduced if that is at most `TOO_FAR_OUT`. It is reproduced if it is above
+    `FAR_IN` even at the lower end of the probability's interval, and open otherwise.
+
+    Args:
+        value: The printed value.
+        tests: Ours, shape (num_seeds, num_tests).
+
+    Returns:
+        The keys `tests`, `probability` and `reproduced`, which docs/article.md describes.
+    """
+    num_tests = tests.shape[1]
+    sides = {"at or above": tests >= value, "at or below": tests <= value}
+    reached = {side: where.sum(axis=1).tolist() for side, where in sides.items()}
+    found = {side: tail.probability(own, num_tests) for side, own in reached.items()}
+    side = min(found, key=lambda side: found[side].value)
+    p = min(1.0, 2 * found[side].value)
+    if p <= TOO_FAR_OUT:
+        reproduced: bool | None = False
+    else:
+        reproduced = True if 2 * found[side].low > FAR_IN else None
+    return {
+        "tests": {"each": num_tests, "reached": reached[side]},
+        "probability": {"side": side, **asdict(found[side]), "p": p},
+        "reproduced": reproduced,
+    }
 
 
 def percentile_among(value: float, ours: Array) -> float:
@@ -180,25 +303,16 @@ def _agent(params: Params, name: str) -> Any:
     return agent
 
 
-def _test(root: Path, world: World, params: Params, agent: str, **exploration: float) -> Array:
-    """Return running totals, (num_seeds, TEST_STEPS); `exploration` goes to `explore`."""
-    rewards = []
-    for seed in params.seeds:
-        policy = _final_policy(root, agent, seed)
-        generators = [np.random.default_rng(derive(seed, "test", 1))]
-        act = partial(policy.explore, generators=generators, **exploration)
-        rewards.append(play(world, act, policy.actions.hold, derive(seed, "test")))
-    return np.cumsum(rewards, axis=1)
+def _returns(
+    world: World, centers: Sequence[Policy], seeds: Sequence[int], num_tests: int
+) -> Array:
+    """Return each policy's returns over as many steps as the tests have, (num_seeds, num_tests)."""
 
+    def act(observations: Array) -> Array:
+        own = zip(centers, np.split(observations, len(centers)), strict=True)
+        return np.concatenate([center.act(rows) for center, rows in own])
 
-def _returns(world: World, seeds: Sequence[int], centers: Sequence[Policy]) -> Array:
-    """Return each policy's return over as many steps as the tests have, shape (num_seeds,)."""
-    return np.array(
-        [
-            play(world, center.act, center.actions.hold, derive(seed, "test")).sum()
-            for seed, center in zip(seeds, centers, strict=True)
-        ]
-    )
+    return _totals(world, act, centers[0].actions.hold, seeds, num_tests)[:, :, -1]
 
 
 def _final_policy(root: Path, agent: str, seed: int) -> Any:
@@ -222,7 +336,10 @@ def _fitness(root: Path, params: Params) -> dict[str, Trace]:
             if np.isnan(own).any():
                 raise InputError(f"{path}: given generations without {name}, allowed: all with it")
             rows[name].append(own)
-    return {name: Trace(printed_values.PGPE_TRACES[name], np.array(rows[name])) for name in names}
+    return {
+        name: Trace(printed_values.PGPE_TRACES[name], np.array(rows[name])[:, None])
+        for name in names
+    }
 
 
 def _training_seconds(root: Path, params: Params, agent: str) -> list[float]:

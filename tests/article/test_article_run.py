@@ -20,7 +20,7 @@ from jumping_ant.looks.looks import looks
 from jumping_ant.sim import robot
 from jumping_ant.training.driver import train
 from scripts import article as command
-from scripts import publish
+from scripts import article_runs, publish
 from scripts.checkout import renew_project
 
 TINY: dict[str, dict[str, Any]] = {
@@ -57,19 +57,19 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Params]:
 
 @pytest.fixture(scope="module")
 def reproduced(tiny: tuple[Path, Params]) -> reproduction.Reproduction:
-    return reproduction.reproduce(*tiny)
+    return reproduction.reproduce(*tiny, num_tests=2)
 
 
 def test_tests_of_trained_agents_are_as_long_as_the_articles(
     reproduced: reproduction.Reproduction,
 ) -> None:
     for trace in reproduced.totals.values():
-        assert trace.ours.shape == (2, 1000)
-        rewards = trace.ours[:, 1:] - trace.ours[:, :-1]
+        assert trace.ours.shape == (2, 2, 1000)
+        rewards = np.diff(trace.ours)
         assert rewards.min() > -1e-9 and rewards.max() < 10 + 1e-9
-        assert trace.ours[0, -1] != trace.ours[1, -1]
+        assert len({*trace.ours[:, :, -1].ravel()}) == 4
     for trace in reproduced.fitness.values():
-        assert trace.ours.shape == (2, 100)
+        assert trace.ours.shape == (2, 1, 100)
 
 
 def test_fitness_is_that_of_the_generations_in_the_curve(
@@ -89,8 +89,18 @@ def test_fitness_is_that_of_the_generations_in_the_curve(
 def test_the_same_models_are_tested_alike(
     tiny: tuple[Path, Params], reproduced: reproduction.Reproduction
 ) -> None:
-    again = reproduction.reproduce(*tiny)
+    again = reproduction.reproduce(*tiny, num_tests=2)
     assert again.summary() == reproduced.summary()
+
+
+def test_further_seeds_are_trained_and_tested_alike(
+    tiny: tuple[Path, Params],
+    reproduced: reproduction.Reproduction,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(reproduction, "NUM_TESTS", 2)
+    returns = article_runs.ours(tiny[1], "preset", 5)
+    np.testing.assert_allclose(returns, reproduced.totals["dqn"].ours[1, :, -1], rtol=1e-12)
 
 
 def test_the_contract_of_the_results(reproduced: reproduction.Reproduction) -> None:
@@ -102,7 +112,13 @@ def test_the_contract_of_the_results(reproduced: reproduction.Reproduction) -> N
     for own in printed.values():
         assert len(own["ours"]) == 2
         assert own["percentile"] in (0, 50, 100)
-        assert own["reproduced"] is None  # two seeds decide nothing
+        assert own["tests"]["each"] == (1 if own is printed["pgpe"] else 2)
+        assert len(own["tests"]["reached"]) == 2
+        found = own["probability"]
+        assert 0 <= found["low"] <= found["value"] <= found["high"] <= 1
+        assert own["reproduced"] is not False  # two seeds cannot say so
+    control = printed["dqn"]["control"]
+    assert (control["command"], control["epsilon"], control["tests"]["each"]) == (4, 0.05, 4)
     assert len(printed["dqn"]["points"]) == len(printed["sac"]["points"]) == 11
     assert printed["dqn"]["points"][-1]["ours"] == printed["dqn"]["ours"]
     assert [point["at"] for point in printed["pgpe"]["traces"]["fitness_best"]] == [
@@ -119,13 +135,16 @@ def test_the_contract_of_the_results(reproduced: reproduction.Reproduction) -> N
 
 
 def test_the_table_of_printed_values_tells_what_came_out() -> None:
-    ours = reproduction.place(9.0, np.arange(8.0))
-    few = reproduction.place(200.0, np.array([100.0, 300.0]))
-    printed = {"dqn": ours, "sac": few, "pgpe": ours | {"film": few}}
+    beyond = reproduction.place(9.0, np.arange(8.0)[:, None])
+    among = reproduction.place(200.0, np.repeat([[100.0, 300.0]], 10, axis=0))
+    printed = {"dqn": beyond, "sac": among, "pgpe": beyond | {"film": among}}
     *_, dqn, sac, _, film = publish.printed_table(printed).splitlines()
-    assert dqn == "| DQN's test, total of 1,000 steps | 9 | 3.5 [0, 7] | 100 % | no |"
-    assert sac.endswith("| 200 | 200 [100, 300] | 50 % | too few seeds |")
-    assert film.startswith("| PGPE's film, ") and film.endswith("| too few seeds |")
+    assert dqn == (
+        "| DQN's test, total of 1,000 steps | 9 | 3.5 [0, 7] | 0 of 8: 6 [0–26] % | 0.11 | open |"
+    )
+    assert sac.startswith("| SAC's test, total of 1,000 steps | 200 | 100 [100, 100] | 10 of 20: ")
+    assert sac.endswith(" | 1 | yes |")
+    assert film.startswith("| PGPE's film, ") and film.endswith("| yes |")
 
 
 def test_the_document_has_a_place_for_the_table() -> None:
@@ -143,6 +162,7 @@ def test_figures_show_each_seed_and_what_was_printed(
     (axes,) = drawn["sac"].axes
     *seeds, printed = axes.lines
     assert [line.get_ydata()[-1] for line in seeds] == reproduced.totals["sac"].last()["ours"]
+    assert len(seeds) == 2
     assert list(printed.get_xdata()) == list(printed_values.SAC_TOTALS)
     assert list(printed.get_ydata()) == list(printed_values.SAC_TOTALS.values())
     assert printed.get_linewidth() > 2 * seeds[0].get_linewidth()
@@ -160,7 +180,9 @@ def test_measuring_writes_into_the_project(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr(command, "RESULTS", tmp_path)
-    monkeypatch.setattr(sys, "argv", ["article", "--measure", "--folder", str(tiny[0])])
+    monkeypatch.setattr(
+        sys, "argv", ["article", "--measure", "--tests", "2", "--folder", str(tiny[0])]
+    )
     command.main()
     content = json.loads((tmp_path / "article.json").read_text(encoding="utf-8"))
     assert content["printed"] == json.loads(json.dumps(reproduced.summary()["printed"]))
@@ -172,9 +194,27 @@ def test_measuring_writes_into_the_project(
     assert "hours on 2 cores" in capsys.readouterr().out
 
 
+def test_dqns_value_rests_on_all_seeds_of_its_run(
+    tiny: tuple[Path, Params], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, params = tiny
+    monkeypatch.setattr(command, "RESULTS", tmp_path)
+    monkeypatch.setattr(article_runs, "PATH", tmp_path / "tests.csv")
+    monkeypatch.setattr(reproduction, "NUM_TESTS", 2)
+    for seed in range(9):
+        article_runs.add(article_runs.PATH, "preset", seed, [500.0 + seed, 540.0])
+    assert len(command.measure(root, 2)["printed"]["dqn"]["ours"]) == 2  # of other settings
+    monkeypatch.setattr(presets, "load", lambda name: params)
+    dqn = command.measure(root, 2)["printed"]["dqn"]
+    assert dqn["ours"] == [500.0 + seed for seed in range(9)]
+    assert dqn["tests"] == {"each": 2, "reached": [1] * 9}
+    assert dqn["reproduced"] is True
+    assert len(dqn["points"][-1]["ours"]) == 2 and dqn["control"]["tests"]["each"] == 4
+
+
 def test_measuring_nothing_says_so(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="given no project, allowed: what `make article`"):
-        command.measure(tmp_path)
+        command.measure(tmp_path, 2)
 
 
 def test_an_agent_that_is_not_trained_is_named(tiny: tuple[Path, Params]) -> None:
