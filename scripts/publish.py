@@ -178,10 +178,10 @@ def _parts(path: Path, name: str) -> tuple[str, str, str]:
 
 
 def claim_table(claims: Sequence[dict[str, Any]], with_evidence: bool) -> str:
-    """Return the claims, their verdicts and corrected p values as Markdown."""
-    headings = ["claim", "verdict", "p after Holm", *(["evidence"] if with_evidence else [])]
+    """Return the claims, their verdicts and adjusted p values as Markdown."""
+    headings = ["claim", "verdict", "adjusted p", *(["evidence"] if with_evidence else [])]
     rows = [
-        [claim["text"], claim["verdict"], p_value(claim["p_holm"]), claim["evidence"]]
+        [claim["text"], claim["verdict"], p_value(summaries.deciding_p(claim)), claim["evidence"]]
         for claim in claims
     ]
     lines = [headings, ["---"] * len(headings), *(row[: len(headings)] for row in rows)]

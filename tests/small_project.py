@@ -15,10 +15,17 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file, scaling_table, variant_names
 from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
-from jumping_ant.params.blocks import CompareParams, EvaluateParams
+from jumping_ant.params.blocks import CompareParams, EvaluateParams, MarginParams
 from jumping_ant.sim.trajectory import Trajectory
 
-COMPARE = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=500, seed=0)
+COMPARE = CompareParams(
+    confidence=0.95,
+    levels=[0.05],
+    look_seeds=8,
+    bootstrap_samples=500,
+    seed=0,
+    margins=MarginParams(returns=10, fluidity=0.01, relative_spread=0.01, seconds=1.25),
+)
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
 BUDGETS = {"random": 0, "open_loop": 400, "dqn": 1000, "sac": 200, "pgpe": 8000}
 EPISODES = 3

@@ -83,6 +83,7 @@ ELSEWHERE = {
     **{f"make preset PRESET={name}": HOURS for name in ("ablations", "families", "hopper", "run")},
     "dvc exp run $(cat presets/NAME)": "stands for the presets",
     "python -m scripts.tune": "hours of training",
+    "python -m scripts.error_rates": "writes a document; tests/test_error_rates.py",
     "make bench": MEASURES,
     "python -m benchmarks profiles scale": MEASURES,
     "python -m benchmarks sac_vs_sb3": MEASURES,

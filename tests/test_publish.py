@@ -14,7 +14,12 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves, params_file
 from scripts import publish
 
-CLAIM = {"text": "A leads", "verdict": "refuted", "p_holm": 0.01234, "evidence": "Much (8 seeds)."}
+CLAIM = {
+    "text": "A leads",
+    "verdict": "refuted",
+    "p_adjusted": 0.01234,
+    "evidence": "Much (8 seeds).",
+}
 TEXT = "Above.\n\n<!-- part -->\nold\nlines\n<!-- end of part -->\n\nBelow.\n"
 
 
@@ -64,7 +69,7 @@ def test_the_documents_agree_with_the_results() -> None:
 
 def test_claims_are_a_table_with_or_without_evidence() -> None:
     assert publish.claim_table([CLAIM], with_evidence=False).splitlines() == [
-        "| claim | verdict | p after Holm |",
+        "| claim | verdict | adjusted p |",
         "| --- | --- | --- |",
         "| A leads | refuted | 0.012 |",
     ]

@@ -9,9 +9,10 @@ NeurIPS 2021 (section 4: interquartile mean, probability of improvement); Hutson
 exact bootstrap mean and variance of an L-estimator", Journal of the Royal Statistical Society B
 62, 2000 (the standard error of the interquartile mean, without resampling); Efron and Tibshirani,
 "An Introduction to the Bootstrap", 1993, chapters 12 and 13 (t intervals, percentile intervals);
-Gehan, "A generalized Wilcoxon test for comparing arbitrarily singly-censored samples", Biometrika
-52, 1965 (scores of pairs where a value is only a bound). The tests' module has the sources of the
-scores of pairs (Mann and Whitney 1947) and of spreads (Brown and Forsythe 1974).
+Mantel, "Ranking procedures for arbitrarily restricted observation", Biometrics 23, 1967 (scores of
+pairs where values have bounds); Hodges and Lehmann, "Estimates of location based on rank tests",
+Annals of Mathematical Statistics 34, 1963. The tests' module has the sources of the scores of pairs
+(Mann and Whitney 1947) and of spreads (Brown and Forsythe 1974).
 """
 
 import warnings
@@ -141,39 +142,22 @@ def _gap_weights(num: int, cut: int) -> Array:
 def pair_scores(x: Array, y: Array) -> Array:
     """Return 1 where x beats y, 0.5 where they tie and 0 where y beats x (Mann and Whitney 1947).
 
-    Args:
-        x: First sample, shape (..., num_x).
-        y: Second sample, shape (..., num_y).
-
-    Returns:
-        The scores of all pairs, shape (..., num_x, num_y).
-    """
-    x, y = x[..., :, None], y[..., None, :]
-    return np.asarray(np.greater(x, y) + 0.5 * np.equal(x, y), dtype=np.float64)
-
-
-def bounded_pair_scores(
-    x: Array, x_exact: NDArray[np.bool_], y: Array, y_exact: NDArray[np.bool_]
-) -> Array:
-    """Return `pair_scores` of samples that hold lower bounds where a value is not exact.
-
-    A pair that the bounds leave undecided scores 0.5, a tie (Gehan 1965).
+    Samples may hold bounds instead of values: `low` < value <= `high`. Then x beats y where it does
+    so wherever both lie, and a pair that the bounds leave undecided ties (Mantel 1967).
 
     Args:
-        x: Values or lower bounds, shape (num_x,).
-        x_exact: Whether each of x is a value rather than a bound, shape (num_x,).
-        y: Values or lower bounds, shape (num_y,).
-        y_exact: Whether each of y is a value rather than a bound, shape (num_y,).
+        x: First sample, shape (num_x,), or its bounds, (num_x, 2).
+        y: Second sample, shape (num_y,) or (num_y, 2).
 
     Returns:
         The scores of all pairs, shape (num_x, num_y).
     """
-    # A bound of 100 is larger than a value of 100: the bounded event had not happened by then.
-    x_wins = np.greater.outer(x, y) | (np.equal.outer(x, y) & ~x_exact[:, None])
-    y_wins = np.less.outer(x, y) | (np.equal.outer(x, y) & ~y_exact[None, :])
-    x_wins &= y_exact[None, :]
-    y_wins &= x_exact[:, None]
-    return np.asarray(0.5 * (1.0 + x_wins - y_wins), dtype=np.float64)
+    if x.ndim == 1:
+        wins, losses = np.greater.outer(x, y), np.less.outer(x, y)
+    else:
+        wins = np.greater_equal.outer(x[:, 0], y[:, 1])
+        losses = np.less_equal.outer(x[:, 1], y[:, 0])
+    return np.asarray(0.5 * (1.0 + wins - losses), dtype=np.float64)
 
 
 def relative_deviations(sample: Array) -> Array:
@@ -284,6 +268,19 @@ def mean_pair_score(scores: Array, params: CompareParams) -> Estimate:
 
     positions = [np.arange(size, dtype=np.float64) for size in scores.shape]
     return estimate(statistic, positions, params)
+
+
+def pairwise_median(combine: Callable[[Array, Array], Array]) -> Callable[..., Array]:
+    """Return a statistic of two samples: the median over all pairs of what they combine to.
+
+    Of differences, it is the estimate that belongs to the rank test (Hodges and Lehmann 1963).
+    """
+
+    def statistic(x: Array, y: Array, axis: int = -1) -> Array:
+        x, y = np.moveaxis(x, axis, -1), np.moveaxis(y, axis, -1)
+        return np.asarray(np.median(combine(x[..., :, None], y[..., None, :]), axis=(-2, -1)))
+
+    return statistic
 
 
 def common_grid(positions: Sequence[Array]) -> Array:

@@ -82,12 +82,17 @@ def evaluations(curve: Table, against: Unit = "env_steps") -> tuple[Array, Array
     return curve[against][rows], curve["evaluation_return_mean"][rows]
 
 
-def sustained(curve: Table, threshold: float) -> int | None:
-    """Return the row of the first evaluation from which all exceed a threshold, if any."""
-    rows = np.flatnonzero(_is_evaluation(curve))
-    failed = np.flatnonzero(~(curve["evaluation_return_mean"][rows] > threshold))
-    first = failed[-1] + 1 if len(failed) else 0
-    return int(rows[first]) if first < len(rows) else None
+def onset(curve: Table, threshold: float, unit: Unit) -> tuple[float, float]:
+    """Return bounds on the training after which returns exceed a threshold, for good.
+
+    It ends between the last evaluation that does not exceed the threshold (0 if all do) and the
+    next one (infinity if there is none).
+    """
+    trained, returns = evaluations(curve, unit)
+    failed = np.flatnonzero(~(returns > threshold))
+    first = int(failed[-1]) + 1 if len(failed) else 0
+    bounds = np.concatenate([[0.0], trained, [np.inf]])
+    return float(bounds[first]), float(bounds[first + 1])
 
 
 def published_return(returns: Sequence[float], publish: Literal["best", "final"]) -> float:

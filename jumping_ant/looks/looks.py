@@ -29,7 +29,12 @@ DASHES = ("--", ":", "-.")
 INK = "#333333"
 PAIR = "#B0B0B0"  # of the lines between values of the same seed
 CHANCES = ("#F4A582", "#F7F7F7", "#7FB6E0")  # of winning: from never to always
-VERDICTS = {"supported": "#00795A", "refuted": "#B4461B", "inconclusive": "#6B7280"}
+VERDICTS = {
+    "supported": "#00795A",
+    "refuted": "#B4461B",
+    "equivalent": "#2B5F9E",
+    "inconclusive": "#6B7280",
+}
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Field(gt=0, le=1e6)]
 NonNegative = Annotated[float, Field(ge=0, le=1e6)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
+Level = Annotated[float, Field(gt=0, lt=1)]
 Count = Annotated[int, Field(ge=1, le=10**6)]
 Steps = Annotated[int, Field(ge=1, le=10**10)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
@@ -265,14 +266,31 @@ class RecordParams(Block):
     """[degrees] Elevation of the view; negative looks down."""
 
 
+class MarginParams(Block):
+    """The smallest differences of practical size; smaller ones make agents equivalent."""
+
+    returns: Positive
+    """[-] Difference in return."""
+    fluidity: Positive
+    """[-] Difference in fluidity."""
+    relative_spread: Positive
+    """[-] Difference in the spread of the return over seeds, relative to its median."""
+    seconds: Annotated[float, Field(gt=1, le=100)]
+    """[-] Ratio of seconds."""
+
+
 class CompareParams(Block):
     """Statistics (see `jumping_ant.comparison.estimates` and `jumping_ant.comparison.claims`)."""
 
     confidence: Annotated[float, Field(gt=0, lt=1)]
-    """[-] Confidence level of every interval; 1 minus it is the level of all claims together."""
-    power: Annotated[float, Field(gt=0, lt=1)]
-    """[-] Power for which the number of seeds that an open claim needs is computed."""
+    """[-] Confidence level of every interval."""
+    levels: Annotated[list[Level], Field(min_length=1, max_length=100)]
+    """[-] Level of all claims together: of the run, and of each later look, which adds seeds."""
+    look_seeds: Annotated[int, Field(ge=1, le=1000)]
+    """[-] Seeds that a later look adds to each agent of an open claim."""
     bootstrap_samples: Annotated[int, Field(ge=100, le=10**6)]
     """[-] Bootstrap resamples for the interval of a statistic that has no formula."""
+    margins: MarginParams
+    """The smallest differences of practical size, by which a lack of difference is judged."""
     seed: Seed
     """Seed of resamples and of random arrangements."""

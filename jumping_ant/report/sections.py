@@ -36,7 +36,7 @@ def context(
         "statements": statements.read(claims, len(params.seeds)),
         "verdicts": statements.count(claims),
         "signs": statements.SIGNS,
-        "level": f"{1 - params.compare.confidence:.2g}",
+        "level": f"{params.compare.levels[0]:.2g}",
         "seeds": len(params.seeds),
     }
 

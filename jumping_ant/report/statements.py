@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from jumping_ant.comparison.claims.statements import STATEMENTS
-from jumping_ant.looks.wording import estimate, p_value
+from jumping_ant.looks.wording import estimate, number, p_value
 
-SIGNS = {"supported": "\u2713", "refuted": "\u2717", "inconclusive": "?"}
+SIGNS = {"supported": "\u2713", "refuted": "\u2717", "equivalent": "\u2248", "inconclusive": "?"}
 SCEPTIC = "A sceptic's questions"  # claims that test no statement of the article
 
 
@@ -50,8 +50,8 @@ def _in_words(index: int, entry: Mapping[str, Any], num_seeds: int) -> dict[str,
         "verdict": entry["verdict"],
         "text": entry["text"],
         "effect": _effect(entry["effect"], num_seeds),
-        "p": f"p = {p_value(entry['p'])}, {p_value(entry['p_holm'])} after Holm",
-        "needed": _needed(entry),
+        "p": _p_values("no difference", entry["p"], entry["p_adjusted"]),
+        "margin": _margin(entry),
         "evidence": entry["evidence"],
     }
 
@@ -63,9 +63,14 @@ def _effect(effect: Mapping[str, Any], num_seeds: int) -> str:
     return f"{name}: {estimate(effect['value'], effect['low'], effect['high'], num_seeds)}"
 
 
-def _needed(entry: Mapping[str, Any]) -> str:
-    """Return how many seeds would decide an open claim; empty for one that is decided."""
-    if entry["verdict"] != "inconclusive":
+def _margin(entry: Mapping[str, Any]) -> str:
+    """Return what is said of a difference outside of the margin; empty for a claim without one."""
+    if entry["margin"] is None:
         return ""
-    needed = entry["seeds_needed"]
-    return f"about {needed:,} seeds would decide it" if needed else "more than 1,000 seeds needed"
+    low, high = (number(entry["margin"][end]) for end in ("low", "high"))
+    p_values = entry["p_equivalence"], entry["p_equivalence_adjusted"]
+    return _p_values(f"a difference outside of {low} to {high}", *p_values)
+
+
+def _p_values(hypothesis: str, p: float, adjusted: float) -> str:
+    return f"{hypothesis}: p = {p_value(p)}, adjusted {p_value(adjusted)}"

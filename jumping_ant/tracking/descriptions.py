@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from jumping_ant.experiment import summaries
 from jumping_ant.looks.wording import estimate, number, p_value
 
 LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
@@ -91,5 +92,5 @@ def _number(value: float | None) -> str:
 
 def _claims(claims: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for claim in claims:
-        p = p_value(claim["p_holm"])
-        yield f"- **{claim['verdict']}** (p = {p} after Holm): {claim['text']}"
+        p = p_value(summaries.deciding_p(claim))
+        yield f"- **{claim['verdict']}** (adjusted p = {p}): {claim['text']}"

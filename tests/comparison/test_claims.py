@@ -10,10 +10,14 @@ from small_field import (
     CENTRE,
     COMMANDS,
     CONSTANT,
+    DISCRETE,
+    FIVE,
     FLUID,
+    HALF,
     HEAVY,
     HIGH,
     JUMPS,
+    LEVELS,
     LIGHTER,
     LOW,
     METRONOME,
@@ -21,9 +25,9 @@ from small_field import (
     OPEN_LOOP,
     RANDOM,
     ROBUST,
-    ROUNDED,
     STIFF,
     TORN,
+    TWICE,
     agent,
     check,
     having,
@@ -103,9 +107,12 @@ def test_a_metronome_is_no_stronger_than_the_learner():
         (FLUID, {"fluidity": -LOW}, {"fluidity": -HIGH}, "supported"),
         (FLUID, {"fluidity": -HIGH}, {"fluidity": -LOW}, "refuted"),
         (FLUID, {"fluidity": -LOW}, {"fluidity": -TORN}, "inconclusive"),
-        (BETTER, {"return": HIGH}, {"return": MIDDLE}, "supported"),
-        (BETTER, {"return": 1.5 * MIDDLE}, {"return": MIDDLE}, "refuted"),
-        (BETTER, {"return": 2 * LOW}, {"return": TORN}, "inconclusive"),
+        (BETTER, {"return": 1.5 * MIDDLE}, {"return": MIDDLE}, "supported"),
+        (BETTER, {"return": LOW}, {"return": MIDDLE}, "refuted"),
+        (BETTER, {"return": LOW}, {"return": TORN}, "inconclusive"),
+        (TWICE, {"return": HIGH}, {"return": MIDDLE}, "supported"),
+        (TWICE, {"return": 1.5 * MIDDLE}, {"return": MIDDLE}, "refuted"),
+        (TWICE, {"return": 2 * LOW}, {"return": TORN}, "inconclusive"),
     ],
 )
 def test_sac_beside_dqn(part, first, second, verdict):
@@ -113,26 +120,48 @@ def test_sac_beside_dqn(part, first, second, verdict):
     assert one_verdict(part, sac, dqn) == verdict
 
 
+def test_much_better_says_how_many_times_better():
+    sac, dqn = agent("sac", "sac", 1.5 * MIDDLE), agent("dqn", "dqn", MIDDLE)
+    assert "median ratio of two seeds 1.5 [" in the_claim(TWICE, sac, dqn)["evidence"]
+
+
 @pytest.mark.parametrize(
-    ("rounded", "verdict"),
-    [(MIDDLE - 50, "supported"), (MIDDLE + 50, "refuted"), (MIDDLE, "inconclusive")],
+    ("part", "better", "worse"),
+    [
+        (DISCRETE, "published", "signed"),
+        (FIVE, "signed", "rounded_full"),
+        (HALF, "rounded_full", "rounded"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("excess", "verdict"), [(50, "supported"), (-50, "refuted"), (0, "equivalent")]
 )
 @pytest.mark.parametrize("algorithm", ["sac", "pgpe"])
-def test_rounding_is_judged_on_the_same_seeds(algorithm, rounded, verdict):
+def test_what_costs_is_judged_on_the_same_seeds(algorithm, part, better, worse, excess, verdict):
     # The spread over seeds exceeds the difference: only pairs tell them apart.
-    learner = having(agent(algorithm, algorithm), {"rounded": {"return": rounded}})
-    assert one_verdict(ROUNDED, learner) == verdict
+    returns = {better: MIDDLE, worse: MIDDLE - excess}
+    variants = {name: {"return": own, "fluidity": own} for name, own in returns.items()}
+    variants.pop("published", None)
+    assert one_verdict(part, having(agent(algorithm, algorithm), variants)) == verdict
 
 
-def test_rounding_stiffens_where_the_robot_moves():
-    rounded = -HIGH.copy()
-    rounded[0] = np.nan
-    variants = {"rounded": {"return": MIDDLE, "fluidity": rounded}}
+def test_half_of_half_the_torque_is_no_question():
+    weak = {"kind": "torques", "amplitude": 0.5, "hold": 3}
+    own = {"return": MIDDLE, "fluidity": MIDDLE}
+    versions = dict.fromkeys(("signed", "rounded_full", "rounded"), own)
+    texts = [claim["text"] for claim in check(having(agent("sac", "sac", actions=weak), versions))]
+    assert [DISCRETE in text or STIFF in text for text in texts] == [True, True]
+
+
+def test_two_levels_are_judged_where_the_robot_moves():
+    signed = -HIGH.copy()
+    signed[0] = np.nan
+    variants = {"signed": {"return": MIDDLE, "fluidity": signed}}
     sac = having(agent("sac", "sac"), variants, fluidity=-LOW)
-    claim = the_claim(STIFF, sac, agent("dqn", "dqn"))
+    claim = the_claim(STIFF, sac)
     assert claim["p"] == 2 / 2**7
-    assert "left out: 1 of SAC, rounded" in claim["evidence"]
-    assert claim["plot"]["values"]["SAC, rounded"][0] is None
+    assert "left out: 1 of SAC, two levels" in claim["evidence"]
+    assert claim["plot"]["values"]["SAC, two levels"][0] is None
     assert claim["plot"]["paired"] is True
 
 
@@ -166,12 +195,29 @@ def test_a_rival_that_never_learned_in_its_shorter_budget_settles_nothing():
     assert one_verdict("more control steps", pgpe, longer, RANDOM) == "refuted"
 
 
-def test_a_return_counts_where_it_lasts():
-    luck = {"evaluation_return_mean": np.array([9.0, np.nan, 0.0, 8.0, 9.0])}
-    assert curves.sustained(luck, 5.0) == 3
-    assert curves.sustained(luck, 8.0) == 4
-    assert curves.sustained(luck, -1.0) == 0
-    assert curves.sustained(luck, 9.0) is None
+@pytest.mark.parametrize(
+    ("threshold", "bounds"),
+    [(5.0, (30, 40)), (8.0, (40, 50)), (-1.0, (0, 10)), (9.0, (50, np.inf))],
+)
+def test_a_return_counts_where_it_lasts(threshold, bounds):
+    luck = {
+        "env_steps": np.array([10.0, 20.0, 30.0, 40.0, 50.0]),
+        "evaluation_return_mean": np.array([9.0, np.nan, 0.0, 8.0, 9.0]),
+    }
+    assert curves.onset(luck, threshold, "env_steps") == bounds
+
+
+def test_efforts_between_the_same_evaluations_settle_nothing():
+    pgpe, dqn = (agent(name, name, HIGH, reached_at=900) for name in ("pgpe", "dqn"))
+    early = {seed: curve | {"env_steps": np.array([500.0, 890.0, 1000.0])}
+             for seed, curve in dqn.curves.items()}  # fmt: skip
+    claim = the_claim("more control steps", pgpe, replace(dqn, curves=early), RANDOM)
+    assert (claim["p"], claim["effect"]["value"]) == (1.0, 0.5)  # 855 to 900, 500 to 890
+    earlier = {seed: curve | {"env_steps": np.array([500.0, 850.0, 1000.0])}
+               for seed, curve in dqn.curves.items()}  # fmt: skip
+    assert one_verdict("more control steps", pgpe, replace(dqn, curves=earlier), RANDOM) == (
+        "supported"
+    )
 
 
 def test_random_policies_stay_below_what_counts_as_learning():
@@ -183,8 +229,8 @@ def test_random_policies_stay_below_what_counts_as_learning():
 
 
 @pytest.mark.parametrize(
-    ("best_sample", "verdict"),
-    [(MIDDLE - 1, "supported"), (MIDDLE + 1, "refuted"), (MIDDLE, "inconclusive")],
+    ("best_sample", "verdict"),  # the margin is 10
+    [(MIDDLE + 9, "supported"), (MIDDLE + 11, "refuted"), (MIDDLE + 10, "inconclusive")],
 )
 def test_the_centre_is_that_of_the_final_search(best_sample, verdict):
     variants = {"final": {"return": MIDDLE}, "best_sample": {"return": best_sample}}
@@ -197,7 +243,7 @@ def test_claims_without_their_agents_are_left_out():
         ((RANDOM, METRONOME), []),
         ((RANDOM, dqn), [JUMPS]),
         ((dqn, METRONOME), [OPEN_LOOP]),
-        ((dqn, sac), [FLUID, BETTER]),
+        ((dqn, sac), [FLUID, BETTER, TWICE]),
         ((pgpe, RANDOM), []),
         ((pgpe, sac), [ROBUST]),
         ((pgpe, sac, RANDOM), [ROBUST, HEAVY]),
@@ -222,7 +268,7 @@ def test_agents_stand_for_their_algorithm_whatever_their_name():
 @pytest.mark.parametrize(
     ("part", "own", "algorithm", "settings"),
     [
-        (ROUNDED, "pgpe", "pgpe", {"actions": COMMANDS}),
+        (DISCRETE, "pgpe", "pgpe", {"actions": LEVELS}),
         ("A second critic", "td3", "td3", {"n_critics": 1}),
         ("rewards are sparse", "pgpe", "sac", {"sparse_rewards": True}),
         ("rewards are sparse", "pgpe", "dqn", {"sparse_rewards": True}),
@@ -245,9 +291,30 @@ def test_a_robot_jumps_higher_than_the_unedited_one():
     assert one_verdict(LIGHTER, plain, having(agent("sac", "sac"), apex=HIGH)) == "supported"
 
 
+def test_five_commands_are_compared_with_torques_of_their_amplitude_and_hold():
+    half, commands = (
+        agent(name, "pgpe", returns, actions=COMMANDS | {"kind": kind})
+        for name, kind, returns in (("half", "torques", HIGH), ("commands", "commands", LOW))
+    )
+    claim = the_claim(FIVE, agent("pgpe", "pgpe"), half, commands, RANDOM)
+    assert (claim["verdict"], "half returns more than commands" in claim["text"]) == (
+        "supported", True
+    )  # fmt: skip
+
+
+def test_the_first_of_agents_that_differ_in_their_actions_stands_for_the_algorithm():
+    slow = agent("slow", "dqn", actions=COMMANDS | {"hold": 5})
+    first, second = agent("dqn", "dqn"), agent("same", "dqn")
+    texts = [claim["text"] for claim in check(agent("sac", "sac"), first, second, slow)]
+    assert [any(name in text for text in texts) for name in ("DQN", "same", "slow")] == [
+        True, True, False
+    ]  # fmt: skip
+
+
 ALONE = [
     (CONSTANT, "pgpe", {"decrease_rewards_by": 0.0}),
-    (ROUNDED, "pgpe", {"actions": COMMANDS}),
+    (DISCRETE, "pgpe", {"actions": LEVELS}),
+    (HALF, "dqn", {"actions": COMMANDS | {"amplitude": 1.0}}),
     ("A second critic", "td3", {"n_critics": 1}),
     ("rewards are sparse", "sac", {"sparse_rewards": True}),
     ("rewards are sparse", "dqn", {"sparse_rewards": True}),

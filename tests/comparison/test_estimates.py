@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rliable import metrics
 from scipy import stats
+from small_project import COMPARE
 
 from jumping_ant.comparison import estimates as statistics
 from jumping_ant.comparison.estimates import (
@@ -12,9 +13,8 @@ from jumping_ant.comparison.estimates import (
     estimate_mean,
     probability_of_improvement,
 )
-from jumping_ant.params.blocks import CompareParams
 
-PARAMS = CompareParams(confidence=0.95, power=0.8, bootstrap_samples=2000, seed=0)
+PARAMS = COMPARE.model_copy(update={"bootstrap_samples": 2000})
 
 
 def mixture(generator, shape):
@@ -73,29 +73,31 @@ def test_probability_of_improvement_resamples_both_sides():
 
 
 @pytest.mark.parametrize(
-    ("x", "x_exact", "y", "y_exact", "score"),
+    ("x", "y", "score"),
     [
-        (3, True, 2, True, 1.0),
-        (2, True, 2, True, 0.5),
-        (1, True, 2, True, 0.0),
-        (3, False, 2, True, 1.0),  # later than 3 is later than 2
-        (2, False, 2, True, 1.0),  # not by 2 is later than at 2
-        (1, False, 2, True, 0.5),  # later than 1 may be before 2 or after
-        (2, True, 1, False, 0.5),
-        (2, True, 2, False, 0.0),
-        (3, False, 2, False, 0.5),
+        ((2, 3), (1, 2), 1.0),  # above 2 is above at most 2
+        ((2, 3), (1, 2.5), 0.5),
+        ((1, 2), (1, 2), 0.5),
+        ((1, 2), (2, 3), 0.0),
+        ((0, 1), (3, np.inf), 0.0),  # what never happened takes longer
+        ((2, np.inf), (3, 4), 0.5),
+        ((4, np.inf), (9, np.inf), 0.5),
     ],
 )
-def test_bounded_pairs_score_what_the_bounds_settle(x, x_exact, y, y_exact, score):
-    arrays = np.array([float(x)]), np.array([x_exact]), np.array([float(y)]), np.array([y_exact])
-    assert statistics.bounded_pair_scores(*arrays) == pytest.approx(score)
+def test_pairs_of_bounds_score_what_the_bounds_settle(x, y, score):
+    assert statistics.pair_scores(np.array([x]), np.array([y])) == pytest.approx(score)
 
 
-def test_bounded_pairs_without_bounds_are_plain_pairs():
-    x, y, yes = np.array([1.0, 5.0, 5.0]), np.array([5.0, 0.0]), np.array([True, True, True])
-    np.testing.assert_array_equal(
-        statistics.bounded_pair_scores(x, yes, y, yes[:2]), statistics.pair_scores(x, y)
-    )
+def test_narrow_bounds_are_as_good_as_values():
+    x, y = np.array([1.0, 5.0, 7.0]), np.array([6.0, 0.0])
+    bounds = [np.stack([own - 0.1, own], axis=1) for own in (x, y)]
+    np.testing.assert_array_equal(statistics.pair_scores(*bounds), statistics.pair_scores(x, y))
+
+
+def test_the_median_of_all_pairs_is_hodges_and_lehmanns():
+    difference = statistics.pairwise_median(np.subtract)
+    assert difference(np.array([5.0, 9.0]), np.array([1.0, 2.0, 4.0])) == 4.5  # of 1 3 4 5 7 8
+    assert statistics.pairwise_median(np.divide)(np.array([6.0]), np.array([2.0, 3.0])) == 2.5
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,15 @@
 
 import json
 
+import numpy as np
 import pytest
 from small_field import (
+    CENTRE,
     HIGH,
-    LIGHTER,
     LOW,
     METRONOME,
     MIDDLE,
     OPEN_LOOP,
-    ROUNDED,
     TORN,
     agent,
     check,
@@ -20,26 +20,29 @@ from small_field import (
 )
 
 from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison.step_down import Adjusted
 
 
 @pytest.mark.parametrize("num_seeds", [1, 2, 3])
-def test_few_seeds_are_inconclusive_and_say_so(num_seeds):
-    variants = {"rounded": {"return": LOW[:num_seeds], "fluidity": LOW[:num_seeds]}}
+def test_few_seeds_decide_nothing(num_seeds):
+    own = {"return": LOW[:num_seeds], "fluidity": LOW[:num_seeds]}
+    variants = dict.fromkeys(("signed", "rounded_full", "rounded", "final", "best_sample"), own)
     agents = [
         having(agent(name, name, HIGH[:num_seeds]), variants)
         for name in ("random", "open_loop", "dqn", "sac", "pgpe")
     ]
     found = check(*agents)
     assert {claim["verdict"] for claim in found} == {"inconclusive"}
-    assert all("too few seeds for a verdict" in claim["evidence"] for claim in found)
     json.dumps(found, allow_nan=False)
 
 
 def test_entries_follow_their_contract():
     (claim,) = check(agent("dqn", "dqn", HIGH), METRONOME)
     assert list(claim) == [
-        "text", "statement", "verdict", "evidence", "effect", "test", "p", "p_holm", "plot",
+        "text", "statement", "agents", "verdict", "evidence", "effect", "no_effect",
+        "test", "p", "p_adjusted", "margin", "p_equivalence", "p_equivalence_adjusted", "plot",
     ]  # fmt: skip
+    assert claim["agents"] == ["dqn", "metronome"]
     assert claim["effect"] == {
         "name": "probability that a seed of DQN exceeds one of metronome",
         "value": 1.0, "low": 1.0, "high": 1.0,
@@ -47,57 +50,68 @@ def test_entries_follow_their_contract():
     assert claim["plot"] == {
         "axis": "Return", "values": {"DQN": HIGH.tolist(), "metronome": LOW.tolist()}
     }  # fmt: skip
+    assert claim["margin"] == {"low": -10, "high": 10}
+    assert claim["p_equivalence"] == claim["p_equivalence_adjusted"] == 1.0
     assert "DQN 3,150 [" in claim["evidence"]
-    assert "exact rank test, 8 seeds: p = 0.00016, 0.00016 among 1 claims" in claim["evidence"]
+    assert "median difference of two seeds 2,8" in claim["evidence"]
+    assert "rank test, 8 seeds: p = 0.00016, 0.00016 among 1 claims; " in claim["evidence"]
+    assert "margin -10 to 10: p = 1, 1)." in claim["evidence"]
     json.dumps(claim, allow_nan=False)
 
 
-def test_p_values_are_corrected_together():
-    variants = {"rounded": {"return": MIDDLE - 50, "fluidity": MIDDLE}}
-    sac = having(agent("sac", "sac"), variants)
-    assert one_verdict(ROUNDED, sac) == "supported"
+def test_claims_without_a_margin_have_no_second_p_value():
+    dqn = agent("dqn", "dqn", LOW)
+    claim = the_claim("ends better", agent("sac", "sac", HIGH), dqn)
+    keys = ("margin", "p_equivalence", "p_equivalence_adjusted")
+    assert [claim[key] for key in keys] == [None] * 3
+    assert "margin" not in claim["evidence"]
+
+
+def test_agents_that_differ_by_little_are_equivalent():
+    same = np.linspace(500.0, 501.0, 8)
+    claim = the_claim(OPEN_LOOP, agent("dqn", "dqn", same), agent("alike", "open_loop", same))
+    assert (claim["verdict"], claim["p"]) == ("equivalent", 1.0)
+    assert claim["p_equivalence"] == pytest.approx(1 / 12870)
+
+
+def test_a_small_difference_that_is_sure_is_told_as_small():
+    small = np.linspace(500.0, 501.0, 8)
+    dqn = agent("dqn", "dqn", small + 3)
+    claim = the_claim(OPEN_LOOP, dqn, agent("alike", "open_loop", small))
+    assert claim["verdict"] == "supported"
+    assert claim["evidence"].endswith("the difference is below practical size).")
+
+
+def test_what_is_not_worse_says_by_how_much():
+    variants = {"final": {"return": MIDDLE}, "best_sample": {"return": MIDDLE}}
+    claim = the_claim(CENTRE, having(agent("pgpe", "pgpe"), variants))
+    assert "mean difference of the same seeds 0 [0, 0], tested against -10" in claim["evidence"]
+    assert (claim["verdict"], claim["p"], claim["no_effect"]) == ("supported", 2 / 256, -10)
+
+
+def test_p_values_are_adjusted_together():
+    variants = {"final": {"return": MIDDLE}, "best_sample": {"return": MIDDLE - 50}}
+    pgpe = having(agent("pgpe", "pgpe"), variants)
+    assert one_verdict(CENTRE, pgpe) == "supported"
     # Eight open questions more, and what eight pairs can show is not rare enough any more.
-    others = [agent(f"dqn-{i}", "dqn", TORN) for i in range(4)]
-    claim = the_claim(ROUNDED, sac, METRONOME, *others)
+    others = [agent(f"dqn-{i}", "dqn", TORN) for i in range(8)]
+    claim = the_claim(CENTRE, pgpe, METRONOME, *others)
     assert claim["p"] == 2 / 256
-    assert (claim["verdict"], claim["p_holm"] > 0.05) == ("inconclusive", True)
-    assert claim["seeds_needed"] > 8
-
-
-def test_open_claims_say_how_many_seeds_they_need():
-    claim = the_claim(OPEN_LOOP, agent("dqn", "dqn", TORN), METRONOME)
-    assert claim["verdict"] == "inconclusive"
-    assert claim["seeds_needed"] is None or claim["seeds_needed"] > 8
-    nothing = the_claim(OPEN_LOOP, agent("dqn", "dqn", LOW), METRONOME)
-    assert nothing["seeds_needed"] is None
-    assert "more than 1,000 seeds" in nothing["evidence"]
+    assert (claim["verdict"], claim["p_adjusted"] > 0.05) == ("inconclusive", True)
 
 
 @pytest.mark.parametrize(
-    ("side", "p_holm", "verdict"),
+    ("side", "difference", "equivalence", "verdict"),
     [
-        (0.4, 0.05, "supported"),
-        (-0.4, 0.05, "refuted"),
-        (0.4, 0.051, "inconclusive"),
-        (-0.4, 0.051, "inconclusive"),
-        (0.0, 0.0, "inconclusive"),
+        (0.4, 0.05, None, "supported"),
+        (-0.4, 0.05, 1.0, "refuted"),
+        (0.4, 0.051, None, "inconclusive"),
+        (-0.4, 0.051, 0.051, "inconclusive"),
+        (0.4, 0.051, 0.05, "equivalent"),
+        (-0.4, 0.04, 0.04, "refuted"),
+        (0.0, 0.0, None, "inconclusive"),
     ],
 )
-def test_the_rule_of_verdicts(side, p_holm, verdict):
-    assert verdicts.verdict(side, p_holm, 0.95) == verdict
-
-
-def test_seeds_that_all_agree_are_a_constant():
-    same = agent("same", "open_loop", [600.0] * 8)
-    above = the_claim(OPEN_LOOP, agent("dqn", "dqn", HIGH), same)
-    assert (above["verdict"], above["p"]) == ("supported", 2 / 2**8)
-    assert "all seeds of same are the same policy" in above["evidence"]
-    below = agent("dqn", "dqn", [*LOW[:7], 2000.0])
-    assert one_verdict(OPEN_LOOP, below, same) == "inconclusive"
-
-
-def test_two_agents_without_spread_are_not_tested():
-    edited = having(agent("edited", "open_loop"), apex=[2.0] * 8)
-    plain = having(agent("plain", "open_loop", robot="unedited"), apex=[1.0] * 8)
-    claim = the_claim(LIGHTER, edited, plain)
-    assert (claim["verdict"], claim["p"], claim["seeds_needed"]) == ("inconclusive", 1.0, None)
+def test_the_rule_of_verdicts(side, difference, equivalence, verdict):
+    adjusted = Adjusted(difference, equivalence)
+    assert verdicts.verdict(side, adjusted, 0.05) == verdict

@@ -92,17 +92,19 @@ def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
     found = json.loads((project / "results" / "comparison.json").read_text(encoding="utf-8"))[
         "claims"
     ]
-    assert len(found) == 11
+    assert len(found) > 8
     text = " ".join(Reader(html).cells)
     places = []
     for claim in sorted(found, key=lambda claim: claim["statement"] or 99):
         assert f"{claim['verdict']}{claim['text']}" in text
-        assert f"{claim['p']:.2g}, {claim['p_holm']:.2g} after Holm" in html
+        assert f"No difference: p = {claim['p']:.2g}, adjusted {claim['p_adjusted']:.2g}" in html
         places.append(html.index(escape(claim["evidence"])))
     assert places == sorted(places), "in the order of the article's statements"
-    assert html.count("would decide it.") + html.count("1,000 seeds needed.") == len(
-        [claim for claim in found if claim["verdict"] == "inconclusive"]
-    )
+    with_margin = [claim for claim in found if claim["margin"]]
+    assert html.count("a difference outside of -") == len(with_margin) > 0
+    for claim in with_margin:
+        adjusted = f"{claim['p_equivalence_adjusted']:.2g}"
+        assert f"p = {claim['p_equivalence']:.2g}, adjusted {adjusted}" in html
 
 
 def test_claims_are_grouped_by_statement_and_counted() -> None:
@@ -115,7 +117,8 @@ def test_claims_are_grouped_by_statement_and_counted() -> None:
             "evidence": "",
             "effect": {"name": "effect", "value": 1.0, "low": 0.0, "high": 2.0},
             "p": 0.5,
-            "p_holm": 1.0,
+            "p_adjusted": 1.0,
+            "margin": None,
         }
         for number, own in verdicts.items()
         for verdict in own
@@ -384,7 +387,7 @@ def test_many_learners_have_charts_by_family(crowd: str) -> None:
 
 def test_many_claims_are_folded_under_their_statements(crowd: str, html: str) -> None:
     summary = re.search(r"<summary>9. Evolution is robust(.*?)</summary>", crowd, re.S)
-    assert summary and "6 inconclusive" in " ".join(summary[1].split())
+    assert summary and "5 equivalent" in " ".join(summary[1].split())
     assert '<details class="statement">' in crowd and 'class="statement" open' not in crowd
     assert '<details class="statement">' not in html and 'class="statement" open' in html
 

@@ -46,7 +46,7 @@ def test_the_summary_follows_its_contract(timed: Timed) -> None:
     assert timed.seconds["pareto_seconds"] == ["sac", "pgpe"]
     texts = [claim["text"].split(":")[0] for claim in timed.seconds["claims"]]
     assert texts == [
-        "SAC takes more time to train than DQN, in all.",
+        "SAC takes more time to train than DQN, per control step.",
         *["PGPE is computationally heavy", "The population of PGPE parallelises"] * 2,
     ]
 

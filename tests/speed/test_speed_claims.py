@@ -1,20 +1,56 @@
 """The claims that rest on seconds: each compares what docs/claims.md says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_field import HEAVY, HIGH, PARALLEL, RANDOM, SLOW, agent, check, one_verdict, the_claim
 
+from jumping_ant.experiment import presets
 from jumping_ant.speed import claims
 
 UNTIMED = dict.fromkeys(("pgpe", "sac", "dqn"), {})
 
 
 @pytest.mark.parametrize(
-    ("budget", "verdict"), [(9000, "supported"), (200, "refuted"), (1000, "inconclusive")]
+    ("pace", "verdict"), [(9.0, "supported"), (0.2, "refuted"), (1.0, "inconclusive")]
 )
-def test_training_time_is_that_in_all(budget, verdict):
-    agents = agent("sac", "sac", budget=budget), agent("dqn", "dqn", budget=1000)
-    assert one_verdict(SLOW, *agents, table=claims.table(UNTIMED)) == verdict
+def test_training_time_is_that_of_a_control_step(pace, verdict):
+    sac, dqn = agent("sac", "sac", budget=500), agent("dqn", "dqn", budget=2000)
+    slowed = {
+        seed: curve | {"seconds": pace * curve["seconds"]} for seed, curve in sac.curves.items()
+    }
+    (claim,) = check(replace(sac, curves=slowed), dqn, table=claims.table(UNTIMED))
+    assert (SLOW in claim["text"], claim["verdict"]) == (True, verdict)
+
+
+@pytest.mark.parametrize(
+    ("budget", "verdict"), [(9_000_000, "supported"), (200, "refuted"), (1_000_000, "inconclusive")]
+)
+def test_training_time_in_all_is_compared_with_the_articles_budgets(budget, verdict):
+    sac = agent("sac", "sac", budget=budget, total_steps=100_000)
+    dqn = agent("dqn", "dqn", budget=1_000_000, total_steps=1_000_000)
+    assert one_verdict("in all", sac, dqn, table=claims.table(UNTIMED)) == verdict
+    ours = agent("dqn", "dqn", budget=1_000_000, total_steps=210_000)
+    texts = [claim["text"] for claim in check(sac, ours, table=claims.table(UNTIMED))]
+    assert not any("in all" in text for text in texts)
+
+
+def test_the_articles_budgets_are_those_of_its_preset():
+    agents = presets.load("article").agents
+    for name, steps in claims.ARTICLES_STEPS.items():
+        assert agents[name].max_env_steps == steps
+
+
+@pytest.mark.parametrize(
+    ("reached_at", "verdict", "is_small"),
+    [(100, "equivalent", True), (115, "supported", True), (140, "supported", False)],
+)
+def test_seconds_may_differ_by_a_quarter(reached_at, verdict, is_small):
+    agents = agent("dqn", "dqn", HIGH), agent("pgpe", "pgpe", HIGH, reached_at), RANDOM
+    claim = the_claim(HEAVY, *agents, table=claims.table(UNTIMED))
+    assert claim["margin"] == {"low": 0.8, "high": 1.25}
+    assert (claim["verdict"], claim["p_equivalence_adjusted"] < 0.05) == (verdict, is_small)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +84,7 @@ def test_one_core_says_nothing_of_parallel_work():
     agents = [agent(name, name) for name in ("pgpe", "sac")]
     table = claims.table({one.name: {1: np.ones(8)} for one in agents})
     claim = the_claim(PARALLEL, *agents, table=table)
-    assert (claim["verdict"], claim["seeds_needed"]) == ("inconclusive", None)
+    assert (claim["verdict"], claim["effect"]["value"]) == ("inconclusive", None)
 
 
 def test_they_are_corrected_among_themselves_and_left_out_without_their_agents():

@@ -3,7 +3,7 @@
 from jumping_ant.tracking import descriptions
 
 INTERVAL = {"iqm": 1234.5, "low": 0.001234, "high": 2345678.0, "mean": 1300.0, "worst": -4.0}
-CLAIM = {"text": "A leads", "verdict": "refuted", "p_holm": 0.01234}
+CLAIM = {"text": "A leads", "verdict": "refuted", "p_adjusted": 0.01234}
 
 
 def test_a_comparison_is_a_table_the_best_first_and_its_claims() -> None:
@@ -27,7 +27,7 @@ def test_a_comparison_is_a_table_the_best_first_and_its_claims() -> None:
     assert cells[2] == ["b", "1,234 [0.00123, 2,345,678]", "1,300", "-4", *"––––"]
     assert cells[3] == ["a", "1 [0, 2]", "–", "–", "–", "–", "-2 [-3, -1]", "40"]
     assert cells[4] == ["c", *"–––––––"]
-    assert rows[-1] == "- **refuted** (p = 0.012 after Holm): A leads"
+    assert rows[-1] == "- **refuted** (adjusted p = 0.012): A leads"
 
 
 def test_nothing_compared_has_no_description() -> None:

@@ -92,8 +92,8 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
         *(f"media/{agent}.{kind}" for agent in AGENTS for kind in ("mp4", "rrd")),
     }
     note = dict(content(project, "tags", comparison))[pages.NOTE]
-    assert "**inconclusive** (p = 0.75 after Holm): SAC leads" in note
-    assert "**supported** (p = 0.01 after Holm): PGPE is slow" in note
+    assert "**inconclusive** (adjusted p = 0.75): SAC leads" in note
+    assert "**supported** (adjusted p = 0.01): PGPE is slow" in note
 
 
 def test_a_second_call_adds_nothing(project: Path) -> None:

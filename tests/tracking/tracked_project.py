@@ -80,12 +80,12 @@ def compare(root: Path) -> None:
         {
             "agents": dict.fromkeys(AGENTS, entry),
             "probability_of_improvement": {"sac>pgpe": {"p": 0.75, "low": 0.5, "high": 1.0}},
-            "claims": [{"text": "SAC leads", "verdict": "inconclusive", "p_holm": 0.75}],
+            "claims": [{"text": "SAC leads", "verdict": "inconclusive", "p_adjusted": 0.75}],
         },
     )
     equal = {"iqm": 60.0, "low": 10.0, "high": 110.0}
     timed = {"train_seconds": 40.0, "return_at_equal_seconds": equal}
-    heavy = {"text": "PGPE is slow", "verdict": "supported", "p_holm": 0.01}
+    heavy = {"text": "PGPE is slow", "verdict": "supported", "p_adjusted": 0.01}
     agents = dict.fromkeys(AGENTS, timed)
     write_json(Paths(root).speed, {"agents": agents, "equal_seconds": 30.0, "claims": [heavy]})
     write_bytes(Paths(root).figures / "curves.png", b"picture")

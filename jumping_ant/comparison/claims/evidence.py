@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from jumping_ant.comparison.claims import findings
-from jumping_ant.comparison.claims.field import Field
-from jumping_ant.comparison.claims.findings import Finding, Sample
+from jumping_ant.comparison.claims.field import Field, settings
+from jumping_ant.comparison.claims.findings import Efforts, Finding, Range, Sample
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment import curves
 from jumping_ant.looks.wording import number
@@ -22,7 +23,9 @@ AXES = {
 PUBLISHED = "published"
 VERSIONS = {  # of policies: what their labels add
     PUBLISHED: "",
-    "rounded": ", rounded",
+    "signed": ", two levels",
+    "rounded_full": ", five commands",
+    "rounded": ", five commands at half torque",
     "final": ", centre",
     "best_sample": ", best of its samples",
 }
@@ -44,28 +47,37 @@ class Case:
 
 
 Compare = Callable[[Case], Finding | None]  # None where the run lacks what it needs
+Key = Literal["returns", "fluidity"]  # of margins, for differences
 
 
-def more(*quantities: str, factor: float = 1.0) -> Compare:
+def more(*quantities: str, factor: float = 1.0, margin: Key | None = None) -> Compare:
     """Ask whether the first agent exceeds the second, times a factor, in each quantity.
 
-    In each: the probability that a seed of the first does, and the rank test of it, or a sign-flip
-    test where one agent's seeds all agree (`findings.independent`). All of them must hold
-    (`findings.both`).
+    In each: the probability that a seed of the first does, and the rank test of it
+    (`findings.independent`). All of them must hold (`findings.both`).
     """
     return lambda case: findings.both(
         [
-            findings.independent(AXES[name], *case.samples(_mean(name)), case.params, factor)
+            findings.independent(
+                AXES[name],
+                *case.samples(_mean(name)),
+                case.params,
+                factor,
+                _ends(case.params, margin),
+            )
             for name in quantities
         ]
     )
 
 
-def more_in_version(quantity: str, one: str, other: str) -> Compare:
+def more_in_version(
+    quantity: str, one: str, other: str, margin: Key | None = None, *, or_equal: bool = False
+) -> Compare:
     """Ask whether one version of an agent's policies exceeds the other, seed by seed.
 
     The mean difference of the same seeds, and the sign-flip test (`findings.paired`). The versions
-    are keys of `VERSIONS`; there is no finding if the agent lacks one.
+    are keys of `VERSIONS`; there is no finding if the agent lacks one. With `or_equal` the claim is
+    only that the first one is not smaller by the margin (non-inferiority).
     """
 
     def compare(case: Case) -> Finding | None:
@@ -73,9 +85,19 @@ def more_in_version(quantity: str, one: str, other: str) -> Compare:
         if not {one, other} <= agent.variants.keys() | {PUBLISHED}:
             return None
         samples = _mean(quantity, one)(agent), _mean(quantity, other)(agent)
-        return findings.paired(AXES[quantity], *samples, case.params)
+        ends = _ends(case.params, margin)
+        if ends and or_equal:
+            return findings.paired(AXES[quantity], *samples, case.params, not_less_by=ends[1])
+        return findings.paired(AXES[quantity], *samples, case.params, ends)
 
     return compare
+
+
+def at_full_torque(compare: Compare) -> Compare:
+    """Ask only of an agent whose amplitude is 1."""
+    return lambda case: (
+        compare(case) if settings(case.agents[0])["actions"]["amplitude"] == 1 else None
+    )
 
 
 def less_spread(case: Case) -> Finding:
@@ -84,16 +106,17 @@ def less_spread(case: Case) -> Finding:
     The difference in spread over seeds relative to the median, and the permutation test of it
     (`findings.less_spread`).
     """
-    return findings.less_spread(AXES["return"], *case.samples(_mean("return")), case.params)
+    margin = case.params.margins.relative_spread
+    samples = case.samples(_mean("return"))
+    return findings.less_spread(AXES["return"], *samples, case.params, (-margin, margin))
 
 
-def more_effort(unit: curves.Unit) -> Compare:
+def more_effort(unit: curves.Unit, *, margin: bool = False) -> Compare:
     """Ask whether the first agent needs more than the second to learn anything, for good.
 
-    A seed's effort is what it spends, in `unit`, up to the evaluation from which on all exceed
-    `Field.threshold`. A seed that never gets there counts with its whole budget, a lower bound, so
-    the rank test is the one with bounds (Gehan 1965; `findings.more_effort`). There is no finding
-    without a random agent, which gives the threshold.
+    A seed's effort lies between the last evaluation that does not exceed `Field.threshold` and the
+    next one, so the rank test is the one with bounds (Mantel 1967; `findings.more_effort`). There
+    is no finding without a random agent, which gives the threshold. The margin is a ratio.
     """
 
     def compare(case: Case) -> Finding | None:
@@ -101,8 +124,10 @@ def more_effort(unit: curves.Unit) -> Compare:
         if threshold is None:
             return None
         axis = f"{UNITS[unit]} to a return above {number(threshold)} that lasts"
-        samples = case.samples(lambda agent: _effort(agent, unit, threshold))
-        return findings.more_effort(axis, *samples, case.params)
+        first, second = (_effort(agent, unit, threshold) for agent in case.agents)
+        ratio = case.params.margins.seconds
+        ends = (1 / ratio, ratio) if margin else None
+        return findings.more_effort(axis, first, second, case.params, ends)
 
     return compare
 
@@ -115,9 +140,12 @@ def fewer_steps(case: Case) -> Finding | None:
     return more_effort("env_steps")(replace(case, agents=case.agents[::-1]))
 
 
-def only_beside(algorithm: str, compare: Compare) -> Compare:
-    """Ask only where an agent of an algorithm is in the run, too."""
-    return lambda case: compare(case) if case.field.of(algorithm) else None
+def _ends(params: CompareParams, margin: Key | None) -> Range | None:
+    """Return the ends of a margin of differences."""
+    if margin is None:
+        return None
+    size: float = getattr(params.margins, margin)
+    return -size, size
 
 
 def _mean(quantity: str, version: str = PUBLISHED) -> Callable[[AgentResults], Sample]:
@@ -128,11 +156,7 @@ def _mean(quantity: str, version: str = PUBLISHED) -> Callable[[AgentResults], S
     )
 
 
-def _effort(agent: AgentResults, unit: curves.Unit, threshold: float) -> Sample:
-    """Return each seed's effort until all evaluations exceed a threshold, or its whole budget."""
-    rows = [curves.sustained(curve, threshold) for curve in agent.curves.values()]
-    efforts = [
-        curve[unit][-1 if row is None else row]
-        for curve, row in zip(agent.curves.values(), rows, strict=True)
-    ]
-    return Sample(agent.label, np.array(efforts), np.array([row is not None for row in rows]))
+def _effort(agent: AgentResults, unit: curves.Unit, threshold: float) -> Efforts:
+    """Return each seed's effort until all evaluations exceed a threshold."""
+    bounds = [curves.onset(curve, threshold, unit) for curve in agent.curves.values()]
+    return Efforts(agent.label, np.array(bounds), agent.budgets(unit))

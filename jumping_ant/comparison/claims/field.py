@@ -1,7 +1,8 @@
 """The agents of a run, as the claims tell them apart."""
 
-from collections.abc import Callable, Iterable, Sequence
-from itertools import chain, pairwise, permutations, product
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain, combinations, pairwise, permutations, product
 from typing import Any
 
 import numpy as np
@@ -10,11 +11,37 @@ from jumping_ant.comparison.results import AgentResults
 
 LUCK = 5.0  # [standard errors] above the mean of random episodes, which luck does not reach
 LEARNERS = "dqn sac pgpe"
-# Settings that claims are on: whose they are, and which value means that an agent lacks something.
-SETTINGS: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    "decrease_rewards_by": ("pgpe", lambda constant: constant == 0),
-    "actions": ("pgpe", lambda actions: actions["kind"] == "commands"),
-    "n_critics": ("td3", lambda number: number == 1),
+
+
+@dataclass(frozen=True)
+class Twins:
+    """What makes two agents twins: one setting of them differs, in which the other lacks something.
+
+    Settings are keys of an agent's block, and of its `actions` as in `actions.kind`.
+    """
+
+    algorithms: str  # as in "sac dqn"
+    key: str
+    lacks: Callable[[Any, Any], bool]  # whether the other's value lacks what the agent's has
+    free: tuple[str, ...] = ()  # settings that follow from this one
+
+
+TWINS = {  # by what one of them has, and the other lacks
+    "constant": Twins("pgpe", "decrease_rewards_by", lambda own, other: own != 0 and other == 0),
+    "critics": Twins("td3", "n_critics", lambda own, other: own != 1 and other == 1),
+    "torques instead of commands": Twins(
+        "pgpe", "actions.kind", lambda *kinds: kinds == ("torques", "commands")
+    ),
+    "torques instead of two levels": Twins(
+        "pgpe",
+        "actions.levels",
+        lambda own, other: own is None and other == 2,
+        free=("actions.kind",),
+    ),
+    "full torque": Twins("dqn pgpe", "actions.amplitude", lambda own, other: other == own / 2),
+    "edits": Twins(
+        f"{LEARNERS} open_loop", "robot", lambda *robots: robots == ("edited", "unedited")
+    ),
 }
 
 Pair = tuple[AgentResults, AgentResults]
@@ -29,17 +56,14 @@ class Field:
         self._sparse = [
             agent for agent in _of(self._edited, "sac dqn") if settings(agent)["sparse_rewards"]
         ]
-        # By setting, each agent with those that are like it, but lack what the setting gives.
         self.twins = {
-            key: _twins(_of(self._edited, algorithm), self._edited, key, lacks)
-            for key, (algorithm, lacks) in SETTINGS.items()
+            name: list(_twins(kind, agents if kind.key == "robot" else self._edited))
+            for name, kind in TWINS.items()
         }
         aside = {agent.name for agent in self._sparse}
-        aside |= {other.name for pairs in self.twins.values() for _, other in pairs}
+        aside |= {other.name for name in ("constant", "critics") for _, other in self.twins[name]}
+        aside |= {other.name for _, other in _differ_in_actions(self._edited)}
         self._representing = [agent for agent in self._edited if agent.name not in aside]
-        self.twins["robot"] = _twins(
-            self.of(f"{LEARNERS} open_loop"), agents, "robot", lambda name: name == "unedited"
-        )
         # Mean return of an evaluation that random agents do not exceed by luck; None without them.
         self.threshold = max(
             (out_of_luck(agent, evaluation_episodes) for agent in self.of("random")), default=None
@@ -93,9 +117,9 @@ def pairs(*groups: str) -> Select:
     )
 
 
-def twins(key: str) -> Select:
-    """Select each agent with those that are like it, but lack what a setting gives."""
-    return lambda field: field.twins[key]
+def twins(name: str) -> Select:
+    """Select each agent with those that are like it, but lack what one of `TWINS` has."""
+    return lambda field: field.twins[name]
 
 
 def settings(agent: AgentResults) -> dict[str, Any]:
@@ -114,17 +138,25 @@ def _of(agents: Sequence[AgentResults], algorithms: str) -> list[AgentResults]:
     return [agent for name in names for agent in agents if agent.algorithm == name]
 
 
-def _twins(
-    agents: Sequence[AgentResults],
-    others: Sequence[AgentResults],
-    key: str,
-    lacks: Callable[[Any], bool],
-) -> list[Pair]:
-    """Return each agent with each of the others that differs in one setting, and lacks it."""
-    return [
-        (agent, other)
-        for agent, other in product(agents, others)
-        if settings(agent) | {key: None} == settings(other) | {key: None}
-        and lacks(settings(other)[key])
-        and not lacks(settings(agent)[key])
-    ]
+def _twins(kind: Twins, agents: Sequence[AgentResults]) -> Iterator[Pair]:
+    """Yield each agent with each of the others that differs in one setting, and lacks it."""
+    ignored = dict.fromkeys((kind.key, *kind.free))
+    for agent, other in permutations(_of(agents, kind.algorithms), 2):
+        own, its = _flat(agent), _flat(other)
+        if own | ignored == its | ignored and kind.lacks(own.get(kind.key), its.get(kind.key)):
+            yield agent, other
+
+
+def _differ_in_actions(agents: Sequence[AgentResults]) -> Iterator[Pair]:
+    """Yield each learner with the later ones that differ from it in nothing but their actions."""
+    for agent, other in combinations([one for one in agents if not one.is_baseline], 2):
+        own, its = settings(agent), settings(other)
+        if own != its and own | {"actions": None} == its | {"actions": None}:
+            yield agent, other
+
+
+def _flat(agent: AgentResults) -> dict[str, Any]:
+    """Return an agent's settings, with those of its actions as `actions.kind` and so on."""
+    block = settings(agent)
+    actions = block.pop("actions", {})
+    return block | {f"actions.{key}": value for key, value in actions.items()}

@@ -1,8 +1,8 @@
 """The evidence on one claim, before the correction for the number of claims.
 
 Each function here makes one kind of comparison and describes it in words: of two agents, a policy
-and its variant, two spreads, two efforts of which some are only bounds, or several of these at
-once.
+and its variant, two spreads, two efforts of which only bounds are known, or several of these at
+once. With a margin it is also tested whether the difference is smaller than the margin.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,20 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.comparison import sample_sizes
 from jumping_ant.comparison.estimates import (
     Estimate,
-    bounded_pair_scores,
     estimate,
     estimate_iqm,
     estimate_mean,
     mean_pair_score,
     pair_scores,
+    pairwise_median,
     relative_spread,
 )
 from jumping_ant.comparison.hypothesis_tests import (
-    Significance,
-    joint,
+    OneSide,
+    equivalence,
+    excess_spread_test,
     rank_test,
     sign_test,
     spread_test,
@@ -36,7 +36,17 @@ from jumping_ant.params.blocks import CompareParams
 
 Array = NDArray[np.float64]
 NO_PREFERENCE = 0.5  # a probability of improvement that favours neither side
-UNDECIDED = Significance("none", 1.0, 1.0)
+
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Margin:
+    """The differences that are of no practical size, and the p value of one that is."""
+
+    ends: Range
+    p: float
 
 
 @dataclass(frozen=True)
@@ -47,10 +57,11 @@ class Finding:
     name: str  # description of the effect
     effect: Estimate | None  # with its interval; None if there is nothing to compare
     no_effect: float  # where the claim would be neither right nor wrong; it is right above
-    tested: Significance  # the test of no effect
+    test: str  # name of the test
+    p: float  # two-sided, of no effect
     num_seeds: int  # of the smaller sample
-    seeds_needed: Callable[[float, float], int | None]  # at a level and power; None: too many
     plot: Mapping[str, Any]  # `axis` and, by label, `values`: one number per seed
+    margin: Margin | None = None
 
     @property
     def side(self) -> float:
@@ -64,7 +75,6 @@ class Sample:
 
     label: str
     values: Array  # shape (num_seeds,); NaN where a seed has none
-    is_exact: NDArray[np.bool_] | bool = True  # whether each is a value, no lower bound
 
     @property
     def known(self) -> Array:
@@ -72,91 +82,105 @@ class Sample:
         return self.values[~np.isnan(self.values)]
 
 
+@dataclass(frozen=True)
+class Efforts:
+    """What each seed spent until it got there, and the label of the agent."""
+
+    label: str
+    bounds: Array  # shape (num_seeds, 2): low < effort <= high, infinity for a seed that never did
+    budgets: Array  # shape (num_seeds,)
+
+    @property
+    def spent(self) -> Array:
+        """Return what each seed had spent when it was seen there, or its whole budget."""
+        return np.minimum(self.bounds[:, 1], self.budgets)
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """Return whether each seed got there."""
+        return np.isfinite(self.bounds[:, 1])
+
+
 def independent(
-    quantity: str, first: Sample, second: Sample, params: CompareParams, factor: float = 1.0
+    quantity: str,
+    first: Sample,
+    second: Sample,
+    params: CompareParams,
+    factor: float = 1.0,
+    ends: Range | None = None,
 ) -> Finding:
     """Compare two agents: does a seed of the first exceed `factor` times one of the second?
 
-    Seeds that all agree, such as those of a search that always finds the same policy, are no more
-    evidence than one: the other agent's seeds are then compared with a constant.
+    The ends of a margin are differences. For a factor the evidence has the ratio.
     """
     x, y = first.known, factor * second.known
     plot = _plot(quantity, first, second)
     if not (len(x) and len(y)):
-        return _nothing(quantity, plot)
-    if len(x) > 1 and (np.ptp(x) == 0 or np.ptp(y) == 0):
-        return _with_a_constant(quantity, first, second, factor, params)
+        return _nothing(quantity, plot, ends)
     effect = mean_pair_score(pair_scores(np.sort(x), np.sort(y)), params)
     times = f"{factor:g} times " if factor != 1 else ""
     evidence = (
         f"{quantity}: {_iqm(first, params)}, {_iqm(second, params)}; a seed of {first.label} "
         f"exceeds {times}one of {second.label} with probability {_show(effect, len(x))}"
-        f"{_left_out(first, second)}"
     )
+    if times and second.known.min() > 0:
+        ratio = estimate(pairwise_median(np.divide), [x, second.known], params)
+        evidence += f"; median ratio of two seeds {_show(ratio, len(x))}"
+    if ends:
+        excess = estimate(pairwise_median(np.subtract), [x, y], params)
+        evidence += f"; median difference of two seeds {_show(excess, len(x))}"
     return Finding(
-        evidence,
+        f"{evidence}{_left_out(first, second)}",
         f"probability that a seed of {first.label} exceeds {times}one of {second.label}",
         effect,
         NO_PREFERENCE,
+        "rank test",
         rank_test(x, y, params.seed),
         min(len(x), len(y)),
-        lambda level, power: sample_sizes.for_rank_test(float(effect.value), level, power),
         plot,
+        _within(ends, lambda bound, side: rank_test(x, y + bound, params.seed, side)),
     )
 
 
-def paired(quantity: str, first: Sample, second: Sample, params: CompareParams) -> Finding:
-    """Compare two versions of the same seeds: is the first one larger on average over seeds?"""
+def paired(
+    quantity: str,
+    first: Sample,
+    second: Sample,
+    params: CompareParams,
+    ends: Range | None = None,
+    not_less_by: float = 0.0,
+) -> Finding:
+    """Compare two versions of the same seeds: is the first one larger on average over seeds?
+
+    With `not_less_by` the claim is only that the first one is not smaller by so much.
+    """
     differences = first.values - second.values
     differences = differences[~np.isnan(differences)]
     plot = {**_plot(quantity, first, second), "paired": True}
     if not len(differences):
-        return _nothing(quantity, plot)
+        return _nothing(quantity, plot, ends)
     effect = estimate_mean(differences, params.confidence)
+    bound = f", tested against {number(-not_less_by)}" if not_less_by else ""
     evidence = (
         f"{quantity}: {_iqm(first, params)}, {_iqm(second, params)}; mean difference of the same "
-        f"seeds {_show(effect, len(differences))}{_left_out(first, second)}"
+        f"seeds {_show(effect, len(differences))}{bound}{_left_out(first, second)}"
     )
     return Finding(
         evidence,
         f"mean of {first.label} less {second.label}, seed by seed",
         effect,
-        0.0,
-        sign_test(differences, params.seed),
+        -not_less_by,
+        "sign-flip test",
+        sign_test(differences + not_less_by, params.seed),
         len(differences),
-        lambda level, power: sample_sizes.for_sign_test(differences, level, power),
         plot,
+        _within(ends, lambda bound, side: sign_test(differences - bound, params.seed, side)),
     )
 
 
-def _with_a_constant(
-    quantity: str, first: Sample, second: Sample, factor: float, params: CompareParams
+def less_spread(
+    quantity: str, first: Sample, second: Sample, params: CompareParams, ends: Range
 ) -> Finding:
-    """Compare two agents of which at least one has the same value in every seed."""
-    x, y = first.known, factor * second.known
-    alike = [own.label for own in (first, second) if np.ptp(own.known) == 0]
-    varies = len(alike) == 1
-    differences = x - y[0] if np.ptp(y) == 0 else x[0] - y
-    effect = estimate_mean(differences, params.confidence)
-    evidence = (
-        f"{quantity}: {_iqm(first, params)}, {_iqm(second, params)}; mean difference "
-        f"{_show(effect, len(differences))}; all seeds of {' and '.join(alike)} are the same policy"
-    )
-    return Finding(
-        evidence,
-        f"mean of {first.label} less {second.label}",
-        effect,
-        0.0,
-        sign_test(differences, params.seed) if varies else UNDECIDED,
-        len(differences) if varies else 1,
-        lambda level, power: (
-            sample_sizes.for_sign_test(differences, level, power) if varies else None
-        ),
-        _plot(quantity, first, second),
-    )
-
-
-def less_spread(quantity: str, first: Sample, second: Sample, params: CompareParams) -> Finding:
     """Compare the spread over seeds, relative to the median: does the first one have less?"""
     x, y = first.values, second.values
 
@@ -165,7 +189,7 @@ def less_spread(quantity: str, first: Sample, second: Sample, params: ComparePar
 
     plot = _plot(quantity, first, second)
     if 0 in (np.median(x), np.median(y)):
-        return _nothing(quantity, plot)
+        return _nothing(quantity, plot, ends)
     effect = estimate(excess, [x, y], params)
     spreads = ", ".join(
         f"{sample.label} {number(relative_spread(sample.values))} (worst seed "
@@ -178,24 +202,29 @@ def less_spread(quantity: str, first: Sample, second: Sample, params: ComparePar
         f"relative spread of {second.label} less that of {first.label}",
         effect,
         0.0,
+        "permutation test of the relative spread",
         spread_test(x, y, params.seed),
         min(len(x), len(y)),
-        lambda level, power: sample_sizes.for_spread_test(x, y, level, power),
         plot,
+        _within(ends, lambda bound, side: excess_spread_test(y, x, bound, side)),
     )
 
 
-def more_effort(quantity: str, first: Sample, second: Sample, params: CompareParams) -> Finding:
-    """Compare efforts of which some are lower bounds: does a seed of the first need more?"""
-    x, y = first.values, second.values
-    x_exact, y_exact = (np.full(own.values.shape, own.is_exact) for own in (first, second))
-    effect = mean_pair_score(bounded_pair_scores(x, x_exact, y, y_exact), params)
+def more_effort(
+    quantity: str, first: Efforts, second: Efforts, params: CompareParams, ends: Range | None
+) -> Finding:
+    """Compare efforts of which bounds are known: does a seed of the first need more?
+
+    The ends of a margin are ratios.
+    """
+    x, y = first.bounds, second.bounds
+    effect = mean_pair_score(pair_scores(x, y), params)
     efforts = ", ".join(
-        f"{sample.label} {number(np.median(sample.values))} "
-        f"({exact.sum()} of {len(exact)} seeds got there)"
-        for sample, exact in ((first, x_exact), (second, y_exact))
+        f"{own.label} {number(np.median(own.spent))} "
+        f"({own.reached.sum()} of {len(own.reached)} seeds got there)"
+        for own in (first, second)
     )
-    plot = _plot(quantity, first, second)
+    samples = [Sample(own.label, own.spent) for own in (first, second)]
     return Finding(
         f"median {quantity.lower()}, a seed that never got there counting with its whole "
         f"budget: {efforts}; a seed of {first.label} needs more than one of {second.label} with "
@@ -203,36 +232,37 @@ def more_effort(quantity: str, first: Sample, second: Sample, params: ComparePar
         f"probability that a seed of {first.label} needs more than one of {second.label}",
         effect,
         NO_PREFERENCE,
-        rank_test(x, y, params.seed, x_exact, y_exact),
+        "rank test with bounds",
+        rank_test(x, y, params.seed),
         min(len(x), len(y)),
-        lambda level, power: sample_sizes.for_rank_test(float(effect.value), level, power),
-        {**plot, "reached": {first.label: x_exact.tolist(), second.label: y_exact.tolist()}},
+        _plot(quantity, *samples)
+        | {"reached": {own.label: own.reached.tolist() for own in (first, second)}},
+        _within(ends, lambda bound, side: rank_test(x, bound * y, params.seed, side)),
     )
 
 
 def both(findings: Sequence[Finding]) -> Finding:
     """Return the finding on a claim that holds only if all of several findings do.
 
-    Its effect is that of the least significant one. On different sides, they decide nothing.
+    Its p value is the largest (Berger, "Multiparameter hypothesis testing and acceptance
+    sampling", Technometrics 24, 1982), and its effect that of the finding with this p value.
+    Effects on different sides decide nothing.
     """
-    tested = joint([finding.tested for finding in findings])
-    decisive = next(finding for finding in findings if finding.tested == tested)
+    decisive = max(findings, key=lambda finding: finding.p)
     if len({np.sign(finding.side) for finding in findings}) > 1:
-        decisive = min(findings, key=lambda finding: finding.side)
-        tested = replace(tested, p=1.0)
-
-    def seeds_needed(level: float, power: float) -> int | None:
-        numbers = [finding.seeds_needed(level, power) for finding in findings]
-        known = [needed for needed in numbers if needed is not None]
-        return max(known) if len(known) == len(numbers) else None
-
-    evidence = "; and ".join(finding.evidence for finding in findings)
-    return replace(decisive, evidence=evidence, tested=tested, seeds_needed=seeds_needed)
+        decisive = replace(min(findings, key=lambda finding: finding.side), p=1.0)
+    return replace(decisive, evidence="; and ".join(finding.evidence for finding in findings))
 
 
-def _nothing(quantity: str, plot: Mapping[str, Any]) -> Finding:
+def _within(ends: Range | None, test: Callable[[float, OneSide], float]) -> Margin | None:
+    """Return the test of whether an effect lies within a margin, if there is one."""
+    return None if ends is None else Margin(ends, equivalence(test, *ends))
+
+
+def _nothing(quantity: str, plot: Mapping[str, Any], ends: Range | None) -> Finding:
     evidence = f"{quantity}: no seed has a value that can be compared"
-    return Finding(evidence, quantity, None, 0.0, UNDECIDED, 0, lambda level, power: None, plot)
+    margin = _within(ends, lambda bound, side: 1.0)
+    return Finding(evidence, quantity, None, 0.0, "none", 1.0, 0, plot, margin)
 
 
 def _plot(axis: str, *samples: Sample) -> dict[str, Any]:

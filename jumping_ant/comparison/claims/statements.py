@@ -12,12 +12,12 @@ from jumping_ant.comparison.claims.evidence import (
     PUBLISHED,
     Case,
     Compare,
+    at_full_torque,
     fewer_steps,
     less_spread,
     more,
     more_effort,
     more_in_version,
-    only_beside,
 )
 from jumping_ant.comparison.claims.field import Field, Select, each, pairs, twins
 from jumping_ant.comparison.claims.findings import Finding
@@ -59,15 +59,10 @@ class Claim:
 
     text: str
     statement: int | None
+    agents: tuple[str, ...]
     finding: Finding
 
 
-ROUNDING = Row(
-    5,
-    "Discrete actions are inefficient: {0} with its actions rounded to the five commands returns "
-    "less than with its own.",
-    more_in_version("return", PUBLISHED, "rounded"),
-)
 # Which agents, in the order of their labels in the texts, and the claims on them.
 Table = tuple[tuple[Select, tuple[Row, ...]], ...]
 CLAIMS: Table = (
@@ -76,23 +71,40 @@ CLAIMS: Table = (
             "higher.", more("flight", "apex")),
     )),
     (Field.beside_metronomes, (
-        Row(None, "{0} returns more than {1}, which does not look at the robot.", more("return")),
+        Row(None, "{0} returns more than {1}, which does not look at the robot.",
+            more("return", margin="returns")),
     )),
     (pairs("sac", "dqn"), (
-        Row(2, "{1} moves less fluidly than {0}.", more("fluidity")),
+        Row(2, "{1} moves less fluidly than {0}.", more("fluidity", margin="fluidity")),
+        Row(4, "{0} ends better than {1}: it returns more.", more("return")),
         Row(4, "{0} ends much better than {1}: at least 2 times its return.",
             more("return", factor=2.0)),
     )),
-    (each("sac"), (
-        ROUNDING,
-        Row(2, "Discrete actions make movements less fluid: {0} with its actions rounded to the "
-            "five commands moves less fluidly than with its own.",
-            only_beside("dqn", more_in_version("fluidity", PUBLISHED, "rounded"))),
+    (each("sac pgpe"), (
+        Row(2, "Discrete actions make movements less fluid: {0} with two levels for each motor "
+            "moves less fluidly than with its own torques.",
+            more_in_version("fluidity", PUBLISHED, "signed", "fluidity")),
+        Row(5, "Discreteness costs return: {0} with two levels for each motor returns less than "
+            "with its own torques.",
+            more_in_version("return", PUBLISHED, "signed", "returns")),
+        Row(5, "Having only five commands costs return: {0} with the nearest of them returns less "
+            "than with two levels for each motor.",
+            at_full_torque(more_in_version("return", "signed", "rounded_full", "returns"))),
+        Row(5, "Half the torque costs return: {0} with the nearest of the five commands returns "
+            "less at half than at full torque.",
+            at_full_torque(more_in_version("return", "rounded_full", "rounded", "returns"))),
     )),
-    (each("pgpe"), (ROUNDING,)),
-    (twins("actions"), (
-        Row(5, "Discrete actions are inefficient: {0} returns more than {1}, which chooses among "
-            "the five commands.", more("return")),
+    (twins("torques instead of two levels"), (
+        Row(5, "Discreteness costs return: {0} returns more than {1}, which was trained with two "
+            "levels for each motor.", more("return", margin="returns")),
+    )),
+    (twins("torques instead of commands"), (
+        Row(5, "Having only five commands costs return: {0} returns more than {1}, which was "
+            "trained with the five commands.", more("return", margin="returns")),
+    )),
+    (twins("full torque"), (
+        Row(5, "Half the torque costs return: {0} returns more than {1}, which was trained with "
+            "half the torque.", more("return", margin="returns")),
     )),
     (pairs("ppo sac", "a2c"), (
         Row(6, "{0} is steadier than {1}: its return varies less from seed to seed.", less_spread),
@@ -103,8 +115,9 @@ CLAIMS: Table = (
         Row(7, "The more complex the model, the harder the training: {1} needs more control steps "
             "than {0} to learn anything.", fewer_steps),
     )),
-    (twins("n_critics"), (
-        Row(8, "A second critic helps: {0} returns more than {1}, which has one.", more("return")),
+    (twins("critics"), (
+        Row(8, "A second critic helps: {0} returns more than {1}, which has one.",
+            more("return", margin="returns")),
     )),
     (pairs("pgpe", "sac dqn"), (
         Row(9, "{0} is robust: its return varies less from seed to seed than that of {1}.",
@@ -117,15 +130,15 @@ CLAIMS: Table = (
             "learns from the returns of whole episodes, too.", more("return")),
     )),
     (each("pgpe"), (
-        Row(13, "The centre of {0}'s search is its best policy: it returns more than the best of "
-            "the policies sampled around it.",
-            more_in_version("return", "final", "best_sample")),
+        Row(13, "The centre of {0}'s search is its best policy: the best of the policies sampled "
+            "around it does not return more by the margin.",
+            more_in_version("return", "final", "best_sample", "returns", or_equal=True)),
     )),
     (Field.beside_evolution, (
         Row(12, "{0} is the best evolutionary algorithm: it returns more than {1}.",
-            more("return")),
+            more("return", margin="returns")),
     )),
-    (twins("decrease_rewards_by"), (
+    (twins("constant"), (
         Row(14, "A constant off the reward steadies PGPE: the return of {0} varies less from seed "
             "to seed than that of {1}.", less_spread),
     )),
@@ -133,7 +146,7 @@ CLAIMS: Table = (
         Row(16, "Imitation skips exploration: {0} needs fewer control steps than {1}, which it "
             "imitates, to learn anything.", fewer_steps),
     )),
-    (twins("robot"), (
+    (twins("edits"), (
         Row(17, "A lighter body and stronger legs jump higher: {0} gets higher than {1}, whose "
             "robot is unedited.", more("apex")),
     )),
@@ -144,7 +157,8 @@ def claims(table: Table, field: Field, params: CompareParams) -> Iterator[Claim]
     """Yield the claims of a table that the available agents can test."""
     for select, rows in table:
         for agents in select(field):
+            names = tuple(agent.name for agent in agents)
             labels = [agent.label for agent in agents]
             for row in rows:
                 if finding := row.compare(Case(agents, field, params)):
-                    yield Claim(row.text.format(*labels), row.statement, finding)
+                    yield Claim(row.text.format(*labels), row.statement, names, finding)

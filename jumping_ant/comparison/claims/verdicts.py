@@ -1,9 +1,11 @@
 """Verdicts on the source article's claims about its agents.
 
-One rule gives every verdict. A claim is an effect and an exact two-sided test of no effect. All p
-values of a family are corrected together (Holm 1979). A claim is *supported* where the corrected p
-value is at most 1 - confidence and the effect lies on the claimed side, *refuted* where it lies on
-the other side, and *inconclusive* otherwise. docs/claims.md has the claims.
+One rule gives every verdict. A claim is an effect, a two-sided test of no effect and, where it has
+a margin, a test of an effect outside of it. The p values of a family are adjusted together
+(`jumping_ant.comparison.step_down`). A claim is *supported* where no effect is rejected and the
+effect lies on the claimed side, *refuted* where it lies on the other side, *equivalent* where only
+an effect outside of the margin is rejected, and *inconclusive* otherwise. docs/claims.md has the
+claims.
 """
 
 from collections.abc import Mapping
@@ -12,13 +14,12 @@ from typing import Any
 from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.claims.findings import Finding
 from jumping_ant.comparison.claims.statements import CLAIMS, Claim, Table, claims
-from jumping_ant.comparison.hypothesis_tests import holm
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.comparison.sample_sizes import MOST_SEEDS
-from jumping_ant.looks.wording import p_value
+from jumping_ant.comparison.step_down import Adjusted, adjust
+from jumping_ant.looks.wording import number, p_value
 from jumping_ant.params.blocks import CompareParams
 
-ROUNDING = 1e-12  # 1 - 0.95 is a little more than 0.05
+ROUNDING = 1e-12  # of products of p values
 
 
 def check(
@@ -33,64 +34,60 @@ def check(
     """
     field = Field(list(results.values()), evaluation_episodes)
     judged = list(claims(table, field, params))
-    corrected = holm([claim.finding.tested.p for claim in judged])
-    verdicts = [
-        verdict(claim.finding.side, p_holm, params.confidence)
-        for claim, p_holm in zip(judged, corrected, strict=True)
-    ]
-    num_open = verdicts.count("inconclusive")
+    adjusted = adjust([(claim.finding.p, _p_outside(claim.finding)) for claim in judged])
+    level = params.levels[0] + ROUNDING
     return [
-        _entry(*parts, len(judged), num_open, params)
-        for parts in zip(judged, corrected, verdicts, strict=True)
+        _entry(claim, own, level, len(judged)) for claim, own in zip(judged, adjusted, strict=True)
     ]
 
 
-def verdict(side: float, p_holm: float, confidence: float) -> str:
-    """Return the verdict on an effect above 0 (as claimed) or below, from its corrected p value."""
-    if p_holm > 1 - confidence + ROUNDING or side == 0:
-        return "inconclusive"
-    return "supported" if side > 0 else "refuted"
+def verdict(side: float, adjusted: Adjusted, level: float) -> str:
+    """Return the verdict on an effect above 0 (as claimed) or below, from its adjusted p values."""
+    if adjusted.difference <= level and side != 0:
+        return "supported" if side > 0 else "refuted"
+    return "equivalent" if _is_small(adjusted, level) else "inconclusive"
 
 
-def _entry(
-    claim: Claim,
-    p_holm: float,
-    outcome: str,
-    num_claims: int,
-    num_open: int,
-    params: CompareParams,
-) -> dict[str, Any]:
-    finding, tested = claim.finding, claim.finding.tested
+def _is_small(adjusted: Adjusted, level: float) -> bool:
+    """Return whether the effect lies within the margin."""
+    return adjusted.equivalence is not None and adjusted.equivalence <= level
+
+
+def _p_outside(finding: Finding) -> float | None:
+    return finding.margin.p if finding.margin else None
+
+
+def _entry(claim: Claim, adjusted: Adjusted, level: float, num_claims: int) -> dict[str, Any]:
+    finding = claim.finding
+    outcome = verdict(finding.side, adjusted, level)
     seeds = "1 seed" if finding.num_seeds == 1 else f"{finding.num_seeds} seeds"
-    p_values = f"p = {p_value(tested.p)}, {p_value(p_holm)} among {num_claims} claims"
-    basis = f"{tested.test}, {seeds}: {p_values}"
-    needed = {}
-    if outcome == "inconclusive":
-        level = (1 - params.confidence) / num_open
-        number = finding.seeds_needed(level, params.power)
-        # The formulas are for large samples: an undecided claim needs at least one seed more.
-        number = None if number is None else max(number, finding.num_seeds + 1)
-        needed = {"seeds_needed": number if number and number <= MOST_SEEDS else None}
-        basis += f"; {_advice(finding, needed['seeds_needed'], params)}"
+    p_values = f"p = {p_value(finding.p)}, {p_value(adjusted.difference)} among {num_claims} claims"
+    basis = f"{finding.test}, {seeds}: {p_values}"
+    ends = None
+    if (margin := finding.margin) and adjusted.equivalence is not None:
+        ends = dict(zip(("low", "high"), margin.ends, strict=True))
+        basis += (
+            f"; margin {number(margin.ends[0])} to {number(margin.ends[1])}: "
+            f"p = {p_value(margin.p)}, {p_value(adjusted.equivalence)}"
+        )
+        if outcome in ("supported", "refuted") and _is_small(adjusted, level):
+            basis += "; the difference is below practical size"
     return {
         "text": claim.text,
         "statement": claim.statement,
+        "agents": list(claim.agents),
         "verdict": outcome,
         "evidence": f"{finding.evidence[:1].upper()}{finding.evidence[1:]} ({basis}).",
         "effect": _effect(finding),
-        "test": tested.test,
-        "p": tested.p,
-        "p_holm": p_holm,
-        **needed,
+        "no_effect": finding.no_effect,
+        "test": finding.test,
+        "p": finding.p,
+        "p_adjusted": adjusted.difference,
+        "margin": ends,
+        "p_equivalence": _p_outside(finding),
+        "p_equivalence_adjusted": adjusted.equivalence,
         "plot": dict(finding.plot),
     }
-
-
-def _advice(finding: Finding, needed: int | None, params: CompareParams) -> str:
-    few = finding.tested.smallest_p > 1 - params.confidence + ROUNDING
-    start = "too few seeds for a verdict; " if few else ""
-    number = f"about {needed}" if needed else f"more than {MOST_SEEDS:,}"
-    return f"{start}if the effect is as found, {number} seeds decide it with power {params.power:g}"
 
 
 def _effect(finding: Finding) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from jumping_ant.comparison import charting
 from jumping_ant.comparison.figures import scales
+from jumping_ant.experiment import summaries
 from jumping_ant.looks import looks
 from jumping_ant.looks.looks import Look
 from jumping_ant.looks.wording import p_value
@@ -33,8 +34,9 @@ def draw(claims: Sequence[Mapping[str, Any]], drawn: Mapping[str, Look]) -> Figu
 
 
 def heading(claim: Mapping[str, Any]) -> str:
-    """Return a claim's verdict with its corrected p value."""
-    return f"{claim['verdict'].capitalize()}, p = {p_value(claim['p_holm'])} after Holm"
+    """Return a claim's verdict with the adjusted p value that decides it."""
+    p = p_value(summaries.deciding_p(claim))
+    return f"{claim['verdict'].capitalize()}, adjusted p = {p}"
 
 
 def _draw_claim(axes: Axes, claim: Mapping[str, Any], drawn: Mapping[str, Look]) -> None:
