@@ -20,7 +20,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install try repro preset article check style test test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install try repro preset article decide check style test test-quick test-comparison test-smoke test-soak test-training \
 	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -59,6 +59,9 @@ preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=fa
 
 article: install ## reproduce what the article printed, into results/article.json (2.5 hours on 2 cores)
 	python -m scripts.article
+
+decide: install ## train more seeds for the agents of open claims, into results/decided.json
+	python -m scripts.decide
 
 check: install ## style, types, and the tests that train nothing: the quick loop
 	@$(MAKE) --no-print-directory --jobs=2 style test-quick test-comparison

@@ -8,7 +8,7 @@ own results do not change. A stopped run resumes from its checkpoints.
 
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -45,12 +45,13 @@ def main() -> None:
         )
 
 
-def run(folder: Path, params: Params) -> None:
+def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
     """Run the pipeline in a copy of the project, resuming an earlier run.
 
     Args:
         folder: Folder of the copy.
         params: Its parameters.
+        targets: Stages to run, with those that they need; all by default.
 
     Raises:
         StoppedError: A signal requested a stop.
@@ -62,7 +63,8 @@ def run(folder: Path, params: Params) -> None:
     copy = Checkout(folder)
     copy.write_params(params)
     with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
-        status = subprocess.run(["dvc", "repro"], cwd=folder, env=copy.environment).returncode
+        called = ["dvc", "repro", *targets]
+        status = subprocess.run(called, cwd=folder, env=copy.environment).returncode
     if interrupts:
         raise StoppedError("the same command resumes from the last checkpoints")
     if status:

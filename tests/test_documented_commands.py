@@ -73,6 +73,7 @@ ELSEWHERE = {
     "make soak": SOAK,
     "make soak MINUTES=30": SOAK,
     "make article": ARTICLE,
+    "make decide": "hours of training; tests/test_decide.py decides with made-up results",
     "python -m scripts.article --measure": ARTICLE,
     "python -m scripts.article_runs": "takes days; tests/article/test_article_runs.py",
     f"{PUBLISH} PRESET=article-runs": "tests/article/test_article_runs.py writes this table",

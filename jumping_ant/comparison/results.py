@@ -4,8 +4,8 @@ The sample of every statistic is one number per seed; `jumping_ant.comparison.co
 `jumping_ant.comparison.claims` compute the statistics.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +85,32 @@ def load(
             demonstrator=params.demonstrator(block),
         )
     return results
+
+
+def joined(
+    results: Mapping[str, AgentResults], added: Mapping[str, AgentResults]
+) -> dict[str, AgentResults]:
+    """Return the results of all agents, of some of them with more seeds."""
+    return {
+        name: _with_seeds(own, added[name]) if name in added else own
+        for name, own in results.items()
+    }
+
+
+def _with_seeds(own: AgentResults, more: AgentResults) -> AgentResults:
+    return replace(
+        own,
+        quantities=_end_to_end(own.quantities, more.quantities),
+        curves=own.curves | more.curves,
+        episodes=_end_to_end(own.episodes, more.episodes),
+        variants={
+            name: _end_to_end(table, more.variants[name]) for name, table in own.variants.items()
+        },
+    )
+
+
+def _end_to_end(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
+    return {name: np.concatenate([column, other[name]]) for name, column in one.items()}
 
 
 def _seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:

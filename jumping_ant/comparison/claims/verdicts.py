@@ -8,7 +8,7 @@ an effect outside of the margin is rejected, and *inconclusive* otherwise. docs/
 claims.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jumping_ant.comparison.claims.field import Field
@@ -39,6 +39,55 @@ def check(
     return [
         _entry(claim, own, level, len(judged)) for claim, own in zip(judged, adjusted, strict=True)
     ]
+
+
+def check_again(
+    earlier: Sequence[Mapping[str, Any]],
+    results: Mapping[str, AgentResults],
+    params: CompareParams,
+    evaluation_episodes: int,
+    look: int,
+) -> list[dict[str, Any]]:
+    """Return the claims after a later look at more seeds (docs/claims.md).
+
+    Claims that are inconclusive are tested again, on all seeds of their agents, with the level of
+    this look; the others keep their verdicts.
+
+    Args:
+        earlier: What `check` returned, or this function at the look before.
+        results: Of all agents, those of inconclusive claims with their added seeds.
+        params: With the levels of all looks.
+        evaluation_episodes: Those per evaluation during training.
+        look: 1 for the first one after the run itself.
+    """
+    field = Field(list(results.values()), evaluation_episodes)
+    found = {claim.text: claim for claim in claims(CLAIMS, field, params)}
+    tested = [found.get(entry["text"]) if is_open(entry) else None for entry in earlier]
+    adjusted = adjust(
+        [
+            (claim.finding.p, _p_outside(claim.finding)) if claim else _settled(entry)
+            for claim, entry in zip(tested, earlier, strict=True)
+        ]
+    )
+    level = params.levels[look] + ROUNDING
+    return [
+        _entry(claim, own, level, len(earlier)) | {"look": look} if claim else dict(entry)
+        for claim, own, entry in zip(tested, adjusted, earlier, strict=True)
+    ]
+
+
+def is_open(entry: Mapping[str, Any]) -> bool:
+    """Return whether a claim has no verdict yet."""
+    return bool(entry["verdict"] == "inconclusive")
+
+
+def _settled(entry: Mapping[str, Any]) -> tuple[float, float | None]:
+    """Return p values of 0 for what was rejected before, and of 1 for what is not tested again."""
+    differs, is_small = (
+        entry["verdict"] in ("supported", "refuted"),
+        entry["verdict"] == "equivalent",
+    )
+    return float(not differs), None if entry["margin"] is None else float(not is_small)
 
 
 def verdict(side: float, adjusted: Adjusted, level: float) -> str:

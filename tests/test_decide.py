@@ -1,0 +1,136 @@
+"""Later looks at open claims, with more seeds."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_field import (
+    HIGH,
+    LOW,
+    METRONOME,
+    OPEN_LOOP,
+    TORN,
+    agent,
+    check,
+    having,
+)
+from small_project import COMPARE, make_params, write_project
+
+from jumping_ant.comparison import results
+from jumping_ant.comparison.claims import verdicts
+from jumping_ant.experiment import presets
+from scripts import decide
+
+AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
+SEEDS = [3, 1, 7]
+LEVELS = [0.04, 0.005, 0.005]
+PARAMS = make_params(AGENTS, SEEDS)
+PARAMS = PARAMS.model_copy(update={"compare": COMPARE.model_copy(update={"levels": LEVELS})})
+
+
+def again(earlier, *agents, level=0.005):
+    compare = COMPARE.model_copy(update={"levels": [0.05, level]})
+    return verdicts.check_again(earlier, {one.name: one for one in agents}, compare, 2, 1)
+
+
+def test_open_claims_are_tested_again_with_the_level_of_the_look():
+    earlier = check(agent("dqn", "dqn", TORN), METRONOME)
+    assert earlier[0]["verdict"] == "inconclusive"
+    more = agent("dqn", "dqn", np.concatenate([TORN, HIGH, HIGH + 1])), METRONOME
+    (claim,) = again(earlier, *more)
+    assert (claim["look"], 0.0001 < claim["p_adjusted"] < 0.005) == (1, True)
+    assert claim["verdict"] == "supported"
+    (claim,) = again(earlier, *more, level=0.0001)
+    assert claim["verdict"] == "inconclusive"
+
+
+def test_verdicts_that_were_given_stand_and_do_not_count():
+    open_one = agent("open", "dqn", TORN)
+    earlier = check(agent("dqn", "dqn", HIGH), open_one, METRONOME)
+    assert [claim["verdict"] for claim in earlier] == ["supported", "inconclusive"]
+    found = again(earlier, agent("dqn", "dqn", LOW / 9), open_one, METRONOME)
+    assert found[0] == earlier[0]
+    # The first claim's equivalence is left, so that two claims still count.
+    assert found[1]["p_adjusted"] == pytest.approx(min(1.0, 2 * found[1]["p"]))
+    sac, dqn = (
+        having(agent(name, name, returns), fluidity=np.linspace(start, start + 1, 8))
+        for name, returns, start in (("sac", HIGH, 0.2), ("dqn", LOW, 0.0))
+    )
+    earlier = check(sac, dqn)
+    found = again(earlier, sac, dqn)
+    assert [claim["verdict"] for claim in found] == ["inconclusive", "supported", "supported"]
+    # But for the two of fluidity, all hypotheses are rejected: one claim counts.
+    assert earlier[0]["p_adjusted"] == pytest.approx(min(1.0, earlier[0]["p"]))
+    assert found[0]["p_adjusted"] == pytest.approx(found[0]["p"]) != 1.0
+
+
+def test_a_claim_that_cannot_be_tested_again_stays_open():
+    earlier = check(agent("dqn", "dqn", TORN), METRONOME)
+    other = agent("faster", "open_loop", LOW)
+    assert again(earlier, agent("dqn", "dqn", HIGH), other) == earlier
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    write_project(tmp_path, AGENTS, SEEDS)
+    return tmp_path
+
+
+def test_agents_of_open_claims_get_seeds_until_the_last_look(
+    project: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder, calls = tmp_path_factory.mktemp("copy"), []
+
+    def train(copy: Path, params, targets) -> None:
+        calls.append((params.seeds, list(params.agents), list(targets)))
+        write_project(copy, {name: AGENTS[name] for name in params.agents}, params.seeds)
+
+    found = decide.decide(project, folder, PARAMS, train)
+    json.dumps(found, allow_nan=False)
+    seeds, names, targets = calls[0]
+    assert (seeds, set(names)) == (list(range(8, 16)), set(AGENTS))  # with three seeds all is open
+    assert targets == [f"evaluate@{name}" for name in names]
+    assert [look["level"] for look in found["looks"]] == [0.005, 0.005]
+    assert found["looks"][0]["added_seeds"] == seeds
+    assert calls[1][0] == list(range(8, 24))
+    by_look = {claim.get("look"): claim for claim in found["claims"]}
+    assert by_look[1]["verdict"] != "inconclusive"
+    (jumps,) = [claim for claim in found["claims"] if OPEN_LOOP in claim["text"]] or [by_look[1]]
+    assert len(next(iter(jumps["plot"]["values"].values()))) == 3 + 8
+    still_open = {name for claim in found["claims"] if claim.get("look") == 2
+                  for name in claim["agents"]}  # fmt: skip
+    assert set(calls[1][1]) == still_open
+
+
+def test_nothing_is_trained_where_all_is_decided(project: Path) -> None:
+    alone = PARAMS.model_copy(update={"agents": {"random": PARAMS.agents["random"]}})
+
+    def train(*_: object) -> None:
+        raise AssertionError
+
+    assert decide.decide(project, project, alone, train) == {"looks": [], "claims": []}
+
+
+def test_seeds_are_added_at_the_end(project: Path, tmp_path_factory) -> None:
+    folder = tmp_path_factory.mktemp("copy")
+    write_project(folder, {"sac": "sac"}, [8, 9])
+    own = results.load(project, PARAMS)
+    more = decide.with_more_seeds(PARAMS, {"sac"}, 1).model_copy(update={"seeds": [8, 9]})
+    sac = results.joined(own, results.load(folder, more))["sac"]
+    assert list(sac.curves) == [*SEEDS, 8, 9]
+    returns = [3000.0, 3010.0, 3020.0, 3000.0, 3010.0]
+    assert sac.quantities["return"] == pytest.approx(returns)
+    assert sac.variants["final"]["return"] == pytest.approx(np.array(returns) - 7)
+    assert len(sac.episodes["return"]) == 5 * 3
+    assert len(own["sac"].quantities["return"]) == 3
+
+
+def test_imitators_get_their_demonstrator() -> None:
+    params = presets.load("families")
+    more = decide.with_more_seeds(params, {"bc"}, 2)
+    assert list(more.agents) == ["sac", "bc"]
+    assert list(more.demonstrations) == ["bc", "dagger"]
+    assert more.seeds[0] == max(params.seeds) + 1
+    assert len(more.seeds) == 2 * params.compare.look_seeds
+    assert decide.with_more_seeds(params, {"dqn"}, 1).demonstrations == {}
