@@ -127,7 +127,7 @@ def summary(path: Path) -> dict[str, Any]:
             | estimates.probability_of_improvement(means[first], means[second], options).as_dict(
                 "probability"
             )
-            | {"p": hypothesis_tests.rank_test(means[first], means[second], options.seed).p}
+            | {"p": hypothesis_tests.rank_test(means[first], means[second], options.seed)}
             for first, second in PAIRS
             if first in means and second in means
         ],
