@@ -33,7 +33,7 @@ def project(num_threads: int) -> Callable[[], float]:
     Args:
         num_threads: Threads that step the simulations; torch has one, as in the pipeline.
     """
-    kernels.use(1)
+    kernels.use()
     agent = article_agent("pgpe")
     events = trainer.train(Job(default_world(), agent, seed=0, num_threads=num_threads))
     next(events)
@@ -72,7 +72,7 @@ def population(size: int) -> Callable[[], Cost]:
 
 
 def _env_steps_per_second(population_size: int, num_threads: int) -> float:
-    kernels.use(1)
+    kernels.use()
     changes = {"population_size": population_size, "episode_steps": EPISODE_STEPS}
     agent = article_agent("pgpe").model_copy(update=changes)
     generations = max(1, MIN_ENV_STEPS // agent.population_size // agent.episode_steps)

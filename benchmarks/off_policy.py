@@ -44,7 +44,7 @@ def _compare(algorithm: str) -> Row:
 
 def project(algorithm: str) -> Callable[[], float]:
     """Start the project's training of an agent with the article's settings, on one thread."""
-    kernels.use(1)
+    kernels.use()
     steps = STEPS[algorithm]
     changes: dict[str, Any] = {"log_interval": steps}
     if algorithm == "dqn":

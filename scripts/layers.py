@@ -226,7 +226,7 @@ def _numpy_sums() -> str:
 
 
 def _numpy_products() -> str:
-    kernels.use(machine.BLAS_THREADS)
+    kernels.use()
     singles = [(one.astype(np.float32), other.astype(np.float32)) for one, other in _pairs()]
     return _digest(found for one, other in [*_pairs(), *singles] for found in (one @ other,))
 
@@ -243,7 +243,7 @@ def _both() -> list[torch.Tensor]:
 
 
 def _torch_functions() -> str:
-    kernels.use(machine.BLAS_THREADS)
+    kernels.use()
     softplus, huber = torch.nn.functional.softplus, torch.nn.functional.smooth_l1_loss
     kinds = (torch.exp, torch.tanh, torch.sigmoid, torch.sin, torch.cos, torch.erf, softplus)
     found = [kind(numbers) for numbers in _both() for kind in kinds]
@@ -261,7 +261,7 @@ def _torch_sums() -> str:
 
 
 def _torch_products() -> str:
-    kernels.use(machine.BLAS_THREADS)
+    kernels.use()
     doubles = [(torch.from_numpy(one), torch.from_numpy(other)) for one, other in _pairs()]
     pairs = [*doubles, *((one.float(), other.float()) for one, other in doubles)]
     layers = [torch.nn.functional.linear(one, other.t(), other[0]) for one, other in pairs]
@@ -270,7 +270,7 @@ def _torch_products() -> str:
 
 
 def _torch_decompositions() -> str:
-    kernels.use(machine.BLAS_THREADS)
+    kernels.use()
     square = _both()[1][:4096].reshape(64, 64)
     positive = square @ square.t() + 1000 * torch.eye(64)
     return _digest(
@@ -298,7 +298,7 @@ def _training(algorithm: str) -> str:
 
 def _policy(algorithm: str, demonstrations: bytes | None = None) -> bytes:
     """Return the policy that a short training ends with."""
-    kernels.use(machine.BLAS_THREADS)
+    kernels.use()
     agent = _settings(algorithm)
     *_, finished = trainer_of(agent)(Job(_world(), agent, seed=0, demonstrations=demonstrations))
     assert isinstance(finished, Finished)

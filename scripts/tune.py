@@ -180,7 +180,7 @@ def _train(
 
 
 def _compute_with_one_thread() -> None:
-    kernels.use(1)
+    kernels.use()
 
 
 def _run(

@@ -16,12 +16,14 @@ import torch
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
+from jumping_ant.base import machine
 
-def use(num_threads: int) -> None:
-    """Have PyTorch compute the same as anywhere, in this process and with so many threads."""
+
+def use() -> None:
+    """Have PyTorch compute the same as anywhere, in this process, with one thread for products."""
     _replace()
-    torch.set_num_threads(num_threads)
-    threadpool_limits(num_threads, user_api="blas")
+    torch.set_num_threads(machine.BLAS_THREADS)
+    threadpool_limits(machine.BLAS_THREADS, user_api="blas")
 
 
 @cache  # once in a process

@@ -1,8 +1,9 @@
 """The kernels of numerical libraries: everywhere those for AVX2, so that bytes are equal.
 
 NumPy, OpenBLAS, PyTorch, oneDNN and llvmpipe choose their kernels by the processor, and wider ones
-round differently. Whatever imports this package uses the kernels that every x86-64 processor with
-AVX2 and FMA has, whoever made it; docs/portability.md has what each switch is for, and its price.
+round differently, as do large products of OpenBLAS with more threads. Whatever imports this package
+uses one thread for products, and the kernels that every x86-64 processor with AVX2 and FMA has,
+whoever made it; docs/portability.md has what each switch is for, and its price.
 Libraries read these variables when they are first used, so that this module imports nothing.
 """
 
@@ -17,6 +18,7 @@ SWITCHES = {
     "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
     "ONEDNN_MAX_CPU_ISA": "AVX2",
     "OPENBLAS_CORETYPE": "Haswell",
+    "OPENBLAS_NUM_THREADS": "1",
 }
 NEEDED = {"avx2", "fma"}  # flags in /proc/cpuinfo
 UNSUPPORTED = (

@@ -15,7 +15,7 @@ from typing import Any
 
 import jumping_ant
 from jumping_ant.agents import kernels
-from jumping_ant.base import machine, portable
+from jumping_ant.base import portable
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.training.workers import Died, Ended, Item, News, Work
 
@@ -147,7 +147,7 @@ class _Worker:
 
     def run(self, work: Work) -> Iterator[Any]:
         """Yield the job's items."""
-        kernels.use(machine.BLAS_THREADS)
+        kernels.use()
         yield from work(self._stop)
 
     def stop(self) -> None:

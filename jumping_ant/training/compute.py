@@ -64,7 +64,7 @@ def stream(
 
 
 def _inline(start: Callable[[Key], Work], keys: Sequence[Key]) -> Iterator[tuple[Key, Any]]:
-    kernels.use(machine.BLAS_THREADS)
+    kernels.use()
     with _stopped_by_signals() as stop:
         for key in keys:
             if stop.is_set():

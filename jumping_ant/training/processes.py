@@ -26,7 +26,7 @@ from jumping_ant.training.workers import Died, Ended, Item, News, Work
 SECONDS_TO_END = 5.0
 _STOP = b""  # in place of a pickled job
 # Libraries read these when they are imported.
-_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_VARIABLES = ("OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -128,7 +128,7 @@ def _inherited() -> Iterator[None]:
 def _serve(pipe: Connection) -> None:
     """Run the jobs that arrive, one after another, until the driver closes the pipe."""
     output.tolerate_failures()
-    kernels.use(machine.BLAS_THREADS)
+    kernels.use()
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     stop = threading.Event()
     try:

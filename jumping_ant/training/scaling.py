@@ -60,7 +60,7 @@ def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float
 
     from jumping_ant.agents import kernels
 
-    kernels.use(machine.BLAS_THREADS)  # PyTorch's own threads would fight with those of products
+    kernels.use()  # PyTorch's own threads would fight with those of products
     with threadpool_limits(threads, user_api="blas"):
         events = trainer_of(agent)(Job(world, agent, seed, num_threads=threads))
         rows = (event for event in events if isinstance(event, Progress))

@@ -27,8 +27,8 @@ def test_every_way_in_selects_them_before_libraries_are_loaded(module: str) -> N
     variables = {name: own for name, own in os.environ.items() if name not in selected}
     program = (
         f"import {module}, numpy, os, threadpoolctl\n"
-        "print({pool['architecture'] for pool in threadpoolctl.threadpool_info()"
-        " if pool['user_api'] == 'blas'})\n"
+        "blas = [own for own in threadpoolctl.threadpool_info() if own['user_api'] == 'blas']\n"
+        "print({(own['architecture'], own['num_threads']) for own in blas})\n"
         "print(numpy._core._multiarray_umath.__cpu_features__['X86_V4'])\n"
         "from jumping_ant.base import portable\n"
         "print(portable.SWITCHES.items() <= os.environ.items(), 'MKL_CBWR' in os.environ)\n"
@@ -37,7 +37,7 @@ def test_every_way_in_selects_them_before_libraries_are_loaded(module: str) -> N
     done = subprocess.run(
         command, cwd=PROJECT_ROOT, env=variables, encoding="utf-8", capture_output=True, check=True
     )
-    assert done.stdout == "{'Haswell'}\nFalse\nTrue False\n"
+    assert done.stdout == "{('Haswell', 1)}\nFalse\nTrue False\n"
 
 
 @pytest.mark.parametrize(
