@@ -36,7 +36,8 @@ class LinearPolicy(Stateless):
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
         normalized = (observations.astype(np.float32) - self.mean) / self.stdev
-        choices = self.actions.choices(normalized @ self.weight.T + self.bias)
+        outputs = (normalized[:, None] @ self.weight.T)[:, 0]  # row by row (see `Policy.act`)
+        choices = self.actions.choices(outputs + self.bias)
         return self.actions.torques(choices).astype(np.float64, copy=False)
 
     def sample(self, generator: np.random.Generator) -> "LinearPolicy":

@@ -37,12 +37,16 @@ class Network(Stateless):
     PREFIXES: ClassVar[tuple[str, ...]] = ()
     FACTORS: ClassVar[str] = ""
 
+    def _outputs(self, observations: Array) -> NDArray[np.float32]:
+        """Return the outputs of the last layer, shape (n, outputs), row by row (see `Policy`)."""
+        return self._forward(observations[:, None])[:, 0]
+
     def _forward(self, observations: Array) -> NDArray[np.float32]:
-        """Return the outputs of the last layer, shape (n, outputs)."""
+        """Return the outputs of the last layer, shape (..., outputs)."""
         return _affine(self._hidden(observations), self.layers[-1])
 
     def _hidden(self, observations: Array) -> NDArray[np.float32]:
-        """Return the outputs of the last hidden layer, shape (n, units)."""
+        """Return the outputs of the last hidden layer, shape (..., units)."""
         values = observations.astype(np.float32) * self.factors
         for layer in self.layers[:-1]:
             values = self._activate(_affine(values, layer))
@@ -81,7 +85,7 @@ class TanhActor(Network):
 
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
-        choices = np.tanh(self._forward(observations)).astype(np.float64)
+        choices = np.tanh(self._outputs(observations)).astype(np.float64)
         return self.actions.torques(choices)
 
 
@@ -156,7 +160,7 @@ class GreedyCommands(Network):
 
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
-        return self._torques(self.actions.best(self._forward(observations)))
+        return self._torques(self.actions.best(self._outputs(observations)))
 
     def explore(
         self, observations: Array, generators: Sequence[np.random.Generator], epsilon: float
@@ -197,7 +201,7 @@ class ActorCritic(Network):
 
     def act(self, observations: Array) -> Array:
         """Return torques, shape (n, num_motors)."""
-        outputs = self._forward(observations)
+        outputs = self._outputs(observations)
         is_gaussian = self.actions.chooses_torques
         choices = self.actions.choices(outputs) if is_gaussian else self.actions.best(outputs)
         return self.actions.torques(choices).astype(np.float64)

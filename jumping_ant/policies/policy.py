@@ -43,7 +43,11 @@ class Policy(Protocol):
         """Begin one episode per seed; row `i` of later observations belongs to seed `i`."""
 
     def act(self, observations: Array) -> Array:
-        """Return torques in [-1, 1], (n, num_motors), for observations (n, num_observations)."""
+        """Return torques in [-1, 1], (n, num_motors), for observations (n, num_observations).
+
+        A row's torques depend on its observation, not on the rows beside it. A matrix product of n
+        rows rounds by n and by the place of a row, so policies multiply row by row.
+        """
 
 
 class Stateless:

@@ -1,5 +1,6 @@
-"""Episodes of a policy: many in parallel, each with its own seed."""
+"""Episodes of policies: many in parallel, each with its own seed."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -15,6 +16,11 @@ from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Play = tuple[Policy, int]
+"""A policy, and the seed of an episode that it plays."""
+
+LARGEST_BATCH = 256  # episodes; a step of more is no faster for each
+LARGEST_RECORD = 2**25  # numbers that are kept of the episodes of a batch: 256 MiB
 
 
 class Transition(NamedTuple):
@@ -76,11 +82,53 @@ class Episode:
 
 
 def run(world: World, policy: Policy, seeds: Sequence[int], num_threads: int = 1) -> list[Episode]:
-    """Run one episode for each seed, all in parallel, and return them in that order."""
-    count, horizon, anatomy = len(seeds), world.env.max_episode_steps, world.anatomy
+    """Run one episode of a policy for each seed, and return them in that order."""
+    return list(play(world, [(policy, seed) for seed in seeds], num_threads))
+
+
+def play(world: World, plays: Sequence[Play], num_threads: int = 1) -> Iterator[Episode]:
+    """Run an episode of each policy that is given with a seed, and yield them in that order.
+
+    They run side by side, as many as `LARGEST_RECORD` allows; no episode depends on those beside
+    it. The policies hold their choices for equally long. An episode that is kept keeps those that
+    ran beside it.
+    """
+    numbers = world.anatomy.num_positions + world.anatomy.num_velocities + world.anatomy.num_motors
+    numbers_each = world.env.max_episode_steps * (numbers + 2 + len(active(world.env.reward)))
+    size = min(LARGEST_BATCH, max(1, LARGEST_RECORD // numbers_each))
+    for first in range(0, len(plays), size):
+        yield from _together(world, plays[first : first + size], num_threads)
+
+
+class _SideBySide:
+    """Policies of the episodes of a batch, each of which acts in its own."""
+
+    def __init__(self, plays: Sequence[Play]) -> None:
+        rows = defaultdict(list)
+        for row, (policy, _) in enumerate(plays):
+            rows[id(policy)].append(row)
+        self._parts = [(plays[own[0]][0], np.array(own)) for own in rows.values()]
+        for policy, own in self._parts:
+            policy.start([plays[row][1] for row in own])
+        holds = {policy.actions.hold for policy, _ in self._parts}
+        if len(holds) > 1:
+            raise ValueError(f"given choices held for {sorted(holds)} control steps, allowed: one")
+        (self.hold,) = holds
+
+    def act(self, observations: Array) -> Array:
+        """Return torques, (n, num_motors), for the observations of all episodes."""
+        parts = [policy.act(observations[rows]) for policy, rows in self._parts]
+        torques = np.empty((len(observations), parts[0].shape[1]))
+        for (_, rows), own in zip(self._parts, parts, strict=True):
+            torques[rows] = own
+        return torques
+
+
+def _together(world: World, plays: Sequence[Play], num_threads: int) -> list[Episode]:
+    count, horizon, anatomy = len(plays), world.env.max_episode_steps, world.anatomy
     envs = RobotVectorEnv(world, count, num_threads, AutoresetMode.DISABLED)
-    observations, _ = envs.reset(seed=list(seeds))
-    policy.start(seeds)
+    observations, _ = envs.reset(seed=[seed for _, seed in plays])
+    policies = _SideBySide(plays)
     start_qpos, start_qvel = envs.qpos.copy(), envs.qvel.copy()
     qpos = np.empty((horizon, count, anatomy.num_positions))
     qvel = np.empty((horizon, count, anatomy.num_velocities))
@@ -89,7 +137,7 @@ def run(world: World, policy: Policy, seeds: Sequence[int], num_threads: int = 1
     airborne = np.empty((horizon, count), dtype=np.bool_)
     lengths = np.zeros(count, dtype=np.int64)
     fell = np.zeros(count, dtype=np.bool_)
-    for number, step in enumerate(steps(envs, observations, policy.act, policy.actions.hold)):
+    for number, step in enumerate(steps(envs, observations, policies.act, policies.hold)):
         torques[number], rewards[number] = step.actions, step.rewards
         for name, values in terms.items():
             values[number] = step.infos[PREFIX + name]

@@ -142,6 +142,16 @@ def test_files_are_the_same_bytes_and_act_the_same(policy: Any, tmp_path: Path) 
     np.testing.assert_array_equal(loaded.act(OBSERVATIONS), policy.act(OBSERVATIONS))
 
 
+def test_torques_depend_on_no_row_beside_them(network: Any) -> None:
+    """To the last bit: products of several rows round by their number."""
+    policies = [policy_file.parse(network[2]), linear_policy()]
+    observations = np.random.default_rng(5).normal(size=(37, 27))
+    for policy in policies:
+        expected = policy.act(observations)
+        for rows in (slice(1), slice(5, 9), slice(3, 36), slice(None, None, -1)):
+            np.testing.assert_array_equal(policy.act(observations[rows]), expected[rows])
+
+
 def test_linear_policy_by_hand() -> None:
     weight = np.zeros((8, 27), np.float32)
     weight[0, 0], weight[1, 26], weight[2, 0] = 0.5, -2.0, 100.0

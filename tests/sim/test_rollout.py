@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from commands import COMMAND_SIGNS
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies.blind import UniformPolicy
+from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.networks import TanhActor
 from jumping_ant.sim import rollout
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.rollout import Episode
@@ -99,3 +101,49 @@ def test_a_choice_is_held_as_long_as_the_policy_says(
     np.testing.assert_array_equal(episode.torques, expected)
     assert len(np.unique(chosen, axis=0)) == len(chosen) > 5
     assert np.abs(episode.torques).max() <= 0.5
+
+
+def actor(seed: int) -> TanhActor:
+    """A network whose layers are of sizes that products round by the number of rows."""
+    generator = np.random.default_rng(seed)
+    shapes = ((64, 27), (64, 64), (8, 64))
+    weights = [generator.normal(0, 0.3, shape).astype(np.float32) for shape in shapes]
+    layers = [(weight, np.zeros(len(weight), np.float32)) for weight in weights]
+    return TanhActor(np.ones(27, np.float32), ActionSet(hold=2), layers)
+
+
+def test_no_episode_depends_on_what_is_played_beside_it(
+    robot_xml: str, task: EnvParams, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In batches of any size and order, with policies that keep a state and with networks."""
+    world = World(robot_xml, task)
+    cycle = OpenLoopPolicy(ActionSet(COMMAND_SIGNS[[3, 4, 1]], hold=2))
+    policies = [actor(0), actor(1), cycle, UniformPolicy(4, ActionSet(hold=2), 8)]
+    plays = [(policy, seed) for policy in policies for seed in range(7)]
+    expected = [*rollout.play(world, plays)]
+    assert len({episode.torques.tobytes() for episode in expected}) > 3 * 7
+    order = np.random.default_rng(0).permutation(len(plays))
+    for size in (1, 2, 5, 16):
+        monkeypatch.setattr(rollout, "LARGEST_BATCH", size)
+        ran = rollout.play(world, [plays[index] for index in order], num_threads=2)
+        for index, episode in zip(order, ran, strict=True):
+            assert_same(episode, expected[index])
+
+
+def test_what_is_kept_of_episodes_bounds_how_many_run_side_by_side(
+    robot_xml: str, task: EnvParams, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes, together = [], rollout._together
+    monkeypatch.setattr(rollout, "_together", lambda *of: sizes.append(len(of[1])) or together(*of))
+    monkeypatch.setattr(rollout, "LARGEST_RECORD", 2 * 80 * (15 + 14 + 8 + 3) + 1)
+    rollout.run(World(robot_xml, task), UniformPolicy(4, ActionSet(), 8), range(5))
+    assert sizes == [2, 2, 1]
+    monkeypatch.setattr(rollout, "LARGEST_RECORD", 1)
+    rollout.run(World(robot_xml, task), UniformPolicy(4, ActionSet(), 8), [3])
+    assert sizes == [2, 2, 1, 1]
+
+
+def test_policies_of_a_batch_decide_together(robot_xml: str, task: EnvParams) -> None:
+    plays = [(UniformPolicy(4, ActionSet(hold=hold), 8), 0) for hold in (1, 3)]
+    with pytest.raises(ValueError, match=r"held for \[1, 3\] control steps, allowed: one"):
+        list(rollout.play(World(robot_xml, task), plays))
