@@ -53,7 +53,9 @@ def peak_memory(project: Checkout) -> Row:
     settings = params_file.load()
     brief = shortened(settings, MEMORY_SHARES)
     updates = {
-        "evaluate": settings.evaluate.model_copy(update={"episodes": MEMORY_EPISODES}),
+        "evaluate": settings.evaluate.model_copy(
+            update=dict.fromkeys(("episodes", "baseline_episodes"), MEMORY_EPISODES)
+        ),
         "record": settings.record.model_copy(update={"seconds": MEMORY_FILM_SECONDS}),
     }
     project.write_params(brief.model_copy(update=updates))

@@ -48,7 +48,7 @@ def settings() -> Params:
     content["env"]["max_episode_steps"] = 100
     content["training"] |= {"evaluations": 3, "evaluation_episodes": 4}
     content["compute"]["checkpoint_seconds"] = CHECKPOINT_SECONDS
-    content["evaluate"]["episodes"] = 2
+    content["evaluate"] |= {"episodes": 2, "baseline_episodes": 2}
     content["record"] |= {"width": 160, "height": 120}
     content["demonstrations"] = {"bc": DEMONSTRATIONS}
     for agent, budget in BUDGETS.items():

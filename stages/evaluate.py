@@ -12,6 +12,7 @@ from jumping_ant.base import machine
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.evaluation import evaluation, variants
+from jumping_ant.experiment import variant_names
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
@@ -29,38 +30,38 @@ def final_policy(paths: SeedPaths, published: Policy) -> Policy:
 
 def main() -> None:
     """Run the stage."""
-    agent, settings = parse_agent(__doc__)
-    paths = Paths().agent(agent)
-    world = World(robot.read(PROJECT_ROOT, settings.agent(agent).robot), settings.env)
+    name, settings = parse_agent(__doc__)
+    paths, agent = Paths().agent(name), settings.agent(name)
+    world = World(robot.read(PROJECT_ROOT, agent.robot), settings.env)
     trained = {
-        seed: policy_file.load(paths.seed(seed).policy, (agent, seed)) for seed in settings.seeds
+        seed: policy_file.load(paths.seed(seed).policy, (name, seed)) for seed in settings.seeds
     }
-    if not settings.agent(agent).depends_on_seed:  # played once, for all seeds
-        trained = dict.fromkeys(trained, trained[settings.seeds[0]])
+    final = {seed: final_policy(paths.seed(seed), policy) for seed, policy in trained.items()}
     num_threads = machine.num_cores()
-    held_out = settings.evaluate
-    episodes, median = evaluation.evaluate(world, held_out, agent, trained, num_threads)
-    others = {
-        seed: variants.make(
-            world,
-            settings.agent(agent).algorithm,
-            policy,
-            final_policy(paths.seed(seed), policy),
-            seed,
-            settings.training.evaluation_seed,
-            num_threads,
-        )
-        for seed, policy in trained.items()
-    }
-    table = evaluation.evaluate_variants(world, held_out, (trained, episodes), others, num_threads)
-    means = evaluation.seed_means(episodes)
+    others = variants.make(
+        world,
+        agent.algorithm,
+        trained,
+        final,
+        settings.training.evaluation_seed,
+        num_threads,
+    )
+    evaluated = evaluation.evaluate(
+        world,
+        settings.evaluate,
+        name,
+        {seed: {variant_names.PUBLISHED: trained[seed]} | others[seed] for seed in trained},
+        variant_names.num_episodes(agent, settings.evaluate),
+        num_threads,
+    )
+    episodes = evaluated.episodes
     write_all(
         {
-            paths.episodes: evaluation.to_csv(agent, episodes),
-            paths.seed_means: evaluation.to_csv(agent, means),
-            paths.variants: evaluation.to_csv(agent, table),
+            paths.episodes: evaluation.to_csv(name, episodes),
+            paths.seed_means: evaluation.to_csv(name, evaluation.seed_means(episodes)),
+            paths.variants: evaluation.to_csv(name, evaluated.variants),
             paths.metrics: to_json(evaluation.summarize(episodes)),
-            paths.trajectory: median.to_bytes(),
+            paths.trajectory: evaluated.median.to_bytes(),
         }
     )
 

@@ -53,7 +53,7 @@ ENV = EnvParams(
     commands=article.ENV.commands,
     reward=article.ENV.reward,
 )
-EVALUATE = EvaluateParams(episodes=10, seed=1000000, min_airborne_seconds=0.1)
+EVALUATE = EvaluateParams(episodes=10, baseline_episodes=10, seed=1000000, min_airborne_seconds=0.1)
 
 
 @pytest.fixture(scope="session")

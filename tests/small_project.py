@@ -29,6 +29,9 @@ COMPARE = CompareParams(
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
 BUDGETS = {"random": 0, "open_loop": 400, "dqn": 1000, "sac": 200, "pgpe": 8000}
 EPISODES = 3
+EVALUATE = EvaluateParams(
+    episodes=EPISODES, baseline_episodes=EPISODES, seed=1000000, min_airborne_seconds=0.1
+)
 MACHINE = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}  # that all trained on
 
 
@@ -41,7 +44,7 @@ def make_params(agents: Mapping[str, str], seeds: Sequence[int]) -> Params:
             "env": article.ENV,
             "agents": {name: block(algorithm) for name, algorithm in agents.items()},
             "compare": COMPARE,
-            "evaluate": EvaluateParams(episodes=EPISODES, seed=1000000, min_airborne_seconds=0.1),
+            "evaluate": EVALUATE,
             "training": known.training.model_copy(update={"evaluation_episodes": 2}),
         }
     )
@@ -82,7 +85,7 @@ def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) 
     """Write variants of every agent: like its policies, with 7 less of return."""
     for name, algorithm in agents.items():
         rows = [
-            {"agent": name, "seed": seed, "variant": variant}
+            {"agent": name, "seed": seed, "variant": variant, "episodes": EPISODES}
             | measures(LEVELS[algorithm] + 10 * i)
             | {"return": LEVELS[algorithm] + 10 * i - 7}
             for i, seed in enumerate(seeds)
@@ -135,7 +138,8 @@ def shown(root: Path, agent: str, trajectory: Trajectory) -> Trajectory:
 
 def episode_row(agent: str, seed: int, episode: int, value: float) -> dict[str, Any]:
     """Return a row of `episodes.csv`."""
-    ids = {"agent": agent, "seed": seed, "episode": episode, "episode_seed": 1000000 + episode}
+    first = EVALUATE.block(seed).start
+    ids = {"agent": agent, "seed": seed, "episode": episode, "episode_seed": first + episode}
     return ids | measures(value)
 
 

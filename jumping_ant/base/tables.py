@@ -76,6 +76,7 @@ class Column:
 
 ANY = Column(low=-math.inf, high=math.inf, can_be_empty=True)  # what no statistic is made of
 SEED = Column(low=0, high=2**31 - 1, is_whole=True)
+EPISODE_SEED = Column(low=0, high=2**53, is_whole=True)  # blocks of episodes count from seeds up
 SECONDS = Column(low=0, high=1e9)
 
 

@@ -1,6 +1,7 @@
 """Evaluation of an agent on the held-out episodes.
 
-Every policy starts from the same states and acts deterministically. These quantities are measured
+Policies act deterministically. Each seed's start from the states of the seed's own block, which is
+the same for every agent. All of an agent's episodes run in one batch. These quantities are measured
 per episode:
 
 | column | meaning | unit |
@@ -24,6 +25,8 @@ A state that is not finite ends its episode and is left out of the measures. Jum
 defined in `jumping_ant.evaluation.motion`.
 """
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -34,78 +37,90 @@ from numpy.typing import NDArray
 
 from jumping_ant.evaluation import motion
 from jumping_ant.experiment.episodes import EPISODE_KEYS
+from jumping_ant.experiment.variant_names import PUBLISHED
 from jumping_ant.looks.measures import TERM
 from jumping_ant.params.blocks import EvaluateParams
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
-from jumping_ant.sim.rollout import Episode
+from jumping_ant.sim.rollout import Episode, Play
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What the versions of an agent's policies do in the held-out episodes.
+
+    Attributes:
+        episodes: Each episode of the published policies, seed by seed.
+        variants: Means over episodes of each variant of each seed, with the episodes' number.
+        median: The trajectory of the episode of median return, the lower one of an even number.
+    """
+
+    episodes: pd.DataFrame
+    variants: pd.DataFrame
+    median: Trajectory
 
 
 def evaluate(
     world: World,
     settings: EvaluateParams,
     agent: str,
-    policies: dict[int, Policy],
+    policies: Mapping[int, Mapping[str, Policy]],
+    num_episodes: Mapping[str, int],
     num_threads: int = 1,
-) -> tuple[pd.DataFrame, Trajectory]:
-    """Return the held-out episodes of each seed's policy, and the trajectory of one of them.
+) -> Evaluation:
+    """Run the held-out episodes of all versions of each seed's policy.
 
-    It is the episode of median return, the lower one of an even number.
+    Args:
+        world: The robot and the task.
+        settings: The held-out episodes.
+        agent: The agent's name.
+        policies: Versions of each seed's policy by name; one of them is `PUBLISHED`.
+        num_episodes: On how many episodes of a seed's block each version is played.
+        num_threads: Threads that step the simulations; nothing depends on it.
     """
-    table, episodes = _play(world, settings, policies, num_threads)
-    median = int(table["return"].argsort(kind="stable").iloc[(len(table) - 1) // 2])
-    row = table.iloc[median]
-    played = episodes[median]
-    return table, replay(world, played, agent, int(row["seed"]), int(row["episode"]))
+    keys: list[dict[str, Any]] = []
+    plays: list[Play] = []
+    for seed, versions in policies.items():
+        for version, policy in versions.items():
+            block = settings.block(seed)[: num_episodes[version]]
+            for number, start in enumerate(block):
+                keys.append(
+                    {"seed": seed, "variant": version, "episode": number, "episode_seed": start}
+                )
+                plays.append((policy, start))
+    measured = _measured(world, settings, plays, num_threads)
+    table = pd.DataFrame([key | own for key, own in zip(keys, measured, strict=True)])
+    is_published = table["variant"] == PUBLISHED
+    episodes = table[is_published].drop(columns="variant").reset_index(drop=True)
+    middle = episodes["return"].argsort(kind="stable").iloc[(len(episodes) - 1) // 2]
+    seed, number = (int(episodes[name].iloc[middle]) for name in ("seed", "episode"))
+    (played,) = rollout.run(world, policies[seed][PUBLISHED], [settings.block(seed)[number]])
+    median = replay(world, played, agent, seed, number)
+    return Evaluation(episodes, _means_of_variants(table[~is_published]), median)
 
 
-def evaluate_variants(
-    world: World,
-    settings: EvaluateParams,
-    published: tuple[dict[int, Policy], pd.DataFrame],
-    variants: dict[int, dict[str, Policy]],
-    num_threads: int = 1,
-) -> pd.DataFrame:
-    """Return the means over the held-out episodes of each seed's variants, a row for each.
-
-    A variant that is the published policy itself is not run again: `published` has those policies,
-    and their episodes as `evaluate` returns them.
-    """
-    policies, episodes = published
-    rows = []
-    for seed, own in variants.items():
-        for name, policy in own.items():
-            if policy is policies[seed]:
-                table = episodes[episodes["seed"] == seed]
-            else:
-                table, _ = _play(world, settings, {seed: policy}, num_threads)
-            rows.append(seed_means(table).assign(variant=name))
-    table = pd.concat(rows, ignore_index=True)
-    return table[["seed", "variant", *(name for name in table if name not in ("seed", "variant"))]]
+def _measured(
+    world: World, settings: EvaluateParams, plays: Sequence[Play], num_threads: int
+) -> list[dict[str, float]]:
+    """Return the quantities of episodes; those of the same policy and start run once."""
+    keys = [(id(policy), start) for policy, start in plays]
+    different = dict(zip(keys, plays, strict=True))
+    episodes = rollout.play(world, list(different.values()), num_threads)
+    measured = {
+        key: measure(world, settings, episode)
+        for key, episode in zip(different, episodes, strict=True)
+    }
+    return [measured[key] for key in keys]
 
 
-def _play(
-    world: World, settings: EvaluateParams, policies: dict[int, Policy], num_threads: int
-) -> tuple[pd.DataFrame, list[Episode]]:
-    """Run the held-out episodes of each seed's policy, the same policy once, and measure them."""
-    episode_seeds = [settings.seed + i for i in range(settings.episodes)]
-    rows: list[dict[str, Any]] = []
-    episodes: list[Episode] = []
-    played: dict[int, tuple[list[Episode], list[dict[str, float]]]] = {}
-    for seed, policy in policies.items():
-        if id(policy) not in played:
-            ran = rollout.run(world, policy, episode_seeds, num_threads)
-            measured = [measure(world, settings, episode) for episode in ran]
-            played[id(policy)] = ran, measured
-        ran, measured = played[id(policy)]
-        for number, (episode_seed, measures) in enumerate(
-            zip(episode_seeds, measured, strict=True)
-        ):
-            rows.append({"seed": seed, "episode": number, "episode_seed": episode_seed} | measures)
-        episodes += ran
-    return pd.DataFrame(rows), episodes
+def _means_of_variants(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the means of each seed's variants over their episodes, and the episodes' number."""
+    groups = table.groupby(["seed", "variant"], as_index=False, sort=False)
+    means = groups[_quantities(table)].mean()
+    means.insert(2, "episodes", groups.size()["size"])
+    return means
 
 
 def seed_means(table: pd.DataFrame) -> pd.DataFrame:
@@ -156,7 +171,7 @@ def measure(world: World, settings: EvaluateParams, episode: Episode) -> dict[st
 
 def _quantities(table: pd.DataFrame) -> list[str]:
     """Return the columns of a table of episodes that measure something."""
-    return [str(name) for name in table if name not in EPISODE_KEYS]
+    return [str(name) for name in table if name not in (*EPISODE_KEYS, "variant")]
 
 
 def _returns_of_terms(episode: Episode) -> dict[str, float]:

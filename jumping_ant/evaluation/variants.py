@@ -3,16 +3,18 @@
 | variant | policy | agents |
 |---|---|---|
 | final | the policy at the end of training | all |
-| rounded | every choice of torques replaced by the nearest command | SAC and PGPE on torques |
+| signed | the sign of each torque, at the agent's amplitude | SAC and PGPE on torques |
+| three | for each motor the nearest of minus the amplitude, none and the amplitude | the same |
+| rounded_full | the nearest of the five commands, at the agent's amplitude | the same |
+| rounded | the nearest of the five commands, at half torque as in the article | the same |
 | best_sample | the best of several policies drawn from the final search distribution | PGPE |
 
 The published policy is the best snapshot in validation, or the last policy; the best sample is also
 chosen on validation episodes. Variants run on the same held-out episodes as published policies.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,20 +23,23 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.models import SELECTION_EPISODES
+from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.policies.policy import Policy
+from jumping_ant.policies.policy import Policy, Stateless
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
 
 NUM_SAMPLES = 20  # policies of a generation in the article
+NUM_FINALISTS = 4  # of them, which play the rest of the episodes
+FIRST_EPISODES = 4  # that all samples play
 AMPLITUDE = 0.5  # of the article's commands
 
 
 @dataclass(frozen=True)
-class RoundedPolicy:
-    """A policy whose torques are replaced by the nearest command."""
+class NearestCommand(Stateless):
+    """A stateless policy whose torques are replaced by the nearest command."""
 
     policy: Policy
     commands: Array  # torques over peak torques, (num_commands, num_motors)
@@ -44,10 +49,6 @@ class RoundedPolicy:
         """Actions that the policy itself chooses from; choices are held for as long."""
         return self.policy.actions
 
-    def start(self, episode_seeds: Sequence[int]) -> None:
-        """Begin one episode per seed."""
-        self.policy.start(episode_seeds)
-
     def act(self, observations: Array) -> Array:
         """Return the command at the smallest Euclidean distance to the torques, (n, num_motors)."""
         torques = self.policy.act(observations)
@@ -56,55 +57,90 @@ class RoundedPolicy:
 
 
 @dataclass(frozen=True)
-class SideBySide:
-    """Policies of the same actions, each of which plays as many of the episodes, in order."""
+class NearestLevels(Stateless):
+    """A stateless policy whose torques are replaced by the nearest of each motor's levels."""
 
-    policies: Sequence[Policy]
+    policy: Policy
+    levels: int
 
     @property
     def actions(self) -> ActionSet:
-        """Actions that each of the policies chooses from."""
-        return self.policies[0].actions
-
-    def start(self, episode_seeds: Sequence[int]) -> None:
-        """Begin one episode per seed."""
-        for policy, seeds in zip(self.policies, self._shares(np.array(episode_seeds)), strict=True):
-            policy.start(seeds.tolist())
+        """The levels, up to the amplitude of the policy; choices are held for as long."""
+        return replace(self.policy.actions, levels=self.levels)
 
     def act(self, observations: Array) -> Array:
-        """Return torques in [-1, 1], shape (n, num_motors)."""
-        shares = zip(self.policies, self._shares(observations), strict=True)
-        return np.concatenate([policy.act(own) for policy, own in shares])
-
-    def _shares(self, rows: NDArray[Any]) -> list[NDArray[Any]]:
-        return np.split(rows, len(self.policies))
+        """Return the nearest level of each motor, (n, num_motors)."""
+        actions = self.actions
+        outputs = self.policy.act(observations) / actions.amplitude
+        return np.asarray(actions.torques(actions.choices(outputs)))
 
 
 def make(
     world: World,
     algorithm: str,
-    published: Policy,
-    final: Policy,
-    seed: int,
+    published: Mapping[int, Policy],
+    final: Mapping[int, Policy],
     validation_seed: int,
     num_threads: int = 1,
-) -> dict[str, Policy]:
-    """Return the variants of one seed's published policy, by name.
+) -> dict[int, dict[str, Policy]]:
+    """Return the variants of each seed's published policy, by name.
 
-    `validation_seed` is that of the first episode by which the best sample is chosen.
+    Args:
+        world: The robot and the task.
+        algorithm: What trained the policies.
+        published: Each seed's published policy.
+        final: Each seed's policy at the end of training.
+        validation_seed: Seed of the first episode by which best samples are chosen.
+        num_threads: Threads that step the simulations; nothing depends on it.
     """
-    names = variant_names.names(algorithm, published.actions.chooses_torques)
-    variants: dict[str, Policy] = {"final": final}
-    if "rounded" in names:
-        commands = AMPLITUDE * np.array(world.env.commands, dtype=np.float64)
-        variants["rounded"] = RoundedPolicy(published, commands)
-    if "best_sample" in names and isinstance(final, LinearPolicy):
-        generator = np.random.default_rng(derive(seed, "samples"))
-        samples = [final.sample(generator) for _ in range(NUM_SAMPLES)]
-        episode_seeds = [validation_seed + i for i in range(SELECTION_EPISODES)]
-        seeds = episode_seeds * NUM_SAMPLES
-        episodes = rollout.run(world, SideBySide(samples), seeds, num_threads)
-        returns = np.array([episode.rewards.sum() for episode in episodes])
-        totals = returns.reshape(NUM_SAMPLES, SELECTION_EPISODES).sum(axis=1)
-        variants["best_sample"] = samples[int(np.argmax(totals))]
+    samples = {}
+    if algorithm in variant_names.SAMPLED:
+        samples = _best_samples(world, final, validation_seed, num_threads)
+    variants = {}
+    for seed, policy in published.items():
+        made = {"final": final[seed], **_discrete(policy, world.env)}
+        made |= {"best_sample": samples[seed]} if samples else {}
+        names = variant_names.names(algorithm, policy.actions.chooses_torques)
+        variants[seed] = {name: made[name] for name in names}
     return variants
+
+
+def _discrete(policy: Policy, env: EnvParams) -> dict[str, Policy]:
+    """Return the variants of a policy that choose among a few torques."""
+    amplitude, commands = policy.actions.amplitude, np.array(env.commands, dtype=np.float64)
+    rounded = {own: NearestCommand(policy, own * commands) for own in (amplitude, AMPLITUDE)}
+    return {
+        "signed": NearestLevels(policy, 2),
+        "three": NearestLevels(policy, 3),
+        "rounded_full": rounded[amplitude],
+        "rounded": rounded[AMPLITUDE],
+    }
+
+
+def _best_samples(
+    world: World, final: Mapping[int, Policy], validation_seed: int, num_threads: int
+) -> dict[int, Policy]:
+    """Return the best of each seed's samples: after a few episodes, finalists play the others."""
+    episodes = range(validation_seed, validation_seed + SELECTION_EPISODES)
+    samples: dict[int, list[Policy]] = {}
+    for seed, policy in final.items():
+        if not isinstance(policy, LinearPolicy):
+            raise TypeError(f"given {type(policy).__name__}, allowed: LinearPolicy")
+        generator = np.random.default_rng(derive(seed, "samples"))
+        samples[seed] = [policy.sample(generator) for _ in range(NUM_SAMPLES)]
+
+    def totals(played: Mapping[int, Sequence[Policy]], starts: range) -> Array:
+        """Return sums of returns, shape (num_seeds, policies of each)."""
+        plays = [(one, start) for own in played.values() for one in own for start in starts]
+        returns = rollout.returns(world, plays, num_threads)
+        return np.asarray(returns.reshape(len(played), -1, len(starts)).sum(axis=2))
+
+    first = totals(samples, episodes[:FIRST_EPISODES])
+    ranks = np.argsort(-first, axis=1, kind="stable")[:, :NUM_FINALISTS]
+    finalists = {
+        seed: [own[rank] for rank in ahead]
+        for (seed, own), ahead in zip(samples.items(), ranks, strict=True)
+    }
+    others = totals(finalists, episodes[FIRST_EPISODES:])
+    best = (np.take_along_axis(first, ranks, axis=1) + others).argmax(axis=1)
+    return {seed: own[rank] for (seed, own), rank in zip(finalists.items(), best, strict=True)}

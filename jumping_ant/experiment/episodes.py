@@ -10,15 +10,17 @@ import numpy as np
 
 from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
-from jumping_ant.base.tables import SEED, Column, Table
+from jumping_ant.base.tables import EPISODE_SEED, SEED, Column, Table
 from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.models import Params
+from jumping_ant.experiment.variant_names import PUBLISHED
 from jumping_ant.looks.measures import MEASURES, TERM
 from jumping_ant.sim import rewards
 from jumping_ant.sim.trajectory import Trajectory
 
 QUANTITIES = ("length", *MEASURES, "survived")
-EPISODE_KEYS = {"seed": SEED, "episode": SEED, "episode_seed": SEED}
+COUNT = Column(low=1, high=1e6, is_whole=True)
+EPISODE_KEYS = {"seed": SEED, "episode": SEED, "episode_seed": EPISODE_SEED}
 """What identifies an episode among those of its agent."""
 
 
@@ -29,8 +31,9 @@ def read(root: Path, params: Params, agent: str) -> Table:
     """
     path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
     table = tables.read(path, stage, {"agent": agent}, EPISODE_KEYS | _quantities(params))
-    first, count = params.evaluate.seed, params.evaluate.episodes
-    asked = [(seed, i, first + i) for seed in params.seeds for i in range(count)]
+    count = variant_names.num_episodes(params.agent(agent), params.evaluate)[PUBLISHED]
+    blocks = {seed: params.evaluate.block(seed)[:count] for seed in params.seeds}
+    asked = [(seed, i, block[i]) for seed, block in blocks.items() for i in range(count)]
     with tables.blamed(path, stage):
         return tables.exactly(table, asked, *EPISODE_KEYS)
 
@@ -38,10 +41,11 @@ def read(root: Path, params: Params, agent: str) -> Table:
 def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
     """Read each variant's means over episodes, (num_seeds,) each, in the order of `params.yaml`."""
     path, stage = Paths(root).agent(agent).variants, f"evaluate@{agent}"
+    counts = variant_names.num_episodes(params.agent(agent), params.evaluate)
     names = variant_names.of_agent(params.agent(agent))
-    keys = {"seed": SEED, "variant": Column(words=names)}
+    keys = {"seed": SEED, "variant": Column(words=names), "episodes": COUNT}
     table = tables.read(path, stage, {"agent": agent}, keys | _quantities(params, are_means=True))
-    asked = [(seed, name) for name in names for seed in params.seeds]
+    asked = [(seed, name, counts[name]) for name in names for seed in params.seeds]
     with tables.blamed(path, stage):
         ordered = tables.exactly(table, asked, *keys)
     return {

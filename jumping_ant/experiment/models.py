@@ -1,7 +1,7 @@
 """The whole of `params.yaml`: an experiment."""
 
 from collections import Counter
-from itertools import combinations
+from itertools import combinations, product
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from pydantic import Field, field_validator, model_validator
@@ -30,7 +30,7 @@ AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60
 # Seeds of start states that no block names. Those of training, and of the article's own tests, are
 # derived (see `base.seeding`): numbers of 128 bits, which are none of these.
 TUNING_EPISODES = range(7_000_000, 8_000_000)  # on which scripts/tune.py chooses settings
-SELECTION_EPISODES = 4  # first ones of validation: PGPE's best sample is chosen on them
+SELECTION_EPISODES = 20  # first ones of validation: PGPE's best sample is chosen on them
 EPISODES_AT_ONCE = 16  # demonstrations are played in batches of so many
 
 if TYPE_CHECKING:
@@ -109,33 +109,33 @@ class Params(Block):
 
     @model_validator(mode="after")
     def _episodes_differ(self) -> "Params":
-        for (key, seeds), (later_key, later_seeds) in combinations(self._episodes().items(), 2):
+        for (key, ranges), (later_key, later_ranges) in combinations(self._episodes().items(), 2):
             if key.startswith("demonstrations.") and later_key.startswith("demonstrations."):
                 continue  # imitators may learn from the same episodes
-            if seeds.start < later_seeds.stop and later_seeds.start < seeds.stop:
-                raise ValueError(
-                    f"{later_key}: given {later_seeds.start}, whose episodes have the seeds "
-                    f"{_shown(later_seeds)}, allowed: none of {_shown(seeds)}, those of {key}"
-                )
+            for seeds, later_seeds in product(ranges, later_ranges):
+                if seeds.start < later_seeds.stop and later_seeds.start < seeds.stop:
+                    raise ValueError(
+                        f"{later_key}: given episodes of the seeds {_shown(later_seeds)}, allowed: "
+                        f"none of {_shown(seeds)}, those of {key}"
+                    )
         return self
 
-    def _episodes(self) -> dict[str, range]:
+    def _episodes(self) -> dict[str, list[range]]:
         """Return all seeds of episodes that are plain numbers, by the key that says the first.
 
         Held-out episodes must be new to a policy: to its training, to the choice among its
         snapshots, and to the choice of its settings.
         """
-        training, evaluate = self.training, self.evaluate
+        training = self.training
+        validation = max(training.evaluation_episodes, SELECTION_EPISODES)
         return {
-            "scripts/tune.py": TUNING_EPISODES,
-            "training.evaluation_seed": _count_up(
-                training.evaluation_seed, max(training.evaluation_episodes, SELECTION_EPISODES)
-            ),
-            "evaluate.seed": _count_up(evaluate.seed, evaluate.episodes),
+            "scripts/tune.py": [TUNING_EPISODES],
+            "training.evaluation_seed": [_count_up(training.evaluation_seed, validation)],
+            "evaluate.seed": [self.evaluate.block(seed) for seed in self.seeds],
             **{  # an episode lasts for at least one step
-                f"demonstrations.{algorithm}.seed": _count_up(
-                    block.seed, -(-block.steps // EPISODES_AT_ONCE) * EPISODES_AT_ONCE
-                )
+                f"demonstrations.{algorithm}.seed": [
+                    _count_up(block.seed, -(-block.steps // EPISODES_AT_ONCE) * EPISODES_AT_ONCE)
+                ]
                 for algorithm, block in self.demonstrations.items()
             },
         }

@@ -1,10 +1,17 @@
-"""Names of the variants of an agent's policies, which `jumping_ant.evaluation.variants` makes."""
+"""The versions of an agent's policies: the published one, and its variants.
+
+`jumping_ant.evaluation.variants` makes the variants.
+"""
 
 from jumping_ant.agents.algorithm import AgentBlock
-from jumping_ant.params.blocks import ActionParams
+from jumping_ant.params.blocks import ActionParams, EvaluateParams
 
-NAMES = ("final", "rounded", "best_sample")
-# Algorithms of the claims that compare a policy with such variants (docs/claims.md).
+PUBLISHED = "published"
+DISCRETE = ("signed", "three", "rounded_full", "rounded")
+NAMES = ("final", *DISCRETE, "best_sample")
+# Claims compare a policy with these of its variants, and those of these algorithms
+# (docs/claims.md).
+IN_CLAIMS = ("signed", "rounded_full", "rounded", "best_sample")
 ROUNDED = ("sac", "pgpe")
 SAMPLED = ("pgpe",)
 
@@ -18,5 +25,14 @@ def of_agent(agent: AgentBlock) -> tuple[str, ...]:
 
 def names(algorithm: str, chooses_torques: bool) -> tuple[str, ...]:
     """Return the names of the variants of an algorithm's policies."""
-    rounded = ("rounded",) if algorithm in ROUNDED and chooses_torques else ()
-    return ("final", *rounded, *(("best_sample",) if algorithm in SAMPLED else ()))
+    discrete = DISCRETE if algorithm in ROUNDED and chooses_torques else ()
+    return ("final", *discrete, *(("best_sample",) if algorithm in SAMPLED else ()))
+
+
+def num_episodes(agent: AgentBlock, evaluate: EvaluateParams) -> dict[str, int]:
+    """Return on how many held-out episodes each version of a seed's policy is played."""
+    in_claims = IN_CLAIMS if agent.is_baseline else (PUBLISHED, *IN_CLAIMS)
+    return {
+        version: evaluate.episodes if version in in_claims else evaluate.baseline_episodes
+        for version in (PUBLISHED, *NAMES)
+    }

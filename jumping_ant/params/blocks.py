@@ -238,11 +238,30 @@ class EvaluateParams(Block):
     """Held-out episodes (see `jumping_ant.evaluation.evaluation`)."""
 
     episodes: Count
-    """[-] Held-out episodes for each seed."""
+    """[-] For each seed, of learners and of the variants of their policies that claims are on."""
+    baseline_episodes: Count
+    """[-] For each seed, of baselines and of all other variants: the first of the seed's block."""
     seed: Seed
-    """Seed of the first episode; the others count up from it."""
+    """Start of the first block: that of training seed s begins at seed + episodes x s."""
     min_airborne_seconds: NonNegative
     """[s] Minimum time off the ground that counts as a jump."""
+
+    @model_validator(mode="after")
+    def _blocks_hold_all_episodes(self) -> Self:
+        if self.baseline_episodes > self.episodes:
+            raise ValueError(
+                f"baseline_episodes: given {self.baseline_episodes}, allowed: at most episodes, "
+                f"{self.episodes}"
+            )
+        return self
+
+    def block(self, seed: int) -> range:
+        """Return the seeds of a training seed's held-out episodes, which no other seed plays.
+
+        They depend on the training seed's number alone, so that a run of some seeds plays the same.
+        """
+        first = self.seed + self.episodes * seed
+        return range(first, first + self.episodes)
 
 
 class RecordParams(Block):

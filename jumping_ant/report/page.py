@@ -68,6 +68,7 @@ def build(root: Path, params: Params) -> str:
         "matrix_width": contests.improvement_width(len(results)),
         "confidence": f"{100 * params.compare.confidence:g}",
         "episodes": params.evaluate.episodes,
+        "baseline_episodes": params.evaluate.baseline_episodes,
         "robot": _robot(root),
         "params": _params_text(params),
         "policies": _policies(root, params, results),

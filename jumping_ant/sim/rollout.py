@@ -100,6 +100,11 @@ def play(world: World, plays: Sequence[Play], num_threads: int = 1) -> Iterator[
         yield from _together(world, plays[first : first + size], num_threads)
 
 
+def returns(world: World, plays: Sequence[Play], num_threads: int = 1) -> Array:
+    """Return the sum of the rewards of each episode (see `play`), shape (num_episodes,)."""
+    return np.array([episode.rewards.sum() for episode in play(world, plays, num_threads)])
+
+
 class _SideBySide:
     """Policies of the episodes of a batch, each of which acts in its own."""
 

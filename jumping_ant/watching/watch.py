@@ -51,7 +51,7 @@ def main() -> None:
     name = f"{options.agent}, seed {seed}"
     show = _in_window if has_screen() else _in_browser
     world = World(robot.read(PROJECT_ROOT, settings.agent(options.agent).robot), settings.env)
-    show(world, policy, name, settings.evaluate.seed, options.episodes)
+    show(world, policy, name, settings.evaluate.block(seed).start, options.episodes)
 
 
 def run() -> None:

@@ -140,7 +140,7 @@ def test_returns_at_equal_budgets_lie_on_the_learning_curves(project):
 
 def test_variants_are_read_like_the_policies(project):
     variants = load(project, PARAMS)["sac-long"].variants
-    assert list(variants) == ["final", "rounded"]
+    assert list(variants) == ["final", "signed", "three", "rounded_full", "rounded"]
     np.testing.assert_allclose(variants["rounded"]["return"], [2993, 3003, 3013, 3023])
     assert list(load(project, PARAMS)["dqn"].variants) == ["final"]
 
@@ -174,15 +174,18 @@ def test_a_pair_read_backwards_is_its_complement(project):
 def test_more_episodes_of_the_same_seeds_narrow_nothing(project, tmp_path_factory):
     twice = tmp_path_factory.mktemp("twice")
     shutil.copytree(project, twice, dirs_exist_ok=True)
+    counts = dict.fromkeys(("episodes", "baseline_episodes"), 10 * EPISODES)
+    evaluate = PARAMS.evaluate.model_copy(update=counts)
     for name in AGENTS:
         path = twice / "results" / "agents" / name / "episodes.csv"
         again = [
-            row | {key: int(row[key]) + more for key in ("episode", "episode_seed")}
+            row | {"episode": number, "episode_seed": evaluate.block(int(row["seed"]))[number]}
             for row in read_csv(path)
-            for more in range(0, 10 * EPISODES, EPISODES)
+            for number in range(int(row["episode"]), 10 * EPISODES, EPISODES)
         ]
         write_csv(path, again)
-    evaluate = PARAMS.evaluate.model_copy(update={"episodes": 10 * EPISODES})
+        rows = [row | {"episodes": 10 * EPISODES} for row in read_csv(path.parent / "variants.csv")]
+        write_csv(path.parent / "variants.csv", rows)
     params = PARAMS.model_copy(update={"evaluate": evaluate})
     assert numbers(summarize(twice, params)) == pytest.approx(numbers(summarize(project)))
 

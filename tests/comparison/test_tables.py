@@ -135,8 +135,8 @@ def test_rows_are_those_asked_for(project: Path) -> None:
     with pytest.raises(InputError, match=r"given 2 rows of seed 1, episode 1, .* allowed: 1;"):
         episodes.read(project, PARAMS, "sac")
     write_csv(path, rows)
-    later = PARAMS.evaluate.model_copy(update={"seed": 5})
-    with pytest.raises(InputError, match=r"given 0 rows of seed 3, episode 0, episode_seed 5,"):
+    later = PARAMS.evaluate.model_copy(update={"seed": 5})  # and 3 x 3 on
+    with pytest.raises(InputError, match=r"given 0 rows of seed 3, episode 0, episode_seed 14,"):
         episodes.read(project, PARAMS.model_copy(update={"evaluate": later}), "sac")
 
 
@@ -171,7 +171,7 @@ def test_a_cut_training_is_noticed(project: Path) -> None:
         ("episodes", "torque_change", "", "a finite decimal number from 0 to 4"),
         ("episodes", "fluidity", "-inf", "a finite decimal number from -1e+30 to 0, or none"),
         ("episodes", "return", "1_000", "a finite decimal number from -1e+30 to 1e+30"),
-        ("variants", "variant", "best", "final, rounded"),
+        ("variants", "variant", "best", "final, signed, three, rounded_full, rounded"),
         ("scaling", "seconds", "0", "a finite decimal number from 1e-06 to 1e+09"),
         ("timing", "seconds", "-1", "a finite decimal number from 0 to 1e+09"),
     ],

@@ -1,8 +1,6 @@
 """What is measured of an episode, by hand-made episodes and by real ones."""
 
 from dataclasses import replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +12,9 @@ from jumping_ant.evaluation.evaluation import measure, replay
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.episodes import QUANTITIES
 from jumping_ant.experiment.models import Params
+from jumping_ant.experiment.variant_names import PUBLISHED
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
+from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Episode
 from jumping_ant.sim.trajectory import Trajectory
@@ -41,19 +41,31 @@ def short(known_params: Params) -> Params:
             "env": known_params.env.model_copy(
                 update={"max_episode_steps": 60, "min_torso_height": 0.3}
             ),
-            "evaluate": known_params.evaluate.model_copy(update={"episodes": 3, "seed": 9}),
+            "evaluate": known_params.evaluate.model_copy(
+                update={"episodes": 3, "baseline_episodes": 3, "seed": 9}
+            ),
         }
     )
 
 
+def evaluate(
+    world: World, params: Params, policies: dict[int, Policy], num_threads: int = 1
+) -> tuple[pd.DataFrame, Trajectory]:
+    """Return the episodes of published policies, and the trajectory of the median one."""
+    versions = {seed: {PUBLISHED: policy} for seed, policy in policies.items()}
+    found = evaluation.evaluate(
+        world, params.evaluate, "random", versions, {PUBLISHED: 3}, num_threads
+    )
+    return found.episodes, found.median
+
+
+def uniform() -> dict[int, Policy]:
+    return {seed: UniformPolicy(seed, ActionSet(), 8) for seed in (4, 7)}
+
+
 @pytest.fixture(scope="module")
 def evaluated(short_world: World, short: Params) -> tuple[pd.DataFrame, Trajectory]:
-    return evaluation.evaluate(
-        short_world,
-        short.evaluate,
-        "random",
-        {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)},
-    )
+    return evaluate(short_world, short, uniform())
 
 
 def still_episode(steps: int = 4) -> Episode:
@@ -199,31 +211,56 @@ def test_replay_keeps_an_episode_that_broke_down(robot_xml: str, short: Params) 
     assert np.isfinite(list(measured.values())).all()
 
 
-def test_every_policy_meets_the_same_episodes(
+def test_every_seed_plays_a_block_of_its_own(
     evaluated: tuple[pd.DataFrame, Trajectory], short_world: World
 ) -> None:
     table, _ = evaluated
     assert list(table.columns) == ["seed", "episode", "episode_seed", *QUANTITIES]
     assert table["seed"].tolist() == [4, 4, 4, 7, 7, 7]
     assert table["episode"].tolist() == [0, 1, 2, 0, 1, 2]
-    assert table["episode_seed"].tolist() == [9, 10, 11, 9, 10, 11]
-    for seed in (4, 7):
-        ran = rollout.run(short_world, UniformPolicy(seed, ActionSet(), 8), [9, 10, 11])
+    assert table["episode_seed"].tolist() == [21, 22, 23, 30, 31, 32]  # from 9 + 3 * seed on
+    for seed, policy in uniform().items():
+        ran = rollout.run(short_world, policy, range(9 + 3 * seed, 12 + 3 * seed))
         returns = [float(episode.rewards.sum()) for episode in ran]
         assert table.loc[table["seed"] == seed, "return"].tolist() == returns
 
 
-def test_a_policy_that_seeds_share_runs_once(
+def test_a_seed_plays_the_same_episodes_in_a_run_of_others(
+    evaluated: tuple[pd.DataFrame, Trajectory], short_world: World, short: Params
+) -> None:
+    table, _ = evaluated
+    alone, _ = evaluate(short_world, short, {7: uniform()[7]})
+    expected = table[table["seed"] == 7].reset_index(drop=True)
+    pd.testing.assert_frame_equal(alone, expected, check_exact=True)
+
+
+def test_seeds_that_share_a_policy_start_from_states_of_their_own(
+    short_world: World, short: Params
+) -> None:
+    policy = OpenLoopPolicy(ActionSet(np.ones((2, 8))))
+    table, _ = evaluate(short_world, short, {4: policy, 7: policy})
+    assert table["return"].nunique() == 6
+
+
+def test_the_same_policy_is_played_once_and_for_as_long_as_asked(
     short_world: World, short: Params, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    policy, alike = (OpenLoopPolicy(ActionSet(np.ones((2, 8)))) for _ in range(2))
-    evaluate = partial(evaluation.evaluate, short_world, short.evaluate, "metronome")
-    expected, _ = evaluate({4: policy, 7: alike})
-    runs, run = [], rollout.run
-    monkeypatch.setattr(rollout, "run", lambda *given: runs.append(given) or run(*given))
-    table, _ = evaluate({4: policy, 7: policy})
-    assert len(runs) == 1
-    pd.testing.assert_frame_equal(table, expected)
+    published, other = uniform().values()
+    versions = {5: {PUBLISHED: published, "final": published, "signed": other}}
+    counts = {PUBLISHED: 3, "final": 2, "signed": 1}
+    played, play = [], rollout.play
+    monkeypatch.setattr(rollout, "play", lambda _, of, n: played.append([*of]) or play(_, of, n))
+    found = evaluation.evaluate(short_world, short.evaluate, "random", versions, counts)
+    assert played[0] == [*((published, start) for start in (24, 25, 26)), (other, 24)]
+    assert found.variants[["seed", "variant", "episodes"]].values.tolist() == [
+        [5, "final", 2],
+        [5, "signed", 1],
+    ]
+    expected = found.episodes[:2].mean(numeric_only=True)
+    (signed,) = rollout.run(short_world, other, [24])
+    for name in QUANTITIES:
+        assert found.variants[name][0] == expected[name] or np.isnan(expected[name])
+    assert found.variants["return"][1] == signed.rewards.sum()
 
 
 def test_the_trajectory_is_that_of_the_median_return(
@@ -234,17 +271,14 @@ def test_the_trajectory_is_that_of_the_median_return(
     assert trajectory.agent == "random"
     assert trajectory.episode_return == row["return"]
     assert (trajectory.seed, trajectory.episode) == (row["seed"], row["episode"])
-    one_seed, of_three = evaluation.evaluate(
-        short_world, short.evaluate, "random", {4: UniformPolicy(4, ActionSet(), 8)}
-    )
+    one_seed, of_three = evaluate(short_world, short, {4: uniform()[4]})
     assert of_three.episode_return == one_seed["return"].median()
 
 
 def test_no_number_depends_on_threads(
     evaluated: tuple[pd.DataFrame, Trajectory], short_world: World, short: Params
 ) -> None:
-    policies: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
-    table, trajectory = evaluation.evaluate(short_world, short.evaluate, "random", policies, 2)
+    table, trajectory = evaluate(short_world, short, uniform(), 2)
     pd.testing.assert_frame_equal(table, evaluated[0], check_exact=True)
     np.testing.assert_array_equal(trajectory.qpos, evaluated[1].qpos)
 
@@ -253,15 +287,14 @@ def test_the_terms_of_a_reward_stand_beside_their_sum(short_world: World, short:
     content = short.model_dump()
     content["env"]["reward"]["alive"] = {"weight": 2.0}
     both = replace(short_world, env=params_file.check(content).env)
-    uniform: Any = {4: UniformPolicy(4, ActionSet(), 8), 7: UniformPolicy(7, ActionSet(), 8)}
-    table, trajectory = evaluation.evaluate(both, short.evaluate, "random", uniform)
+    table, trajectory = evaluate(both, short, uniform())
     terms = table[["return_torso_height", "return_alive"]]
     np.testing.assert_allclose(terms.sum(axis=1), table["return"], rtol=1e-12)
     assert (table["return_alive"] == 2 * (table["length"] - 1 + table["survived"])).all()
     assert list(trajectory.terms) == ["torso_height", "alive"]
     np.testing.assert_allclose(sum(trajectory.terms.values()), trajectory.rewards)
     assert "return_alive" in evaluation.summarize(table)
-    alone, _ = evaluation.evaluate(short_world, short.evaluate, "random", uniform)
+    alone, _ = evaluate(short_world, short, uniform())
     assert not [name for name in alone if name.startswith("return_")]
 
 

@@ -1,13 +1,14 @@
 """Other versions of a policy, and what they return on the held-out episodes."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.evaluation import evaluation, variants
+from jumping_ant.evaluation import variants
 from jumping_ant.experiment.models import SELECTION_EPISODES, Params
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.blind import UniformPolicy
@@ -41,9 +42,8 @@ def short(known_params: Params) -> EnvParams:
 class Chooser:
     """A policy whose torques the test chooses."""
 
-    actions = ActionSet(hold=2)
-
-    def __init__(self, torques: list[list[float]]) -> None:
+    def __init__(self, torques: list[list[float]], amplitude: float = 1.0) -> None:
+        self.actions = ActionSet(amplitude=amplitude, hold=2)
         self._torques = np.array(torques)
 
     def start(self, episode_seeds) -> None:
@@ -53,10 +53,13 @@ class Chooser:
         return self._torques
 
 
+TORQUES = [[0.2] * 8, [0.3] * 8, [0.9, 0.1] * 2 + [-0.2] * 4, [-1.0] * 4 + [0.1] * 4]
+OBSERVATIONS = np.zeros((4, 27))
+
+
 def test_rounding_takes_the_nearest_command() -> None:
-    torques = [[0.2] * 8, [0.3] * 8, [0.9, 0.1] * 2 + [-0.2] * 4, [-1.0] * 4 + [0.1] * 4]
-    rounded = variants.RoundedPolicy(Chooser(torques), 0.5 * COMMAND_SIGNS)
-    assert rounded.act(np.zeros((4, 27))).tolist() == [
+    rounded = variants.NearestCommand(Chooser(TORQUES), 0.5 * COMMAND_SIGNS)
+    assert rounded.act(OBSERVATIONS).tolist() == [
         [0.0] * 8,
         [0.5] * 8,
         [0.5] * 4 + [-0.5] * 4,
@@ -65,60 +68,68 @@ def test_rounding_takes_the_nearest_command() -> None:
     assert rounded.actions.hold == 2
 
 
+@pytest.mark.parametrize(
+    ("levels", "expected"),
+    [
+        (2, [[0.5] * 8, [0.5] * 8, [0.5] * 4 + [-0.5] * 4, [-0.5] * 4 + [0.5] * 4]),
+        (3, [[0.0] * 8, [0.5] * 8, [0.5, 0.0] * 2 + [0.0] * 4, [-0.5] * 4 + [0.0] * 4]),
+    ],
+)
+def test_levels_are_the_nearest_up_to_the_agents_amplitude(
+    levels: int, expected: list[list[float]]
+) -> None:
+    chooser = Chooser(TORQUES, amplitude=0.5)
+    nearest = variants.NearestLevels(chooser, levels)
+    assert nearest.act(OBSERVATIONS).tolist() == expected
+    assert (nearest.actions.levels, nearest.actions.hold) == (levels, 2)
+
+
 def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, short: EnvParams) -> None:
-    policy, uniform = linear(0.1), UniformPolicy(0, ActionSet(), 8)
-    found = variants.make(World(robot_xml, short), "pgpe", policy, policy, 0, VALIDATION_SEED)
-    assert list(found) == ["final", "rounded", "best_sample"]
-    found = variants.make(World(robot_xml, short), "sac", policy, policy, 0, VALIDATION_SEED)
-    assert list(found) == ["final", "rounded"]
-    found = variants.make(World(robot_xml, short), "snes", policy, policy, 0, VALIDATION_SEED)
-    assert list(found) == ["final"]
-    found = variants.make(World(robot_xml, short), "random", uniform, uniform, 0, VALIDATION_SEED)
-    assert list(found) == ["final"]
+    def names(algorithm: str, policy: Any) -> list[str]:
+        own = {3: policy}
+        found = variants.make(World(robot_xml, short), algorithm, own, own, VALIDATION_SEED)
+        return list(found[3])
+
+    policy, discrete = linear(0.1), ["signed", "three", "rounded_full", "rounded"]
+    levels = replace(policy, actions=ActionSet(levels=2))
+    assert names("pgpe", policy) == ["final", *discrete, "best_sample"]
+    assert names("pgpe", levels) == ["final", "best_sample"]
+    assert names("sac", policy) == ["final", *discrete]
+    assert names("snes", policy) == ["final"]
+    assert names("random", UniformPolicy(0, ActionSet(), 8)) == ["final"]
 
 
-def test_the_best_sample_is_the_best_in_validation(robot_xml: str, short: EnvParams) -> None:
-    policy = linear(0.5)
+def test_commands_at_full_amplitude_are_those_at_half_where_the_two_are_equal(
+    robot_xml: str, short: EnvParams
+) -> None:
+    for amplitude in (1.0, 0.5):
+        own = {3: replace(linear(0.1), actions=ActionSet(amplitude=amplitude))}
+        found = variants.make(World(robot_xml, short), "sac", own, own, VALIDATION_SEED)[3]
+        is_same = found["rounded_full"] is found["rounded"]  # and so is played once
+        assert is_same == (amplitude == 0.5)
+        full: Any = found["rounded_full"]
+        np.testing.assert_array_equal(full.commands, amplitude * COMMAND_SIGNS)
 
-    def score(sample: LinearPolicy) -> float:
-        seeds = [VALIDATION_SEED + i for i in range(SELECTION_EPISODES)]
-        return sum(e.rewards.sum() for e in rollout.run(World(robot_xml, short), sample, seeds))
 
-    best = variants.make(World(robot_xml, short), "pgpe", policy, policy, 7, VALIDATION_SEED)[
-        "best_sample"
-    ]
-    assert isinstance(best, LinearPolicy)
-    generator = np.random.default_rng(variants.derive(7, "samples"))
-    scores = [score(policy.sample(generator)) for _ in range(variants.NUM_SAMPLES)]
-    assert score(best) == max(scores) > min(scores)
+def test_the_best_sample_wins_two_rounds_of_validation(robot_xml: str, short: EnvParams) -> None:
+    world, centers = World(robot_xml, short), {7: linear(0.5), 9: linear(0.4)}
+    episodes = [VALIDATION_SEED + i for i in range(SELECTION_EPISODES)]
+    found = variants.make(world, "pgpe", centers, centers, VALIDATION_SEED)
+    for seed, center in centers.items():
+        generator = np.random.default_rng(variants.derive(seed, "samples"))
+        samples = [center.sample(generator) for _ in range(variants.NUM_SAMPLES)]
+        returns = np.array(
+            [[own.rewards.sum() for own in rollout.run(world, each, episodes)] for each in samples]
+        )
+        first = returns[:, : variants.FIRST_EPISODES].sum(axis=1)
+        finalists = np.argsort(first)[-variants.NUM_FINALISTS :]
+        best = finalists[returns[finalists].sum(axis=1).argmax()]
+        chosen: Any = found[seed]["best_sample"]
+        np.testing.assert_array_equal(chosen.weight, samples[best].weight)
 
 
 def test_without_spread_the_best_sample_is_the_center(robot_xml: str, short: EnvParams) -> None:
-    policy = linear(0.0)
-    best = variants.make(World(robot_xml, short), "pgpe", policy, policy, 0, VALIDATION_SEED)[
-        "best_sample"
-    ]
-    assert isinstance(best, LinearPolicy)
-    np.testing.assert_array_equal(best.weight, policy.weight)
-
-
-def test_variants_are_measured_on_the_held_out_episodes(
-    robot_xml: str, known_params: Params, short: EnvParams
-) -> None:
-    evaluate = known_params.evaluate.model_copy(update={"episodes": 2})
-    world = World(robot_xml, short)
-    policies = {4: linear(0.0), 9: replace(linear(0.0), bias=np.ones(8, np.float32))}
-    again = {seed: replace(policy) for seed, policy in policies.items()}
-    others = {seed: {"final": policies[seed], "again": again[seed]} for seed in policies}
-    episodes, _ = evaluation.evaluate(world, evaluate, "pgpe", policies)
-    table = evaluation.evaluate_variants(world, evaluate, (policies, episodes), others)
-    assert table[["seed", "variant"]].values.tolist() == [
-        [4, "final"],
-        [4, "again"],
-        [9, "final"],
-        [9, "again"],
-    ]
-    means = evaluation.seed_means(episodes)
-    for variant in ("final", "again"):
-        own = table[table["variant"] == variant].drop(columns="variant").reset_index(drop=True)
-        np.testing.assert_array_equal(own.values, means.values)
+    own = {0: linear(0.0)}
+    found = variants.make(World(robot_xml, short), "pgpe", own, own, VALIDATION_SEED)
+    best: Any = found[0]["best_sample"]
+    np.testing.assert_array_equal(best.weight, own[0].weight)
