@@ -31,7 +31,7 @@ from jumping_ant.agents import kernels
 from jumping_ant.agents.events import Finished
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.article import printed_values, reproduction
-from jumping_ant.base import command_line, machine, output, portable
+from jumping_ant.base import command_line, output, portable
 from jumping_ant.base.errors import InputError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.comparison import estimates, hypothesis_tests
@@ -56,7 +56,7 @@ def main() -> None:
     parser.add_argument("--run", nargs="+", choices=SEEDS, default=list(SEEDS))
     parser.add_argument("--seed", nargs="+", type=int, help="by default those of each run")
     options = parser.parse_args()
-    kernels.use(machine.BLAS_THREADS)
+    kernels.use()
     params = presets.load("article")
     for run, seed in plan(options.run, options.seed):
         if (run, seed) in read(PATH):
