@@ -4,8 +4,9 @@ Usage: python -m scripts.fingerprint [--publish]
 
 Where two machines give different results, the first layer that differs is the cause. The published
 digests are in results/fingerprint.json, with the processors that were compared. `--publish` adds
-this one, there and in docs/portability.md; with other versions than the published ones, it starts
-both anew.
+this one, there and in docs/portability.md. It starts both anew with other versions than the
+published ones, or if a published processor computes something else than before: then the project
+has changed.
 """
 
 import importlib.metadata
@@ -67,7 +68,8 @@ def main() -> None:
     known = published() if PATH.exists() else {"versions": {}, "layers": {}, "processors": {}}
     found, different = compare(known)
     if options.publish:
-        if known["versions"] != versions():
+        has_changed = known["processors"].get(machine.processor(), different) != different
+        if known["versions"] != versions() or has_changed or found.keys() != known["layers"].keys():
             known, different = {"versions": versions(), "layers": found, "processors": {}}, []
         known["processors"][machine.processor()] = different
         write_json(PATH, known)
