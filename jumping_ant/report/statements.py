@@ -50,7 +50,7 @@ def _in_words(index: int, entry: Mapping[str, Any], num_seeds: int) -> dict[str,
         "verdict": entry["verdict"],
         "text": entry["text"],
         "effect": _effect(entry["effect"], num_seeds),
-        "p": _p_values("no difference", entry["p"], entry["p_adjusted"]),
+        "p": _p_values(_null(entry["no_effect"]), entry["p"], entry["p_adjusted"]),
         "margin": _margin(entry),
         "evidence": entry["evidence"],
     }
@@ -61,6 +61,11 @@ def _effect(effect: Mapping[str, Any], num_seeds: int) -> str:
     if effect["value"] is None:
         return f"{name}: no seed has a value that can be compared"
     return f"{name}: {estimate(effect['value'], effect['low'], effect['high'], num_seeds)}"
+
+
+def _null(no_effect: float) -> str:
+    """Return the hypothesis that the effect is none, or that of a claim of not being worse."""
+    return f"a difference of {number(no_effect)}" if no_effect < 0 else "no difference"
 
 
 def _margin(entry: Mapping[str, Any]) -> str:

@@ -97,7 +97,9 @@ def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
     places = []
     for claim in sorted(found, key=lambda claim: claim["statement"] or 99):
         assert f"{claim['verdict']}{claim['text']}" in text
-        assert f"No difference: p = {claim['p']:.2g}, adjusted {claim['p_adjusted']:.2g}" in html
+        margin = claim["no_effect"]
+        null = f"A difference of {margin:.0f}" if margin < 0 else "No difference"
+        assert f"{null}: p = {claim['p']:.2g}, adjusted {claim['p_adjusted']:.2g}" in html
         places.append(html.index(escape(claim["evidence"])))
     assert places == sorted(places), "in the order of the article's statements"
     with_margin = [claim for claim in found if claim["margin"]]
@@ -118,6 +120,7 @@ def test_claims_are_grouped_by_statement_and_counted() -> None:
             "effect": {"name": "effect", "value": 1.0, "low": 0.0, "high": 2.0},
             "p": 0.5,
             "p_adjusted": 1.0,
+            "no_effect": -400.0 if number == 9 else 0.5,
             "margin": None,
         }
         for number, own in verdicts.items()
@@ -133,6 +136,8 @@ def test_claims_are_grouped_by_statement_and_counted() -> None:
         {"refuted": 1}, {"supported": 2, "refuted": 1}, {"supported": 1},
     ]  # fmt: skip
     assert [claim["index"] for statement in read for claim in statement.claims] == [0, 2, 3, 4, 1]
+    assert read[0].claims[0]["p"] == "a difference of -400: p = 0.5, adjusted 1"
+    assert read[1].claims[0]["p"] == "no difference: p = 0.5, adjusted 1"
 
 
 def test_a_claims_chart_shows_every_seed(html: str, project: Path) -> None:
