@@ -2,9 +2,9 @@
 
 One rule gives every verdict. A claim is an effect, a two-sided test of no effect and, where it has
 a margin, a test of an effect outside of it. The p values of a family are adjusted together
-(`jumping_ant.comparison.step_down`). A claim is *supported* where no effect is rejected and the
+(`jumping_ant.comparison.step_down`). A claim is *supported* where "no effect" is rejected and the
 effect lies on the claimed side, *refuted* where it lies on the other side, *equivalent* where only
-an effect outside of the margin is rejected, and *inconclusive* otherwise. docs/claims.md has the
+"outside of the margin" is rejected, and *inconclusive* otherwise. docs/claims.md has the
 claims.
 """
 
