@@ -10,7 +10,8 @@ Three runs, which differ in one thing each:
 
 Each final policy is tested as the article tested its one. A seed's tests are added to
 results/article_tests.csv as soon as it is trained, and what is there is not trained again: stop at
-any time, and go on another day or on another machine.
+any time, and go on another day or on another machine. Processes that run at once need different
+runs or seeds.
 """
 
 import csv
@@ -18,6 +19,7 @@ import io
 import itertools
 import json
 import os
+import shutil
 import subprocess
 import time
 from collections.abc import Sequence
@@ -82,7 +84,12 @@ def plan(runs: Sequence[str], seeds: Sequence[int] | None = None) -> list[tuple[
 
 def original(seed: int) -> list[float]:
     """Return the tests' returns of a seed trained with the author's versions."""
-    command = ["uv", "run", "--quiet", "--no-project", "--script", str(ORIGINAL)]
+    if not (uv := shutil.which("uv")):
+        raise InputError(
+            "uv: given none on the PATH, allowed: that of `make install`; run "
+            "`source .venv/bin/activate`"
+        )
+    command = [uv, "run", "--quiet", "--no-project", "--script", str(ORIGINAL)]
     command += [str(seed), str(reproduction.NUM_TESTS)]
     # Switches for today's kernels are not all known to the old versions.
     environment = {name: own for name, own in os.environ.items() if name not in portable.SWITCHES}
