@@ -43,9 +43,7 @@ def checkpoint_overhead() -> Row:
                 seconds[seed].append(item)
                 continue
             started = time.perf_counter()
-            checkpoints.save(
-                seed, Saved(item.env_steps, 0.0, [], None, "", None, b"", item.content)
-            )
+            checkpoints.save(seed, Saved(item.env_steps, 0.0, [], None, "", (), item.content))
             seconds[seed].append(time.perf_counter() - started)
     costs = [
         blocked + writing

@@ -130,7 +130,8 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
     finished = next((root / ".checkpoints" / EVALUATED).rglob("*.finished"))
     yield finished, partial(_resume, finished)
     yield evaluated.trajectory, partial(_show, evaluated.trajectory)
-    tracked = (evaluated.seed(seed).curve, evaluated.timing, evaluated.seed_means)
+    trained = evaluated.seed(seed)
+    tracked = (trained.curve, trained.validation, evaluated.timing, evaluated.seed_means)
     for table in (*tracked, evaluated.variants, paths.physique):
         yield table, partial(_track, root, one)
 

@@ -68,7 +68,9 @@ def _versions(path: Path, content: bytes, payload: Payload) -> Iterator[bytes]:
     if path.suffix == ".finished":  # with the right digest, as an attacker can compute it
         owner = owner_of(path)
         saved = Saved.from_bytes(content, owner)
-        yield from (replace(saved, content=code, best=code).to_bytes(owner) for code in codes)
+        for code in codes:
+            candidates = tuple(replace(one, policy=code) for one in saved.candidates)
+            yield replace(saved, content=code, candidates=candidates).to_bytes(owner)
     elif zipfile.is_zipfile(io.BytesIO(content)):
         entries = dict(Archive(content))
         for name, code in itertools.product([*entries, "extra.pkl"], codes):

@@ -46,7 +46,12 @@ def settings() -> Params:
     content = params_file.load().model_dump()
     content["seeds"] = SEEDS
     content["env"]["max_episode_steps"] = 100
-    content["training"] |= {"evaluations": 3, "evaluation_episodes": 4}
+    content["training"] |= {
+        "evaluations": 3,
+        "evaluation_episodes": 4,
+        "finalists": 2,
+        "finalist_episodes": 3,
+    }
     content["compute"]["checkpoint_seconds"] = CHECKPOINT_SECONDS
     content["evaluate"] |= {"episodes": 2, "baseline_episodes": 2}
     content["record"] |= {"width": 160, "height": 120}

@@ -1,8 +1,8 @@
 """Record a trained agent's episodes for an algorithm whose agents learn from them.
 
 Usage: python -m stages.demonstrate ALGORITHM (DVC names it in the environment)
-Reads: params `seeds`, `env`, `training.publish`, `demonstrations.ALGORITHM`; the robot in assets/;
-    the demonstrating agent's models/AGENT/seed-N/ (policy.zip, curve.csv);
+Reads: params `seeds`, `env`, `demonstrations.ALGORITHM`; the robot in assets/;
+    the demonstrating agent's models/AGENT/seed-N/ (policy.zip, validation.csv);
     .inputs/code/train-ALGORITHM.json.
 Writes: .inputs/train/ALGORITHM/ (demonstrations.zip, code.json).
 """

@@ -3,8 +3,8 @@
 Usage: python -m stages.train AGENT (DVC names it in the environment)
 Reads: params `seeds`, `env`, `training`, `agents.AGENT`; the robot in assets/; for imitation
     .inputs/train/ALGORITHM/demonstrations.zip.
-Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv), results/agents/AGENT/training.json,
-    results/timing/AGENT/ (timing.csv, machines.json).
+Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv, validation.csv),
+    results/agents/AGENT/training.json, results/timing/AGENT/ (timing.csv, machines.json).
 """
 
 import subprocess

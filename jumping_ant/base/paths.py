@@ -26,10 +26,12 @@ class SeedPaths:
         self.policy = self.folder / "policy.zip"  # the published one
         self.final_policy = self.folder / "final.zip"  # at the end of training
         self.curve = self.folder / "curve.csv"  # the learning curve
+        self.validation = self.folder / "validation.csv"  # of what could have been published
+        self.files = (self.policy, self.final_policy, self.curve, self.validation)
 
     def digests(self) -> dict[str, str]:
         """Return the SHA-256 of each file, by its name."""
-        return {path.name: digest(path) for path in (self.policy, self.final_policy, self.curve)}
+        return {path.name: digest(path) for path in self.files}
 
 
 class AgentPaths:

@@ -3,7 +3,6 @@
 `jumping_ant.training.driver` writes them; whoever reads them does so here.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -93,11 +92,6 @@ def onset(curve: Table, threshold: float, unit: Unit) -> tuple[float, float]:
     first = int(failed[-1]) + 1 if len(failed) else 0
     bounds = np.concatenate([[0.0], trained, [np.inf]])
     return float(bounds[first]), float(bounds[first + 1])
-
-
-def published_return(returns: Sequence[float], publish: Literal["best", "final"]) -> float:
-    """Return the published policy's mean return in validation, from those of all evaluations."""
-    return max(returns) if publish == "best" else returns[-1]
 
 
 def _is_evaluation(table: Table) -> NDArray[np.bool_]:

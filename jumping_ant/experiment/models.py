@@ -127,7 +127,8 @@ class Params(Block):
         snapshots, and to the choice of its settings.
         """
         training = self.training
-        validation = max(training.evaluation_episodes, SELECTION_EPISODES)
+        in_race = training.evaluation_episodes + training.finalist_episodes
+        validation = max(in_race, SELECTION_EPISODES)
         return {
             "scripts/tune.py": [TUNING_EPISODES],
             "training.evaluation_seed": [_count_up(training.evaluation_seed, validation)],

@@ -219,6 +219,10 @@ class TrainingParams(Block):
     """[-] Number of evaluations, spread evenly over the budget."""
     evaluation_episodes: Count
     """[-] Episodes per evaluation."""
+    finalists: Count
+    """[snapshots] At the end the best so many play more; the best mean of them is published."""
+    finalist_episodes: Count
+    """[-] Further episodes of each finalist."""
     evaluation_seed: Seed
     """Seed of the first episode; the others count up from it."""
     publish: Literal["best", "final"]

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from jumping_ant.base import tables
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
-from jumping_ant.experiment import curves, summaries, variant_names
+from jumping_ant.experiment import curves, summaries, validation, variant_names
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks.looks import looks
 from jumping_ant.looks.naming import remark
@@ -45,7 +45,6 @@ class SeedRecord:
     params: dict[str, str]  # those worth filtering on
     digest: str  # SHA-256 of the policy file
     colour: str  # the agent's in figures
-    publish: Literal["best", "final"]  # of validation, or of training
 
     @property
     def paths(self) -> AgentPaths:
@@ -119,9 +118,9 @@ class SeedRecord:
     @property
     def validation_return(self) -> float | None:
         """Mean return of the published policy in validation; None if there was none yet."""
-        points = self.curve.items()
-        returns = [value for (name, _), value in points if name == "evaluation_return_mean"]
-        return curves.published_return(returns, self.publish) if returns else None
+        if not self.paths.seed(self.seed).validation.exists():
+            return None
+        return validation.published_return(self.root, self.agent, self.seed)
 
     def describe(self, commit: str | None) -> str:
         """Return what the policy is, how good it is and where it comes from, as Markdown."""
@@ -232,10 +231,7 @@ def read(root: Path, params: Params) -> ComparisonRecord:
                 continue
             algorithm = params.agent(agent).algorithm
             colour = looked[agent].colour
-            publish = params.training.publish
-            found.append(
-                SeedRecord(root, agent, seed, algorithm, settings, content_digest, colour, publish)
-            )
+            found.append(SeedRecord(root, agent, seed, algorithm, settings, content_digest, colour))
     return ComparisonRecord(root, found, missing)
 
 

@@ -31,10 +31,12 @@ from typing import Any, TextIO
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.files import write_bytes
 from jumping_ant.base.paths import home
+from jumping_ant.training.racing import Candidate, Candidates
 
 GENERATIONS = 2
 KEPT_BYTES = 2 * 2**30  # for an agent, of other parameters and of seeds that are not trained now
-_HEADER, _CONTENT, _BEST = "header.json", "content", "best"
+_HEADER, _CONTENT = "header.json", "content"
+_IN_ENTRIES = ("candidates", "content")
 
 
 @dataclass(frozen=True)
@@ -58,16 +60,16 @@ class Saved:
     timing: list[tuple[int, float]]  # (control steps, training seconds) at each row of the curve
     machine: dict[str, Any] | None  # of a finished seed: where it was trained
     curve: str  # content of `curve.csv`
-    best_return: float | None  # mean in validation of the best snapshot; None before the first
-    best: bytes  # that snapshot's policy file
+    candidates: Candidates  # snapshots that may be published
     content: bytes  # the trainer's checkpoint; of a finished seed, the last policy's file
 
     def to_bytes(self, owner: Owner) -> bytes:
         """Return the content of the owner's file."""
-        header = {name: getattr(self, name) for name in self._header_names()}
-        header["owner"] = asdict(owner)
-        entries = {_HEADER: json.dumps(header).encode(), _BEST: self.best, _CONTENT: self.content}
-        packed = pack(entries)
+        others = (field.name for field in fields(self) if field.name not in _IN_ENTRIES)
+        header = {name: getattr(self, name) for name in others} | {"owner": asdict(owner)}
+        header["candidates"] = [(one.env_steps, one.returns) for one in self.candidates]
+        policies = {_policy(rank): one.policy for rank, one in enumerate(self.candidates)}
+        packed = pack({_HEADER: json.dumps(header).encode(), **policies, _CONTENT: self.content})
         return hashlib.sha256(packed).hexdigest().encode() + b"\n" + packed
 
     @classmethod
@@ -81,10 +83,16 @@ class Saved:
         if (stated := header.pop("owner")) != asdict(owner):
             raise ValueError(f"it is that of {Owner(**stated)}, not of {owner}")
         header["timing"] = [tuple(row) for row in header["timing"]]
-        return cls(best=entries[_BEST], content=entries[_CONTENT], **header)
+        header["candidates"] = tuple(
+            Candidate(env_steps, tuple(returns), entries[_policy(rank)])
+            for rank, (env_steps, returns) in enumerate(header["candidates"])
+        )
+        return cls(content=entries[_CONTENT], **header)
 
-    def _header_names(self) -> list[str]:
-        return [field.name for field in fields(self) if field.name not in (_BEST, _CONTENT)]
+
+def _policy(rank: int) -> str:
+    """Return the name of a candidate's policy in a file."""
+    return f"candidate-{rank}"
 
 
 class Checkpoints:

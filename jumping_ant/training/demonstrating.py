@@ -14,7 +14,7 @@ from jumping_ant.agents.imitation.demonstrations import (
 )
 from jumping_ant.base.files import read_bytes
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import curves
+from jumping_ant.experiment import validation
 from jumping_ant.experiment.models import EPISODES_AT_ONCE, Params
 from jumping_ant.params.blocks import DemonstrationParams
 from jumping_ant.policies import policy_file
@@ -26,7 +26,9 @@ def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1
     """Return what an agent demonstrates for an algorithm that has an entry in `demonstrations`."""
     settings = params.demonstrations[algorithm]
     agent = params.agent(settings.agent)
-    best = max(params.seeds, key=lambda seed: _validated(root, params, settings.agent, seed))
+    best = max(
+        params.seeds, key=lambda seed: validation.published_return(root, settings.agent, seed)
+    )
     paths = Paths(root).agent(settings.agent).seed(best)
     content = read_bytes(paths.policy, f"train@{settings.agent}")
     policy_file.parse(content, paths.owner)
@@ -54,9 +56,3 @@ def record(
         episodes.append(played)
         steps += len(played) * policy.actions.hold
     return Demonstrations(concatenated(episodes), expert)
-
-
-def _validated(root: Path, params: Params, agent: str, seed: int) -> float:
-    """Return the return in validation of a seed's published policy."""
-    _, returns = curves.evaluations(curves.read(root, params, agent, seed))
-    return curves.published_return(returns.tolist(), params.training.publish)

@@ -62,10 +62,10 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         if is_forced():
             for seed in params.seeds:
                 checkpoints.forget(seed)
-        paths, publish = Paths(root).agent(agent_name), params.training.publish
+        paths = Paths(root).agent(agent_name)
         seeds = {
             seed: stack.enter_context(
-                SeedFiles(agent_name, seed, paths.seed(seed), checkpoints, display, publish)
+                SeedFiles(agent_name, seed, paths.seed(seed), checkpoints, display)
             )
             for seed in params.seeds
         }
@@ -126,6 +126,7 @@ def _run(
                 job,
                 params.training,
                 seconds=saved.seconds if saved else 0.0,
+                candidates=saved.candidates if saved else (),
                 checkpoint_seconds=params.compute.checkpoint_seconds,
             )
 

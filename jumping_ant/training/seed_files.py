@@ -1,22 +1,25 @@
 """The files of one seed, which the events of its training become.
 
 `curve.csv` grows row by row. When training ends, `policy.zip` is written in one piece: the snapshot
-that did best in validation, or the last policy, as `training.publish` specifies. `final.zip` is
-always the last policy. Seconds and the machine are told to the driver, which keeps them apart.
+that won in validation, or the last policy, as `training.publish` specifies; `validation.csv` has
+what the finalists returned (see `jumping_ant.training.racing`). `final.zip` is always the last
+policy. Seconds and the machine are told to the driver, which keeps them apart.
 """
 
 import math
-from typing import Any, Literal, TextIO
+from typing import Any, TextIO
 
 import numpy as np
 
 from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
+from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_all
 from jumping_ant.base.paths import SeedPaths
-from jumping_ant.experiment import curves
+from jumping_ant.experiment import curves, validation
 from jumping_ant.experiment.curves import COLUMNS
 from jumping_ant.policies import policy_file
+from jumping_ant.training import racing
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 from jumping_ant.training.progress import TrainingProgress
 from jumping_ant.training.seed_run import Rejected, Report
@@ -32,7 +35,6 @@ class SeedFiles:
         paths: SeedPaths,
         checkpoints: Checkpoints,
         display: TrainingProgress,
-        publish: Literal["best", "final"],
     ) -> None:
         self.number = number
         self.timing: list[tuple[int, float]] = []
@@ -43,17 +45,14 @@ class SeedFiles:
         self._paths = paths
         self._checkpoints = checkpoints
         self._display = display
-        self._publish = publish
         self._curve = ""
-        self._best_return: float | None = None
-        self._best = b""
         self._file: TextIO
 
     def __enter__(self) -> "SeedFiles":
         self._paths.folder.mkdir(parents=True, exist_ok=True)
         # DVC clears the folder; if it did not, no older policy may remain beside the new curve, and
         # what may be a link into DVC's cache is not written through.
-        for path in (self._paths.policy, self._paths.final_policy, self._paths.curve):
+        for path in self._paths.files:
             path.unlink(missing_ok=True)
         self._file = self._paths.curve.open("x", newline="", encoding="utf-8")
         if saved := self._trained_before():
@@ -68,9 +67,10 @@ class SeedFiles:
     def _trained_before(self) -> Saved | None:
         saved = self._checkpoints.finished(self.number)
         try:
-            for policy in (saved.content, saved.best) if saved else ():
-                if policy:
-                    policy_file.parse(policy)
+            for candidate in saved.candidates if saved else ():
+                policy_file.parse(candidate.policy)
+            if saved:
+                policy_file.parse(saved.content)
         except InputError as error:
             self._display.say(f"seed {self.number}: trained before, but not used ({error})")
             self._checkpoints.forget(self.number)
@@ -101,8 +101,6 @@ class SeedFiles:
             self._display.finish(self.number, event.env_steps, report.seconds)
         else:
             self._write_row(_row(event, report.returns))
-            if isinstance(event, Snapshot):
-                self._take_if_best(event.policy, float(np.mean(report.returns)))
             self.timing.append((event.env_steps, report.seconds))
             if isinstance(event, Progress):
                 latest = None if math.isnan(event.return_mean) else event.return_mean
@@ -116,31 +114,35 @@ class SeedFiles:
             timing=self.timing,
             machine=report.machine,
             curve=self._curve,
-            best_return=self._best_return,
-            best=self._best,
+            candidates=report.candidates,
             content=content,
         )
-
-    def _take_if_best(self, policy: bytes, mean_return: float) -> None:
-        if self._best_return is None or mean_return > self._best_return:
-            self._best_return, self._best = mean_return, policy
 
     def _resume_from(self, saved: Saved | None) -> None:
         self.timing = list(saved.timing) if saved else []
         self.saved_steps = saved.env_steps if saved else 0
-        self._best_return = saved.best_return if saved else None
-        self._best = saved.best if saved else b""
         self._curve = ""
         self._file.seek(0)
         self._file.truncate()
         self._write(saved.curve if saved else "")
 
     def _finish(self, saved: Saved) -> None:
-        published = saved.best if self._publish == "best" and saved.best else saved.content
+        published = racing.winner(saved.candidates).policy
+        rows = [
+            self._owner
+            | {
+                "env_steps": one.env_steps,
+                "episodes": len(one.returns),
+                "return_mean": one.mean_return,
+                "return_std": float(np.std(one.returns)),
+            }
+            for one in sorted(saved.candidates, key=lambda one: one.env_steps)
+        ]
         write_all(
             {
                 self._paths.final_policy: policy_file.owned(saved.content, self._paths.owner),
                 self._paths.policy: policy_file.owned(published, self._paths.owner),
+                self._paths.validation: tables.to_csv(rows, [*self._owner, *validation.COLUMNS]),
             }
         )
         self.machine = saved.machine

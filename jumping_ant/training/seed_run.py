@@ -1,17 +1,22 @@
 """The training of one seed, as a worker runs it: its trainer's events, and their evaluation.
 
-A worker touches no file. It plays the validation episodes of each snapshot, which have start states
-of their own: neither training nor the held-out episodes use them.
+A worker touches no file. It plays the validation episodes of each snapshot, and in the end those of
+the finalists (see `jumping_ant.training.racing`). They have start states of their own: neither
+training nor the held-out episodes use them.
 """
 
 import itertools
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
 
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
@@ -19,6 +24,8 @@ from jumping_ant.base import machine
 from jumping_ant.params.blocks import TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
+from jumping_ant.training import racing
+from jumping_ant.training.racing import Candidate, Candidates
 
 # What reading a checkpoint of wrong content raises; not the memory or a file that is lacking.
 WRONG_CONTENT = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, BadZipFile)
@@ -38,6 +45,7 @@ class Report:
     event: Event | Rejected
     seconds: float  # of this seed's training so far, without evaluations
     returns: tuple[float, ...] = ()  # of a snapshot's evaluation, (episodes,)
+    candidates: Candidates = ()  # with a checkpoint and the last event: who may be published
     machine: dict[str, Any] | None = None  # with the last event: where the seed was trained
 
 
@@ -46,13 +54,14 @@ def run(
     training: TrainingParams,
     stop: threading.Event,
     seconds: float = 0.0,
+    candidates: Candidates = (),
     checkpoint_seconds: float = math.inf,
 ) -> Iterator[Report]:
     """Train one seed, and evaluate its snapshots; `stop` ends it with a last checkpoint.
 
-    `seconds` is the training time before the checkpoint that the job resumes from.
+    `seconds` is the training time before the checkpoint that the job resumes from, `candidates`
+    are the snapshots before it that may be published.
     """
-    episode_seeds = [training.evaluation_seed + i for i in range(training.evaluation_episodes)]
     started = last = time.perf_counter()
     paused = -seconds
 
@@ -71,15 +80,33 @@ def run(
         now = time.perf_counter()
         report = Report(event, now - started - paused)
         if isinstance(event, Snapshot):
-            policy = policy_file.parse(event.policy)
-            episodes = rollout.run(job.world, policy, episode_seeds, job.num_threads)
-            returns = tuple(float(episode.rewards.sum()) for episode in episodes)
-            report = replace(report, returns=returns)
+            (returns,) = _validate(job, training, [event.policy], is_final=False).tolist()
+            report = replace(report, returns=tuple(returns))
+            new = Candidate(event.env_steps, report.returns, event.policy)
+            candidates = racing.entered(candidates, new, training)
+        elif isinstance(event, Checkpoint):
+            report = replace(report, candidates=candidates)
         elif isinstance(event, Finished):
-            report = replace(report, machine=machine.describe())
+            final = partial(_validate, job, training, is_final=True)
+            candidates = racing.finished(candidates, final)
+            report = replace(report, candidates=candidates, machine=machine.describe())
         yield report
         if isinstance(event, Checkpoint):
             if stop.is_set():
                 return
             last = time.perf_counter()
         paused += time.perf_counter() - now
+
+
+def _validate(
+    job: Job[Any], training: TrainingParams, policies: Sequence[bytes], *, is_final: bool
+) -> NDArray[np.float64]:
+    """Return the returns of policies in either round of the race, (num_policies, episodes)."""
+    first, others = training.evaluation_episodes, training.finalist_episodes
+    numbers = range(first, first + others) if is_final else range(first)
+    plays = [
+        (policy, training.evaluation_seed + number)
+        for policy in map(policy_file.parse, policies)
+        for number in numbers
+    ]
+    return rollout.returns(job.world, plays, job.num_threads).reshape(len(policies), -1)

@@ -278,7 +278,7 @@ def test_a_changed_evaluation_updates_metrics_and_leaves_the_champion(project: P
 
 
 def test_the_best_in_validation_is_champion(untracked_project: Path) -> None:
-    path = untracked_project / "models" / "sac" / "seed-0" / "curve.csv"
+    path = untracked_project / "models" / "sac" / "seed-0" / "validation.csv"
     path.write_text(path.read_text(encoding="utf-8").replace(",600,", ",700,"), encoding="utf-8")
     tracked(untracked_project)
     aliases = "SELECT name, version FROM registered_model_aliases ORDER BY name"
@@ -286,18 +286,14 @@ def test_the_best_in_validation_is_champion(untracked_project: Path) -> None:
 
 
 def test_validation_is_of_the_policy_that_was_published(untracked_project: Path) -> None:
-    path = untracked_project / "models" / "sac" / "seed-0" / "curve.csv"
-    path.write_text(
-        path.read_text(encoding="utf-8").replace("400,400,4,400,,", "400,400,4,400,90,"),
-        encoding="utf-8",
-    )
+    """Of the finalists it is the best; one trained before there were finalists has none."""
+    paths = Paths(untracked_project).agent("sac").seed(0)
+    with paths.validation.open("a", encoding="utf-8") as file:
+        file.write("sac,0,400,20,650,1.5\n")
     params = params_file.load(untracked_project / "params.yaml")
-    found = {}
-    for publish in ("best", "final"):
-        training = params.training.model_copy(update={"publish": publish})
-        chosen = params.model_copy(update={"training": training})
-        found[publish] = records.read(untracked_project, chosen).seeds[0].validation_return
-    assert found == {"best": 600.0, "final": 90.0}
+    assert records.read(untracked_project, params).seeds[0].validation_return == 650.0
+    paths.validation.unlink()
+    assert records.read(untracked_project, params).seeds[0].validation_return is None
 
 
 def test_models_say_how_long_to_hold_an_output(project: Path) -> None:

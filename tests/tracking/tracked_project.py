@@ -19,6 +19,7 @@ from ruamel.yaml import YAML
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import validation
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.tracking.mirror import track
@@ -51,6 +52,8 @@ def curve_lines(seed: int, steps: tuple[int, ...] = STEPS, agent: str = "sac") -
 def train(root: Path, agent: str, seed: int, value: float | None = None) -> None:
     paths = Paths(root).agent(agent).seed(seed)
     write_text(paths.curve, curve_lines(seed, agent=agent))
+    row = f"{agent},{seed},300,20,{600 + seed},1.5\n"
+    write_text(paths.validation, f"agent,seed,{','.join(validation.COLUMNS)}\n{row}")
     number = AGENTS.index(agent) + 0.1 * (seed + 1) if value is None else value
     write_bytes(paths.policy, policy_file.owned(policy_content(number), paths.owner))
 

@@ -1,13 +1,16 @@
-"""A project to train in."""
+"""A project to train in. Trainings in this process compute as those of workers do."""
 
 from pathlib import Path
 
 import pytest
 import small_agents
 
+from jumping_ant.agents import kernels
 from jumping_ant.agents.catalogue import demonstrated
 from jumping_ant.base.files import write_bytes, write_text
 from jumping_ant.base.paths import Paths
+
+kernels.use()  # before anything computes
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ def small_params(workers: int) -> Params:
     settings = small_agents.PARAMS.model_dump()
     settings["seeds"] = [0, 5]
     settings["env"]["max_episode_steps"] = 40
-    settings["training"] |= {"evaluations": 2, "evaluation_episodes": 4}
+    settings["training"] |= {"evaluations": 2, "evaluation_episodes": 4, "finalist_episodes": 3}
     settings["compute"]["workers"] = workers
     for demonstrations in settings["demonstrations"].values():
         demonstrations |= {"steps": 1000, "episode_steps": 40}

@@ -11,6 +11,7 @@ from small_disk import small_disk
 
 from jumping_ant.training import checkpoints
 from jumping_ant.training.checkpoints import Checkpoints, Owner, Saved
+from jumping_ant.training.racing import Candidate
 
 SAVED = Saved(
     env_steps=100,
@@ -18,8 +19,7 @@ SAVED = Saved(
     timing=[(50, 0.75), (100, 1.5)],
     machine=None,
     curve="env_steps\n50\n100\n",
-    best_return=12.5,
-    best=b"best so far",
+    candidates=(Candidate(100, (12.5, 0.1), b"best so far"), Candidate(50, (6.0, 0.0), b"other")),
     content=bytes(range(256)),
 )
 POLICY = replace(SAVED, machine={"cpu": "a"}, content=b"policy")
@@ -52,8 +52,8 @@ def test_the_last_two_are_kept_and_the_newest_is_loaded(tmp_path: Path, said: Li
             stored.save(0, replace(SAVED, env_steps=steps))
         stored.save(1, SAVED)
         assert store(tmp_path, said).load(0) == replace(SAVED, env_steps=1200)
-        stored.save(2, replace(SAVED, best_return=None, best=b""))
-        assert stored.load(2) == replace(SAVED, best_return=None, best=b"")
+        stored.save(2, replace(SAVED, candidates=()))
+        assert stored.load(2) == replace(SAVED, candidates=())
         assert files(tmp_path) == [
             "sac/key/lock",
             "sac/key/seed-0.11.checkpoint",
@@ -212,7 +212,7 @@ def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
         "checkpoints = Checkpoints(pathlib.Path(sys.argv[1]), 'sac', 'key', print)\n"
         "with checkpoints.opened([0]):\n"
         "    print('open', flush=True); sys.stdin.read()\n"
-        "    checkpoints.finish(0, Saved(1, 0.0, [], None, '', None, b'', b'policy'))"
+        "    checkpoints.finish(0, Saved(1, 0.0, [], None, '', (), b'policy'))"
     )
     pipe = subprocess.PIPE
     command = [sys.executable, "-c", program, str(tmp_path)]

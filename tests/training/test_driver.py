@@ -24,7 +24,7 @@ from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import curves
+from jumping_ant.experiment import curves, validation
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.policies import policy_file
@@ -71,7 +71,7 @@ def test_nothing_is_written_through_a_link_into_the_cache(project: Path) -> None
     """`cache.type: symlink` makes links of outputs; DVC unlinks only what it knows."""
     settings = small_params(1)
     cached = project / "cached"
-    for name in ("curve.csv", "policy.zip", "final.zip"):
+    for name in ("curve.csv", "policy.zip", "final.zip", "validation.csv"):
         path = project / "models" / "pgpe" / "seed-0" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         cached.write_text("in the cache", encoding="utf-8")
@@ -89,7 +89,7 @@ def test_each_seeds_machine_is_named_apart_from_its_policies(project: Path) -> N
         assert told == {"0": machine.describe(), "5": machine.describe()}
         for seed in (0, 5):
             names = {path.name for path in paths.seed(seed).folder.iterdir()}
-            assert names == {"curve.csv", "final.zip", "policy.zip"}
+            assert names == {"curve.csv", "final.zip", "policy.zip", "validation.csv"}
         paths.machines.unlink()
         driver.train(project, small_params(1), "pgpe")  # trained before: its checkpoint tells
     told = machine.describe()
@@ -165,40 +165,49 @@ def with_training(**changes: Any) -> Params:
     return settings.model_copy(update={"training": settings.training.model_copy(update=changes)})
 
 
-def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[bytes, float]:
-    """Return each snapshot of a run, as published, and its mean return in validation."""
+def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[bytes, np.ndarray]:
+    """Return each snapshot of a run, as published, and its returns in both rounds of validation."""
     xml = (project / "assets" / "edited.xml").read_text(encoding="utf-8")
     rules = settings.training
-    seeds = [rules.evaluation_seed + i for i in range(rules.evaluation_episodes)]
+    count = rules.evaluation_episodes + rules.finalist_episodes
+    seeds = range(rules.evaluation_seed, rules.evaluation_seed + count)
     block = settings.agents[agent]
     events = trainer_of(block)(
         small_agents.job(World(xml, settings.env), block, seed, evaluations=rules.evaluations)
     )
     policy_files = [event.policy for event in events if isinstance(event, Snapshot)]
     assert len(policy_files) == rules.evaluations
-    means = {}
+    found = {}
     for content in policy_files:
         episodes = rollout.run(World(xml, settings.env), policy_file.parse(content), seeds)
-        published = policy_file.owned(content, (agent, seed))
-        means[published] = float(np.mean([episode.rewards.sum() for episode in episodes]))
-    return means
+        returns = np.array([episode.rewards.sum() for episode in episodes])
+        found[policy_file.owned(content, (agent, seed))] = returns
+    return found
 
 
 @pytest.mark.parametrize("agent", ONE_OF_EACH)
-def test_the_best_snapshot_in_validation_is_published(project: Path, agent: str) -> None:
+def test_the_best_of_the_finalists_is_published(project: Path, agent: str) -> None:
     """And the last policy beside it."""
-    settings = with_training(evaluations=3)
+    settings = with_training(evaluations=3, finalists=2)
     driver.train(project, settings, agent)
     for seed in settings.seeds:
-        folder = project / "models" / agent / f"seed-{seed}"
-        means = snapshots(project, settings, agent, seed)
-        best = max(means, key=means.__getitem__)
-        assert len(means) == 3, "each snapshot differs: it learned"
-        assert (folder / "policy.zip").read_bytes() == best
-        assert (folder / "final.zip").read_bytes() == list(means)[-1]
-        curve = read_csv(folder / "curve.csv")
-        told = [float(row["evaluation_return_mean"] or "nan") for row in curve]
-        assert np.nanmax(told) == means[best]
+        paths = Paths(project).agent(agent).seed(seed)
+        returns = snapshots(project, settings, agent, seed)
+        assert len(returns) == 3, "each snapshot differs: it learned"
+        first = {policy: float(np.mean(own[:4])) for policy, own in returns.items()}
+        finalists = sorted(first, key=first.__getitem__)[-2:]
+        means = {policy: float(np.mean(returns[policy])) for policy in finalists}
+        assert paths.policy.read_bytes() == max(means, key=means.__getitem__)
+        assert paths.final_policy.read_bytes() == list(returns)[-1]
+        told = [row["evaluation_return_mean"] for row in read_csv(paths.curve)]
+        assert [float(mean) for mean in told if mean] == list(first.values())
+        rows = read_csv(paths.validation)
+        expected = {means[policy] for policy in finalists}
+        assert {float(row["return_mean"]) for row in rows} == expected
+        assert {row["episodes"] for row in rows} == {"7"}
+        steps = [int(row["env_steps"]) for row in rows]
+        assert steps == sorted(set(steps))
+        assert validation.published_return(project, agent, seed) == max(expected)
 
 
 @pytest.mark.parametrize("agent", ONE_OF_EACH)
@@ -206,9 +215,11 @@ def test_the_last_policy_is_published_if_asked_for(project: Path, agent: str) ->
     settings = with_training(evaluations=3, publish="final")
     driver.train(project, settings, agent)
     for seed in settings.seeds:
-        folder = project / "models" / agent / f"seed-{seed}"
-        last = list(snapshots(project, settings, agent, seed))[-1]
-        assert (folder / "policy.zip").read_bytes() == (folder / "final.zip").read_bytes() == last
+        paths = Paths(project).agent(agent).seed(seed)
+        last, returns = list(snapshots(project, settings, agent, seed).items())[-1]
+        assert paths.policy.read_bytes() == paths.final_policy.read_bytes() == last
+        (row,) = read_csv(paths.validation)  # which no race preceded
+        assert (float(row["return_mean"]), row["episodes"]) == (np.mean(returns[:4]), "4")
 
 
 def test_of_equal_snapshots_the_first_is_published(
@@ -219,14 +230,19 @@ def test_of_equal_snapshots_the_first_is_published(
     settings = settings.model_copy(
         update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
     )
-    scores = iter([5.0, 9.0, 9.0, 2.0] * 2 + [0.0] * 4)  # the first seed's come first
-    seen = []
+    scores = iter([5.0, 9.0, 9.0, 2.0] * 2)  # the first seed's come first
+    finals, seen = [], []
     original = SeedFiles.take
+
+    def returns(world: World, plays: Any, num_threads: int) -> np.ndarray:
+        if len(plays) == 4:
+            return np.full(4, next(scores))
+        finals.append(len(plays))
+        return np.zeros(len(plays))
 
     def take(self: Any, report: Report) -> bool:
         if isinstance(report.event, Snapshot):
             seen.append((self.number, report.event.policy))
-            report = replace(report, returns=(next(scores),))
         is_taken = original(self, report)
         if isinstance(report.event, Checkpoint) and len(seen) == 3 and not stopped:
             stopped.append(True)
@@ -234,12 +250,14 @@ def test_of_equal_snapshots_the_first_is_published(
         return is_taken
 
     stopped: list[bool] = []
+    monkeypatch.setattr(rollout, "returns", returns)
     monkeypatch.setattr(SeedFiles, "take", take)
     agent = "pgpe"
     with pytest.raises(KillError):
         driver.train(project, settings, agent)
     assert len(seen) == 3 and not list((project / "models").rglob("*.zip"))
     driver.train(project, settings, agent)
+    assert finals == [3 * 3, 3 * 3]  # three finalists of each seed play three more
     folder = project / "models" / agent / "seed-0"
     ours = [policy for number, policy in seen if number == 0]
     assert len(set(ours)) == 4

@@ -1,0 +1,78 @@
+"""Which snapshot a seed publishes, after two rounds of validation."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from jumping_ant.params.blocks import TrainingParams
+from jumping_ant.training import racing
+from jumping_ant.training.racing import Candidate, Candidates
+
+RULES = TrainingParams(
+    evaluations=5,
+    evaluation_episodes=2,
+    finalists=3,
+    finalist_episodes=4,
+    evaluation_seed=0,
+    publish="best",
+)
+
+
+def snapshot(number: int, *returns: float) -> Candidate:
+    return Candidate(100 * number, returns, b"%d" % number)
+
+
+def entered(*means: float, rules: TrainingParams = RULES) -> Candidates:
+    """Return the candidates after snapshots of these means."""
+    candidates: Candidates = ()
+    for number, mean in enumerate(means):
+        candidates = racing.entered(candidates, snapshot(number, mean - 1, mean + 1), rules)
+    return candidates
+
+
+def numbers(candidates: Candidates) -> list[int]:
+    return [int(one.policy) for one in candidates]
+
+
+@pytest.mark.parametrize(
+    ("means", "finalists"),
+    [
+        ([1, 2, 3, 4, 5], [4, 3, 2]),
+        ([5, 1, 4, 2, 3], [0, 2, 4]),
+        ([7, 7, 7, 7, 8], [4, 0, 1]),  # of equal ones the earlier
+        ([3, 9], [1, 0]),
+    ],
+)
+def test_the_best_so_far_stay_in_the_race(means: list[float], finalists: list[int]) -> None:
+    assert numbers(entered(*means)) == finalists
+    final = RULES.model_copy(update={"publish": "final"})
+    assert numbers(entered(*means, rules=final)) == [len(means) - 1]
+
+
+def test_all_episodes_of_finalists_count() -> None:
+    seen = []
+
+    def play(policies: Sequence[bytes]) -> np.ndarray:
+        seen.append(policies)
+        return np.array([[1.0, 1.0, 1.0, 1.0], [9.0, 9.0, 9.0, 9.0], [4.0, 4.0, 4.0, 4.0]])
+
+    candidates = racing.finished(entered(10, 6, 8), play)
+    assert seen == [[b"0", b"2", b"1"]]
+    assert [one.returns for one in candidates] == [
+        (9, 11, 1, 1, 1, 1),
+        (7, 9, 9, 9, 9, 9),
+        (5, 7, 4, 4, 4, 4),
+    ]
+    assert int(racing.winner(candidates).policy) == 2
+    assert racing.winner(candidates).mean_return == pytest.approx(52 / 6)
+
+
+def test_one_candidate_needs_no_final() -> None:
+    alone = entered(3)
+
+    def play(policies: Sequence[bytes]) -> np.ndarray:
+        raise AssertionError(policies)
+
+    assert racing.finished(alone, play) == alone
+    assert racing.winner(alone) == alone[0]
