@@ -83,6 +83,7 @@ ELSEWHERE = {
     "make try": "minutes of training; tests/test_preset.py runs it without",
     **{f"make preset PRESET={name}": HOURS for name in ("ablations", "families", "hopper", "run")},
     "dvc exp run $(cat presets/NAME)": "stands for the presets",
+    "python -m scripts.ceiling": "minutes of planning; tests/test_ceiling.py plans less",
     "python -m scripts.tune": "hours of training",
     "python -m scripts.error_rates": "writes a document; tests/test_error_rates.py",
     "make bench": MEASURES,
