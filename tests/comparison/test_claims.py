@@ -101,6 +101,15 @@ def test_a_metronome_is_no_stronger_than_the_learner():
     assert not [c for c in check(dqn, strong) if OPEN_LOOP in c["text"]]
 
 
+def test_an_oscillator_is_another_open_loop_and_no_rival_in_evolution():
+    blind = agent("blind", "oscillator", LOW)
+    told = [claim["text"] for claim in check(agent("pgpe", "pgpe", HIGH), METRONOME, blind)]
+    assert sum(OPEN_LOOP in text for text in told) == 2
+    assert not [text for text in told if "evolutionary" in text]
+    weak = agent("dqn", "dqn", HIGH, actions=COMMANDS)
+    assert not [claim for claim in check(weak, blind) if OPEN_LOOP in claim["text"]]
+
+
 @pytest.mark.parametrize(
     ("part", "first", "second", "verdict"),
     [

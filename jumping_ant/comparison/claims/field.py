@@ -79,8 +79,8 @@ class Field:
         commands = [agent for agent in random if settings(agent)["actions"]["kind"] == "commands"]
         return product(self.of("dqn"), (commands or random)[:1])
 
-    def beside_metronomes(self) -> Iterable[Pair]:
-        """Yield each learner with the best open-loop agent whose torques are no stronger."""
+    def beside_open_loop(self) -> Iterable[Pair]:
+        """Yield each learner with the best metronome, and each oscillator, of no more torque."""
         for learner in self.of(LEARNERS):
             limit = settings(learner)["actions"]["amplitude"]
             weak = [
@@ -88,15 +88,18 @@ class Field:
             ]
             if weak:
                 yield learner, max(weak, key=lambda agent: agent.quantities["return"].mean())
+            for agent in self.of("oscillator"):
+                if settings(agent)["actions"]["amplitude"] <= limit:
+                    yield learner, agent
 
     def beside_sparse_rewards(self) -> Iterable[Pair]:
         """Return each PGPE with those that learned from the returns of whole episodes alone."""
         return product(self.of("pgpe"), self._sparse)
 
     def beside_evolution(self) -> Iterable[Pair]:
-        """Return each PGPE with each agent of another evolutionary algorithm."""
+        """Return each PGPE with each agent of another algorithm that evolves the same policies."""
         evolution = [agent for agent in self._edited if agent.family == "evolution"]
-        rivals = [agent for agent in evolution if agent.algorithm != "pgpe"]
+        rivals = [agent for agent in evolution if agent.algorithm not in ("pgpe", "oscillator")]
         return product(self.of("pgpe"), rivals)
 
     def imitators(self) -> Iterable[Pair]:

@@ -70,7 +70,7 @@ CLAIMS: Table = (
         Row(1, "{0} learns to jump: it is in the air for longer than {1}, and its jumps are "
             "higher.", more("flight", "apex")),
     )),
-    (Field.beside_metronomes, (
+    (Field.beside_open_loop, (
         Row(None, "{0} returns more than {1}, which does not look at the robot.",
             more("return", margin="returns")),
     )),
