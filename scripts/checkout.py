@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ruamel.yaml import YAML
 
@@ -38,10 +39,11 @@ class Checkout:
         variables.pop("MLFLOW_TRACKING_URI", None)
         return variables
 
-    def write_params(self, params: Params) -> None:
-        """Write other parameters to its `params.yaml`."""
+    def write_params(self, params: Params | dict[str, Any]) -> None:
+        """Write other parameters, or what they hold, to its `params.yaml`."""
+        content = params.model_dump() if isinstance(params, Params) else params
         with (self.folder / "params.yaml").open("w", encoding="utf-8") as file:
-            YAML().dump(params.model_dump(), file)
+            YAML().dump(content, file)
 
     def seconds(self, *command: str) -> float:
         """Run a command in it and return its wall-clock time [s].

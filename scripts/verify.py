@@ -17,16 +17,17 @@ import subprocess
 import sys
 import tarfile
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
+from jumping_ant.agents.catalogue import demonstrated
 from jumping_ant.base import command_line, output
 from jumping_ant.base.errors import InputError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
 from scripts import fingerprint
 from scripts.checkout import Checkout
 
@@ -43,9 +44,10 @@ def main() -> None:
         commit = _published()
         _extract(commit, published)
         _extract(commit, retrained.folder)
-        params = params_file.load(published / "params.yaml")
-        agents = [options.agent] if options.agent else list(params.agents)
-        seeds = params.seeds if options.all else [_seed(params, options.seed)]
+        # Not checked: they fit the models of that commit.
+        params = params_file.read(published / "params.yaml")
+        agents = [options.agent] if options.agent else list(params["agents"])
+        seeds = params["seeds"] if options.all else [_seed(params, options.seed)]
         retrained.write_params(chosen(params, agents, seeds))
         _run(retrained, agents)
         are_equal = [
@@ -80,18 +82,25 @@ def _git(*command: str) -> bytes:
     return done.stdout
 
 
-def _seed(params: Params, seed: int | None) -> int:
-    if seed is not None and seed not in params.seeds:
-        raise InputError(f"seed: given {seed}, allowed: {', '.join(map(str, params.seeds))}")
-    return params.seeds[0] if seed is None else seed
+def _seed(params: Mapping[str, Any], seed: int | None) -> int:
+    """Return a published seed, by default the first."""
+    seeds: list[int] = params["seeds"]
+    if seed is not None and seed not in seeds:
+        raise InputError(f"seed: given {seed}, allowed: {', '.join(map(str, seeds))}")
+    return seeds[0] if seed is None else seed
 
 
-def chosen(params: Params, agents: Sequence[str], seeds: Sequence[int]) -> Params:
-    """Return the published parameters with these seeds alone."""
+def chosen(
+    params: Mapping[str, Any], agents: Sequence[str], seeds: Sequence[int]
+) -> dict[str, Any]:
+    """Return the published content of `params.yaml` with these seeds alone."""
     for name in agents:
-        if params.agent(name).learns_from_demonstrations and list(seeds) != params.seeds:
+        if name not in params["agents"]:
+            raise InputError(f"agent: given {name!r}, allowed: {', '.join(params['agents'])}")
+        imitates = params["agents"][name]["algorithm"] in demonstrated()
+        if imitates and list(seeds) != params["seeds"]:
             raise InputError(f"{name}: imitates an agent's seeds together, allowed: --all")
-    return params.model_copy(update={"seeds": list(seeds)})
+    return {**params, "seeds": list(seeds)}
 
 
 def _run(project: Checkout, agents: Sequence[str]) -> None:

@@ -52,10 +52,10 @@ def test_what_is_not_published_is_refused(arguments: tuple[str, ...], message: s
 
 
 def test_imitators_are_verified_with_all_seeds() -> None:
-    params = presets.load("families")
-    assert verify.chosen(params, ["bc"], params.seeds).seeds == params.seeds
+    params = presets.load("families").model_dump()
+    assert verify.chosen(params, ["bc"], params["seeds"]) == params
     with pytest.raises(InputError, match="bc: imitates an agent's seeds together, allowed: --all"):
-        verify.chosen(params, ["bc"], params.seeds[:1])
+        verify.chosen(params, ["bc"], params["seeds"][:1])
 
 
 def test_differences_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
