@@ -51,7 +51,7 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg .venv/.dvc ## install
 repro: install ## rerun what a change to params.yaml or to the code affects
 	dvc repro
 
-try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (4 minutes)
+try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (4 to 5 minutes)
 	python -m scripts.preset quick
 
 preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families)
