@@ -10,7 +10,7 @@ Three runs, which differ in one thing each:
 
 Each final policy is tested as the article tested its one. A seed's tests are added to
 results/article_tests.csv as soon as it is trained, and what is there is not trained again: stop at
-any time, and go on another day or on another machine. Processes that run at once need different
+any time, and resume on another day or on another machine. Processes that run at once need different
 runs or seeds.
 """
 

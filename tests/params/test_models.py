@@ -1,8 +1,6 @@
 """`params.yaml`: what is wrong is refused in one line a fault, all at once, whatever it is."""
 
 import copy
-import functools
-import operator
 import re
 import shutil
 import sys
@@ -11,19 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from changed_params import CONTENT, MISSING, changed, refusal
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ruamel.yaml import YAML
 
 from jumping_ant.agents import catalogue
-from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import models, params_file, presets
 
-CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
 RANDOM = CONTENT["agents"]["random"]
-MISSING = object()
 NAMES = "lower-case letters, digits, _ and -, the first a letter or digit"
 # Nine lines of ten aliases each: billions of values in half a kilobyte.
 LAUGHS = b"a0: &a0 [0]\n" + b"".join(
@@ -35,26 +30,6 @@ KEYS_OF_ENV = (
 )
 ALGORITHMS = ", ".join(catalogue.ALGORITHMS)
 ROBOTS = "ant, hopper, walker2d, half_cheetah, humanoid, or a file robots/NAME.xml"
-
-
-def changed(key: str, value: Any) -> dict[str, Any]:
-    """Return the real parameters with one dotted key set, or taken away."""
-    content = copy.deepcopy(CONTENT)
-    *blocks, last = key.split(".")
-    block = content
-    for name in blocks:
-        block = block[name]
-    if value is MISSING:
-        del block[last]
-    else:
-        block[last] = value
-    return content
-
-
-def refusal(content: Any) -> str:
-    with pytest.raises(InputError) as caught:
-        params_file.check(content)
-    return str(caught.value)
 
 
 def test_the_real_file_is_accepted_with_its_numbers() -> None:
@@ -233,111 +208,6 @@ def test_a_fault_is_one_line_with_key_given_and_allowed(key: str, value: Any, sa
 )
 def test_faults_of_structure(key: str, value: Any, line: str) -> None:
     assert refusal(changed(key, value)) == f"params.yaml: {line}"
-
-
-BC = presets.load("families").model_dump()["agents"]["bc"]
-DEMONSTRATIONS = presets.load("families").model_dump()["demonstrations"]["bc"]
-
-
-@pytest.mark.parametrize(
-    ("agent", "demonstrations", "said"),
-    [
-        ({}, None, "demonstrations: given none for agents.bc, allowed: bc: {agent: ...}"),
-        ({"robot": "unedited"}, {}, "agents.bc.robot: given another than that of sac, whom it"),
-        ({"actions": {"kind": "torques", "amplitude": 1.0, "hold": 1}}, {}, "agents.bc.actions:"),
-        (
-            {"total_steps": 12001},
-            {},
-            "agents.bc.total_steps: given 12001, allowed: at most demonstrations.bc.steps",
-        ),
-        (
-            {},
-            {"agent": "dqn"},
-            "demonstrations.bc.agent: given 'dqn', allowed: learners that choose torques "
-            "(sac, pgpe)",
-        ),
-        ({}, {"agent": "bc"}, "given 'bc', allowed: learners that choose torques (sac, pgpe)"),
-        ({}, {"agent": "nobody"}, "given 'nobody', allowed: learners that choose torques"),
-    ],
-)
-def test_imitators_fit_what_they_imitate(
-    agent: dict[str, Any], demonstrations: dict[str, Any] | None, said: str
-) -> None:
-    content = changed("agents.bc", BC | agent)
-    if demonstrations is not None:
-        content["demonstrations"] = {"bc": DEMONSTRATIONS | demonstrations}
-    assert said in refusal(content)
-
-
-def test_demonstrations_are_for_algorithms_that_need_them() -> None:
-    line = refusal(changed("demonstrations", {"sac": DEMONSTRATIONS}))
-    assert line == "params.yaml: demonstrations.sac: given 'sac', allowed: 'bc' or 'dagger'"
-    beyond = DEMONSTRATIONS | {"seed": 9_000_896}
-    params_file.check(changed("demonstrations", {"bc": beyond}))
-
-
-HELD_OUT, VALIDATION = "evaluate.seed", "training.evaluation_seed"
-IMITATION = "demonstrations.bc.seed"
-
-
-@pytest.mark.parametrize(
-    ("key", "seed", "own", "other", "other_key"),
-    [
-        (HELD_OUT, 2_000_000 - 640, "2000000 to 2000031", "2000000 to 2000019", VALIDATION),
-        (HELD_OUT, 2_000_019 - 640, "2000019 to 2000050", "2000000 to 2000019", VALIDATION),
-        (HELD_OUT, 1_999_969 - 640, "1999969 to 2000000", "2000000 to 2000019", VALIDATION),
-        (HELD_OUT, 1_999_969 - 864, "1999969 to 2000000", "2000000 to 2000019", VALIDATION),
-        (HELD_OUT, 7_999_999 - 640, "7999999 to 8000030", "7000000 to 7999999", "scripts/tune.py"),
-        (VALIDATION, 6_999_990, "6999990 to 7000009", "7000000 to 7999999", "scripts/tune.py"),
-        (IMITATION, 8_990_000, "8990000 to 9001999", "9000640 to 9000671", HELD_OUT),
-        (IMITATION, 2_000_019, "2000019 to 2012018", "2000000 to 2000019", VALIDATION),
-        (IMITATION, 6_999_999, "6999999 to 7011998", "7000000 to 7999999", "scripts/tune.py"),
-    ],
-)
-def test_no_episode_serves_two_purposes(
-    key: str, seed: int, own: str, other: str, other_key: str
-) -> None:
-    """Held-out ones are in a block for each of the seeds 20 to 27, of 32 episodes each."""
-    content = changed("demonstrations", {"bc": dict(DEMONSTRATIONS)})
-    *blocks, last = key.split(".")
-    functools.reduce(operator.getitem, blocks, content)[last] = seed
-    assert refusal(content) == (
-        f"params.yaml: {key}: given episodes of the seeds {own}, allowed: none of {other}, those "
-        f"of {other_key}"
-    )
-
-
-@pytest.mark.parametrize(
-    ("first", "seeds"),
-    [(2_000_020 - 640, [20, 27]), (1_999_968 - 864, [20, 27]), (1_999_900, [0, 4])],
-)
-def test_episodes_may_lie_side_by_side(first: int, seeds: list[int]) -> None:
-    content = changed(HELD_OUT, first)
-    content["seeds"] = seeds
-    assert params_file.check(content).evaluate.seed == first
-
-
-def test_episodes_of_the_largest_seed_are_in_the_tables_range() -> None:
-    content = changed("seeds", [2**31 - 1])
-    content["evaluate"] |= {"episodes": 10**6, "seed": 2**31 - 1}
-    evaluate = params_file.check(content).evaluate
-    assert evaluate.block(2**31 - 1)[-1] <= tables.EPISODE_SEED.high
-
-
-def test_baselines_play_no_more_than_a_block() -> None:
-    line = refusal(changed("evaluate.baseline_episodes", 33))
-    assert line == (
-        "params.yaml: evaluate: baseline_episodes: given 33, allowed: at most episodes, 32"
-    )
-
-
-def test_episodes_played_beyond_the_settings_count() -> None:
-    """PGPE's best sample is chosen on 20, however few validate; demonstrations are in batches."""
-    content = changed("training.evaluation_episodes", 1)
-    content["evaluate"]["seed"] = 2_000_019 - 640
-    assert "none of 2000000 to 2000019, those of training" in refusal(content)
-    one = DEMONSTRATIONS | {"steps": 1, "seed": 9_000_625}
-    assert "of the seeds 9000625 to 9000640" in refusal(changed("demonstrations", {"bc": one}))
 
 
 def test_too_many_seeds_are_refused_at_once(tmp_path: Path) -> None:
