@@ -76,46 +76,48 @@ def fluidity(angles: Array, dt: float) -> float:
     """
     velocities = np.diff(angles, axis=0) / dt
     length = round(WINDOW_SECONDS / dt)
-    starts = range(0, len(velocities) - length + 1, length)
-    windows = [velocities[start : start + length] for start in starts]
-    scores = [_score(window, dt) for window in windows if np.abs(window).mean() >= MIN_SPEED]
-    return float(np.mean(scores)) if scores else float("nan")
+    count = len(velocities) // length
+    windows = velocities[: count * length].reshape(count, length, angles.shape[1])
+    moving = windows[np.abs(windows).mean(axis=(1, 2)) >= MIN_SPEED]
+    return float(np.mean(_scores(moving, dt))) if len(moving) else float("nan")
 
 
-def spectral_arc_length(signal: Array, dt: float) -> float:
-    """Return the spectral arc length (SPARC) of a signal that is not zero throughout.
+def spectral_arc_length(signals: Array, dt: float) -> Array:
+    """Return the spectral arc lengths (SPARC) of signals, none of which is zero throughout.
 
     It is -sum(hypot(df / F, dA)) over frequencies f, where A is the spectrum's amplitude over its
     peak (Balasubramanian et al. 2015). The sum runs from the first to the last frequency up to
     `MAX_FREQUENCY` where A is at least `MIN_AMPLITUDE`; F is their distance.
 
     Args:
-        signal: Shape (T,).
+        signals: Shape (..., T).
         dt: Duration of a step [s].
 
     Returns:
-        A negative number without a unit.
+        Negative numbers without a unit, shape (...).
     """
-    num_points = 2 ** (int(np.ceil(np.log2(len(signal)))) + PADDING)
-    frequencies = np.fft.rfftfreq(num_points, dt)
-    band = frequencies <= MAX_FREQUENCY
-    amplitudes = np.abs(np.fft.rfft(signal, num_points))[band]
-    amplitudes /= amplitudes.max()
-    strong = np.flatnonzero(amplitudes >= MIN_AMPLITUDE)
-    part = slice(strong[0], strong[-1] + 1)
-    frequencies, amplitudes = frequencies[band][part], amplitudes[part]
-    across = np.diff(frequencies) / (frequencies[-1] - frequencies[0])
-    return -float(np.hypot(across, np.diff(amplitudes)).sum())
+    num_points = 2 ** (int(np.ceil(np.log2(signals.shape[-1]))) + PADDING)
+    band = np.fft.rfftfreq(num_points, dt) <= MAX_FREQUENCY
+    amplitudes = np.abs(np.fft.rfft(signals, num_points)[..., band])
+    amplitudes /= amplitudes.max(axis=-1, keepdims=True)
+    strong = amplitudes >= MIN_AMPLITUDE
+    first = strong.argmax(axis=-1, keepdims=True)
+    last = band.sum() - 1 - strong[..., ::-1].argmax(axis=-1, keepdims=True)
+    steps = np.diff(amplitudes)
+    number = np.arange(steps.shape[-1])
+    across = 1 / np.maximum(last - first, 1)  # df / F
+    return -np.hypot(across, steps).sum(axis=-1, where=(first <= number) & (number < last))
 
 
-def _score(velocities: Array, dt: float) -> float:
-    """Return the joints' mean arc length, each weighted by its mean square velocity.
+def _scores(velocities: Array, dt: float) -> Array:
+    """Return the joints' mean arc length in each window, weighted by their mean square velocities.
 
-    The velocities in one window, (T, num_joints), are not zero throughout.
+    The velocities, (n, T, num_joints), are not zero throughout a window.
     """
-    velocities = velocities / np.abs(velocities).max()
-    weights = np.square(velocities).mean(axis=0)
-    taper = np.hanning(len(velocities) + 2)[1:-1]
-    moving = np.flatnonzero(weights)
-    lengths = [spectral_arc_length(taper * velocities[:, joint], dt) for joint in moving]
-    return float(np.average(lengths, weights=weights[moving]))
+    velocities = velocities / np.abs(velocities).max(axis=(1, 2), keepdims=True)
+    weights = np.square(velocities).mean(axis=1)
+    taper = np.hanning(velocities.shape[1] + 2)[1:-1]
+    lengths = np.zeros_like(weights)
+    moves = weights > 0
+    lengths[moves] = spectral_arc_length(taper * velocities.transpose(0, 2, 1)[moves], dt)
+    return np.asarray(np.average(lengths, axis=1, weights=weights))
