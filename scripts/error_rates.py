@@ -46,7 +46,7 @@ NOISE = 0.3  # [standard deviations] of the smoothed bootstrap
 STRETCH = 3.0  # ratio of unequal spreads
 GRIDS = {  # control steps between evaluations: those of PGPE and DQN
     "8 evaluations each": (55_000.0, 26_250.0),
-    "32 evaluations each": (13_750.0, 6_562.5),
+    "16 evaluations each": (27_500.0, 13_125.0),
 }
 ONSET = 60_000.0, 20_000.0  # [control steps] mean and deviation
 

@@ -20,7 +20,7 @@ def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
     world = World(robot.read(PROJECT_ROOT, settings.agent(agent).robot), settings.env)
-    rows = scaling.measure(world, settings.agent(agent), settings.seeds)
+    rows = scaling.measure(world, settings.agent(agent), scaling_table.seeds(settings))
     write_text(Paths().agent(agent).scaling, scaling_table.to_csv(agent, rows))
 
 

@@ -14,6 +14,7 @@ from jumping_ant.base.tables import SEED, Column
 from jumping_ant.experiment.models import Params
 
 DIGITS = 6  # of the seconds
+REPETITIONS = 8  # of the timing, each with a seed of its own; training takes the same time with all
 COLUMNS = {
     "seed": SEED,
     "threads": Column(low=1, high=1e6, is_whole=True),
@@ -28,7 +29,7 @@ def to_csv(agent: str, rows: Sequence[dict[str, Any]]) -> str:
 
 
 def read(root: Path, params: Params, agent: str) -> dict[int, NDArray[np.float64]]:
-    """Read the seconds of a training unit, (num_seeds,), by number of threads; {} if not timed."""
+    """Read the seconds of a training unit, (n,), by number of threads; {} if not timed."""
     path, stage = Paths(root).agent(agent).scaling, f"scaling@{agent}"
     is_timed = timed(params.agent(agent)) is not None
     table = tables.read(path, stage, {"agent": agent}, COLUMNS, has_rows=is_timed)
@@ -36,7 +37,7 @@ def read(root: Path, params: Params, agent: str) -> dict[int, NDArray[np.float64
         return {}
     counts = list(thread_counts(int(table["threads"].max())))
     with tables.blamed(path, stage):
-        asked = [(seed, threads) for threads in counts for seed in params.seeds]
+        asked = [(seed, threads) for threads in counts for seed in seeds(params)]
         seconds = tables.exactly(table, asked, "seed", "threads")["seconds"]
     return dict(zip(counts, seconds.reshape(len(counts), -1), strict=True))
 
@@ -44,6 +45,11 @@ def read(root: Path, params: Params, agent: str) -> dict[int, NDArray[np.float64
 def timed(agent: AgentBlock) -> AgentBlock | None:
     """Return settings that make each row one unit; None if no claim compares the speed-up."""
     return agent.for_timing() if agent.algorithm in ALGORITHMS else None
+
+
+def seeds(params: Params) -> tuple[int, ...]:
+    """Return the seeds whose training is timed."""
+    return tuple(params.seeds[:REPETITIONS])
 
 
 def thread_counts(cores: int) -> Iterator[int]:

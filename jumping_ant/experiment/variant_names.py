@@ -31,7 +31,11 @@ def names(algorithm: str, chooses_torques: bool) -> tuple[str, ...]:
 
 def num_episodes(agent: AgentBlock, evaluate: EvaluateParams) -> dict[str, int]:
     """Return on how many held-out episodes each version of a seed's policy is played."""
-    in_claims = IN_CLAIMS if agent.is_baseline else (PUBLISHED, *IN_CLAIMS)
+    in_claims = [*IN_CLAIMS]
+    if agent.algorithm in SAMPLED:
+        in_claims.append("final")  # the centre beside the best sample
+    if not agent.is_baseline:
+        in_claims.append(PUBLISHED)
     return {
         version: evaluate.episodes if version in in_claims else evaluate.baseline_episodes
         for version in (PUBLISHED, *NAMES)

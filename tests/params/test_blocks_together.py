@@ -47,10 +47,11 @@ def test_imitators_fit_what_they_imitate(
 def test_demonstrations_are_for_algorithms_that_need_them() -> None:
     line = refusal(changed("demonstrations", {"sac": DEMONSTRATIONS}))
     assert line == "params.yaml: demonstrations.sac: given 'sac', allowed: 'bc' or 'dagger'"
-    beyond = DEMONSTRATIONS | {"seed": 9_000_896}
+    beyond = DEMONSTRATIONS | {"seed": 9_000_000 + 32 * 46}
     params_file.check(changed("demonstrations", {"bc": beyond}))
 
 
+SEEDS = {"seeds": [*range(20, 28)]}  # whose held-out episodes are 32 each
 HELD_OUT, VALIDATION = "evaluate.seed", "training.evaluation_seed"
 IMITATION = "demonstrations.bc.seed"
 
@@ -72,8 +73,7 @@ IMITATION = "demonstrations.bc.seed"
 def test_no_episode_serves_two_purposes(
     key: str, seed: int, own: str, other: str, other_key: str
 ) -> None:
-    """Held-out ones are in a block for each of the seeds 20 to 27, of 32 episodes each."""
-    content = changed("demonstrations", {"bc": dict(DEMONSTRATIONS)})
+    content = changed("demonstrations", {"bc": dict(DEMONSTRATIONS)}) | SEEDS
     *blocks, last = key.split(".")
     functools.reduce(operator.getitem, blocks, content)[last] = seed
     assert refusal(content) == (
@@ -108,8 +108,9 @@ def test_baselines_play_no_more_than_a_block() -> None:
 
 def test_episodes_played_beyond_the_settings_count() -> None:
     """PGPE's best sample is chosen on 20, however few validate; demonstrations are in batches."""
-    content = changed("training.evaluation_episodes", 1)
+    content = changed("training.evaluation_episodes", 1) | SEEDS
     content["evaluate"]["seed"] = 2_000_019 - 640
     assert "none of 2000000 to 2000019, those of training" in refusal(content)
     one = DEMONSTRATIONS | {"steps": 1, "seed": 9_000_625}
-    assert "of the seeds 9000625 to 9000640" in refusal(changed("demonstrations", {"bc": one}))
+    line = refusal(changed("demonstrations", {"bc": one}) | SEEDS)
+    assert "of the seeds 9000625 to 9000640" in line

@@ -54,3 +54,14 @@ def test_the_table_is_read_back(known_params: Params, robot_xml: str, tmp_path: 
     read = scaling_table.read(tmp_path, settings.model_copy(update={"seeds": SEEDS}), "pgpe")
     assert list(read) == [1, 2]
     assert read[2].tolist() == [row["seconds"] for row in rows if row["threads"] == 2]
+
+
+def test_no_more_seeds_are_timed_than_the_repetitions_that_are_asked_for(
+    known_params: Params, tmp_path: Path
+) -> None:
+    seeds = [*range(5, 5 + scaling_table.REPETITIONS), 2]
+    settings = known_params.model_copy(update={"seeds": seeds})
+    rows = [{"seed": seed, "threads": 1, "seconds": 1.0} for seed in scaling_table.seeds(settings)]
+    write_text(Paths(tmp_path).agent("pgpe").scaling, scaling_table.to_csv("pgpe", rows))
+    assert [row["seed"] for row in rows] == seeds[:-1]
+    assert len(scaling_table.read(tmp_path, settings, "pgpe")[1]) == len(rows)
