@@ -110,7 +110,7 @@ bench: install .venv/.peers ## compare the project with its peers, into benchmar
 soak: install ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
 	python -m soak --minutes $(MINUTES)
 
-verify: install ## retrain a published seed and compare its bytes (AGENT=sac SEED=20, or ALL=1)
+verify: install ## retrain a published seed and compare its bytes (AGENT=sac SEED=30, or ALL=1)
 	@python -m scripts.verify $(if $(AGENT:*=),--agent $(AGENT)) $(if $(SEED),--seed $(SEED)) $(if $(ALL),--all)
 
 fingerprint: install ## compare what this machine computes with what was published, layer by layer
@@ -126,7 +126,7 @@ ui: install ## bring MLflow up to date and open its pages on this machine (PORT=
 view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
 
-watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=20)
+watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=30)
 	@python -m jumping_ant.watching.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
 
 map: install ## renew docs/map.md, the list of all modules

@@ -124,18 +124,19 @@ def main() -> None:
     """Parse the command line, plan and write."""
     parser = command_line.parser(__doc__)
     parser.add_argument("actions", nargs="*", default=[*ACTIONS], choices=[*ACTIONS])
-    parser.add_argument("--starts", type=int, default=STARTS, help="held-out episodes")
+    parser.add_argument("--starts", type=int, default=STARTS, help="held-out episodes, the first of as many seeds")
     options = parser.parse_args()
     params = presets.load("families")
     world = World(robot.build(params.robot), params.env)
     plans = read_json(PATH, "") if PATH.exists() else {}
     for name in options.actions:
         actions, began, returns = ActionSet.of(ACTIONS[name], params.env.commands), time.time(), []
-        for start in range(params.evaluate.seed, params.evaluate.seed + options.starts):
+        starts = [params.evaluate.block(seed)[0] for seed in params.seeds[: options.starts]]
+        for start in starts:
             returns.append(plan(world, actions, start))
             print(f"{name}, start {start}: {returns[-1]:,.0f}", flush=True)
         plans[name] = {
-            "first_start": params.evaluate.seed,
+            "starts": starts,
             "returns": returns,
             "horizon": HORIZON * actions.hold,
             "plans": SAMPLES * ROUNDS,

@@ -38,7 +38,7 @@ TABLES = {  # the preset and the document that has its table
 }
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 SNIPPETS = re.findall(r"^```python\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
-HERE = {"seed-20": "seed-0", 'render_mode="human"': "render_mode=None"}  # for the small project
+HERE = {"seed-30": "seed-0", 'render_mode="human"': "render_mode=None"}  # for the small project
 VIEWS = {"make view AGENT=sac": "sac", "make view AGENT=lineup": "lineup"}
 
 # Commands that the tests named here run, and those that take hours or change the machine.
@@ -64,7 +64,7 @@ ELSEWHERE = {
     "make check": CHECKS,
     "make verify": VERIFY,
     "make verify ALL=1": VERIFY,
-    "make verify AGENT=sac SEED=20": VERIFY,
+    "make verify AGENT=sac SEED=30": VERIFY,
     "make fingerprint": "tests/test_fingerprint.py",
     "python -m scripts.fingerprint --publish": "writes a document; tests/test_fingerprint.py",
     "mypy": CHECKS,
