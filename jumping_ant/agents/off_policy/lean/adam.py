@@ -5,7 +5,6 @@ from contextlib import contextmanager
 
 import torch
 from torch import Tensor, nn
-from torch.optim.adam import adam
 
 ALIGNMENT = 16  # [floats] a cache line; every parameter starts at a multiple of it
 
@@ -54,20 +53,20 @@ class FlatAdam:
     def step(self) -> None:
         """Update the parameters."""
         beta1, beta2 = self._group["betas"]
-        adam(
+        self._step += 1
+        torch._fused_adam_(  # what PyTorch's Adam calls if it is `fused`
             [self.values],
             [self.gradient],
             [self._mean],
             [self._mean_square],
             [],
             [self._step],
-            fused=True,
-            amsgrad=False,
+            lr=self._group["lr"],
             beta1=beta1,
             beta2=beta2,
-            lr=self._group["lr"],
             weight_decay=self._group["weight_decay"],
             eps=self._group["eps"],
+            amsgrad=False,
             maximize=False,
         )
 

@@ -9,8 +9,8 @@ The networks are those of SB3's `MlpPolicy` with ReLU; a feature extractor, if a
 parameters and is the same for all of them.
 """
 
-import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -48,13 +48,14 @@ class LeanDQN(DQN):
         super()._setup_model()
         self._adam = FlatAdam(cast(Adam, self.policy.optimizer))
         self._target_values = flatten(list(self.q_net_target.parameters()))
+        self._extract = _extraction(self.q_net)
         self._online = _mlp(self.q_net.q_net)
         self._target = _mlp(self.q_net_target.q_net)
         self._learning_pass, self._target_pass, self._acting_pass = Pass(), Pass(), Pass()
 
     def _excluded_save_params(self) -> list[str]:
         passes = ["_learning_pass", "_target_pass", "_acting_pass"]
-        own = ["_online", "_target", "_target_values", "_adam"]
+        own = ["_extract", "_online", "_target", "_target_values", "_adam"]
         return [*super()._excluded_save_params(), *own, *passes]
 
     @property
@@ -62,7 +63,6 @@ class LeanDQN(DQN):
         """All tensors that learning modifies, by name."""
         return {"target": self._target_values, **self._adam.vectors}
 
-    @torch.no_grad()
     def predict(
         self,
         observation: NDArray[np.float32] | dict[str, NDArray[Any]],
@@ -92,8 +92,7 @@ class LeanDQN(DQN):
             is_random = np.random.rand(*shape) < self.exploration_rate
         if is_random.all():
             return np.array([self.action_space.sample() for _ in is_random]), state
-        extractor = self.q_net.features_extractor
-        features = extractor(torch.from_numpy(observation))
+        features = self._extract(torch.from_numpy(observation))
         values = self._by_part(self._online.forward(features, self._acting_pass))
         actions = values.argmax(2).numpy().reshape(shape)
         for index in np.flatnonzero(is_random.reshape(len(observation), -1).any(axis=1)):
@@ -115,17 +114,18 @@ class LeanDQN(DQN):
             batch_size: Transitions per gradient step.
         """
         self._update_learning_rate(self.policy.optimizer)
-        batches = _draw(self, self.q_net, gradient_steps, batch_size)
+        batches = _draw(self, gradient_steps, batch_size)
         # The target network is constant during these steps: one pass serves them all.
         next_values = self._target.forward(batches.next_observations, self._target_pass)
         next_values = self._by_part(next_values).amax(2).mean(1, keepdim=True)
         targets = batches.rewards + batches.discounts * next_values
-        errors = torch.empty_like(targets)
-        steps = (batches.split(batch_size), targets.split(batch_size), errors.split(batch_size))
-        for batch, target, error in zip(*steps, strict=True):
+        errors = []
+        steps = (batches.split(batch_size), targets.split(batch_size))
+        for batch, target in zip(*steps, strict=True):
             outputs = self._online.forward(batch.observations, self._learning_pass)
             values, actions = self._by_part(outputs), batch.actions[:, :, None]
-            torch.sub(values.gather(2, actions).mean(1), target, out=error)
+            error = values.gather(2, actions).mean(1).sub_(target)
+            errors.append(error)
             # The derivatives of the Huber loss, of which each part has its share.
             slopes = error.clamp(-1, 1).div_(batch_size * actions.shape[1])
             gradient = torch.zeros_like(values).scatter_(
@@ -137,7 +137,7 @@ class LeanDQN(DQN):
 
         self._n_updates += gradient_steps
         self.logger.record("train/n_updates", self._n_updates, exclude="tensorboard")
-        loss = functional.smooth_l1_loss(errors, torch.zeros_like(errors))
+        loss = functional.smooth_l1_loss(torch.cat(errors), torch.zeros_like(targets))
         self.logger.record("train/loss", loss.item())
 
 
@@ -154,6 +154,7 @@ class LeanSAC(SAC):
         learned = self.ent_coef_optimizer
         self._entropy_adam = None if learned is None else FlatAdam(learned)
         self._target_values = flatten(list(self.critic_target.parameters()))
+        self._extract = _extraction(self.actor)
         self._gaussian = _SquashedGaussian(self.actor)
         self._critics = [_mlp(network) for network in self.critic.q_networks]
         self._targets = [_mlp(network) for network in self.critic_target.q_networks]
@@ -162,7 +163,7 @@ class LeanSAC(SAC):
         self._target_passes = [Pass() for _ in self._targets]
 
     def _excluded_save_params(self) -> list[str]:
-        own = ["_gaussian", "_critics", "_targets", "_target_values"]
+        own = ["_extract", "_gaussian", "_critics", "_targets", "_target_values"]
         adams = ["_actor_adam", "_critic_adam", "_entropy_adam"]
         passes = ["_actor_pass", "_next_actor_pass", "_critic_passes", "_target_passes"]
         return [*super()._excluded_save_params(), *own, *adams, *passes]
@@ -190,7 +191,7 @@ class LeanSAC(SAC):
         optimizers = [self.actor.optimizer, self.critic.optimizer, self.ent_coef_optimizer]
         self._update_learning_rate([each for each in optimizers if each is not None])
         logged = []
-        batches = _draw(self, self.actor, gradient_steps, batch_size).split(batch_size)
+        batches = _draw(self, gradient_steps, batch_size).split(batch_size)
         for step, batch in enumerate(batches):
             noise = torch.randn_like(batch.actions)
             next_noise = torch.randn_like(batch.actions)
@@ -345,17 +346,18 @@ def _replay_buffer(model: OffPolicyAlgorithm) -> BatchedReplayBuffer:
     )
 
 
-def _draw(
-    model: LeanDQN | LeanSAC, network: BaseModel, num_batches: int, batch_size: int
-) -> Batches:
+def _draw(model: LeanDQN | LeanSAC, num_batches: int, batch_size: int) -> Batches:
     """Draw batches whose observations are features (the same for all networks of a model)."""
     batches = model.replay_buffer.draw(num_batches, batch_size)
-    extractor = cast(BaseFeaturesExtractor, network.features_extractor)
-    return dataclasses.replace(
-        batches,
-        observations=network.extract_features(batches.observations, extractor),
-        next_observations=network.extract_features(batches.next_observations, extractor),
+    return batches._replace(
+        observations=model._extract(batches.observations),
+        next_observations=model._extract(batches.next_observations),
     )
+
+
+def _extraction(network: BaseModel) -> Callable[[Tensor], Tensor]:
+    """Return the function of a network's feature extractor, without the module's hooks."""
+    return cast(BaseFeaturesExtractor, network.features_extractor).forward
 
 
 def _mlp(network: nn.Module, relu_output: bool = False) -> MLP:

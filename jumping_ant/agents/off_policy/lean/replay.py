@@ -1,8 +1,7 @@
 """A replay buffer that draws several batches at once."""
 
-import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -11,8 +10,7 @@ from stable_baselines3.common.buffers import NStepReplayBuffer
 from torch import Tensor
 
 
-@dataclass(frozen=True)
-class Batches:
+class Batches(NamedTuple):
     """Several batches of n-step transitions, one after the other, of n rows in total."""
 
     observations: Tensor  # (n, observation)
@@ -23,8 +21,8 @@ class Batches:
 
     def split(self, batch_size: int) -> Iterator["Batches"]:
         """Yield the batches one by one; nothing is copied."""
-        columns = (getattr(self, field.name).split(batch_size) for field in fields(self))
-        return itertools.starmap(Batches, zip(*columns, strict=True))
+        columns = (column.split(batch_size) for column in self)
+        return map(Batches._make, zip(*columns, strict=True))
 
 
 class BatchedReplayBuffer(NStepReplayBuffer):
