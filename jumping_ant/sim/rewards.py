@@ -47,7 +47,7 @@ class ControlStep:
 
 def torso_height(step: ControlStep, settings: TorsoHeightParams) -> Array:
     """Return how high the torso is, from 0 at the floor of the term to 1 a span above it."""
-    return np.clip((step.heights - settings.floor) / settings.span, 0.0, 1.0)
+    return np.minimum(np.maximum((step.heights - settings.floor) / settings.span, 0.0), 1.0)
 
 
 def forward_velocity(step: ControlStep, _: Any) -> Array:

@@ -61,14 +61,14 @@ class SB3VecEnv(VecEnv):
         if self._sparse_rewards:
             rewards = np.where(dones, self._returns, 0.0)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for index in np.flatnonzero(dones):
+        for index in dones.nonzero()[0]:
             infos[index] = {
                 "terminal_observation": vector_infos["final_obs"][index].astype(np.float32),
                 "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
                 "episode": {"r": float(self._returns[index]), "l": int(self._lengths[index])},
             }
-        self._returns[dones] = 0.0
-        self._lengths[dones] = 0
+            self._returns[index] = 0.0
+            self._lengths[index] = 0
         return observations.astype(np.float32), rewards.astype(np.float32), dones, infos
 
     def save_state(self) -> dict[str, Any]:

@@ -95,7 +95,7 @@ class LeanDQN(DQN):
         features = self._extract(torch.from_numpy(observation))
         values = self._by_part(self._online.forward(features, self._acting_pass))
         actions = values.argmax(2).numpy().reshape(shape)
-        for index in np.flatnonzero(is_random.reshape(len(observation), -1).any(axis=1)):
+        for index in is_random.reshape(len(observation), -1).any(axis=1).nonzero()[0]:
             sample = self.action_space.sample()
             actions[index] = np.where(is_random[index], sample, actions[index])
         return actions, state
@@ -120,11 +120,10 @@ class LeanDQN(DQN):
         next_values = self._by_part(next_values).amax(2).mean(1, keepdim=True)
         targets = batches.rewards + batches.discounts * next_values
         errors = []
-        steps = (batches.split(batch_size), targets.split(batch_size))
-        for batch, target in zip(*steps, strict=True):
+        for batch in batches._replace(rewards=targets).split(batch_size):
             outputs = self._online.forward(batch.observations, self._learning_pass)
             values, actions = self._by_part(outputs), batch.actions[:, :, None]
-            error = values.gather(2, actions).mean(1).sub_(target)
+            error = values.gather(2, actions).mean(1).sub_(batch.rewards)
             errors.append(error)
             # The derivatives of the Huber loss, of which each part has its share.
             slopes = error.clamp(-1, 1).div_(batch_size * actions.shape[1])

@@ -21,7 +21,7 @@ class Batches(NamedTuple):
 
     def split(self, batch_size: int) -> Iterator["Batches"]:
         """Yield the batches one by one; nothing is copied."""
-        columns = (column.split(batch_size) for column in self)
+        columns = (column.view(-1, batch_size, column.shape[1]).unbind() for column in self)
         return map(Batches._make, zip(*columns, strict=True))
 
 
