@@ -124,7 +124,9 @@ def main() -> None:
     """Parse the command line, plan and write."""
     parser = command_line.parser(__doc__)
     parser.add_argument("actions", nargs="*", default=[*ACTIONS], choices=[*ACTIONS])
-    parser.add_argument("--starts", type=int, default=STARTS, help="held-out episodes, the first of as many seeds")
+    parser.add_argument(
+        "--starts", type=int, default=STARTS, help="held-out episodes, the first of as many seeds"
+    )
     options = parser.parse_args()
     params = presets.load("families")
     world = World(robot.build(params.robot), params.env)

@@ -95,7 +95,7 @@ class LeanDQN(DQN):
         features = self._extract(torch.from_numpy(observation))
         values = self._by_part(self._online.forward(features, self._acting_pass))
         actions = values.argmax(2).numpy().reshape(shape)
-        for index in is_random.reshape(len(observation), -1).any(axis=1).nonzero()[0]:
+        for index in np.nonzero(is_random.reshape(len(observation), -1).any(axis=1))[0]:
             sample = self.action_space.sample()
             actions[index] = np.where(is_random[index], sample, actions[index])
         return actions, state
