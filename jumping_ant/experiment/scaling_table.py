@@ -14,7 +14,7 @@ from jumping_ant.base.tables import SEED, Column
 from jumping_ant.experiment.models import Params
 
 DIGITS = 6  # of the seconds
-REPETITIONS = 8  # of the timing, each with a seed of its own; training takes the same time with all
+REPETITIONS = 8  # of the timing, each with a seed of its own
 COLUMNS = {
     "seed": SEED,
     "threads": Column(low=1, high=1e6, is_whole=True),

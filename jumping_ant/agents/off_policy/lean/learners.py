@@ -120,10 +120,11 @@ class LeanDQN(DQN):
         next_values = self._by_part(next_values).amax(2).mean(1, keepdim=True)
         targets = batches.rewards + batches.discounts * next_values
         errors = []
-        for batch in batches._replace(rewards=targets).split(batch_size):
+        steps = zip(batches.split(batch_size), targets.split(batch_size), strict=True)
+        for batch, target in steps:
             outputs = self._online.forward(batch.observations, self._learning_pass)
             values, actions = self._by_part(outputs), batch.actions[:, :, None]
-            error = values.gather(2, actions).mean(1).sub_(batch.rewards)
+            error = values.gather(2, actions).mean(1).sub_(target)
             errors.append(error)
             # The derivatives of the Huber loss, of which each part has its share.
             slopes = error.clamp(-1, 1).div_(batch_size * actions.shape[1])
