@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from mujoco.batch import Batch
-from torch.profiler import ProfilerActivity, profile
 
 from benchmarks import evolution, off_policy, simulation
 from benchmarks.apart import apart
@@ -22,7 +21,6 @@ from jumping_ant.agents.off_policy.lean.learners import LeanDQN, LeanSAC
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import rollout
 
-PRODUCTS = ("aten::mm", "aten::addmm")  # as PyTorch names them
 FLOOR_ENVS = 16
 EPISODES, EPISODE_STEPS = 10, 200  # evaluated
 
@@ -37,7 +35,8 @@ class Profile:
         physics: Time in MuJoCo's batch.
         mj_step: Time of MuJoCo alone, with random torques.
         learning: Time in gradient steps.
-        products: Time in the matrix products of the gradient steps.
+        products: Time in the matrix products of networks that learn, which NumPy computes (see
+            `jumping_ant.agents.kernels`).
     """
 
     work: str
@@ -107,32 +106,30 @@ def _profile(
     with ExitStack() as stack:
         physics = stack.enter_context(_timed(Batch, "step"))
         learning = stack.enter_context(_timed(learner, "train")) if learner else []
+        products = stack.enter_context(_timed(np, "matmul"))
         started = time.perf_counter()
         train()
         total = time.perf_counter() - started
-    with profile(activities=[ProfilerActivity.CPU]) as trace:
-        train()
-    events = [event for event in trace.key_averages() if event.key in PRODUCTS]
     return Profile(
         work,
         total=total * 1e6 / steps,
         physics=sum(physics) * 1e6 / steps,
         mj_step=mj_step,
         learning=sum(learning) * 1e6 / steps,
-        products=sum(event.self_cpu_time_total for event in events) / steps,
+        products=sum(products) * 1e6 / steps,
     )
 
 
 @contextmanager
-def _timed(owner: type, name: str) -> Iterator[list[float]]:
-    """Time all calls of a method, and yield the list that collects their seconds."""
-    method = getattr(owner, name)
+def _timed(owner: Any, name: str) -> Iterator[list[float]]:
+    """Time all calls of a method or function, and yield the list that collects their seconds."""
+    original = getattr(owner, name)
     seconds: list[float] = []
 
     def timed(*args: Any, **kwargs: Any) -> Any:
         started = time.perf_counter()
         try:
-            return method(*args, **kwargs)
+            return original(*args, **kwargs)
         finally:
             seconds.append(time.perf_counter() - started)
 
@@ -140,4 +137,4 @@ def _timed(owner: type, name: str) -> Iterator[list[float]]:
     try:
         yield seconds
     finally:
-        setattr(owner, name, method)
+        setattr(owner, name, original)
