@@ -1,7 +1,8 @@
 """What holds for every algorithm of the catalogue."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,8 @@ import small_agents
 
 from jumping_ant.agents import catalogue
 from jumping_ant.agents.catalogue import ALGORITHMS, row
-from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
-from jumping_ant.agents.job import resolve, trainer_of
+from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
+from jumping_ant.agents.job import Job, resolve, trainer_of
 from jumping_ant.base.archive import Archive
 from jumping_ant.looks.naming import BASELINE
 from jumping_ant.params.blocks import EnvParams
@@ -47,25 +48,24 @@ def test_baselines_are_a_family(name: str) -> None:
     assert ALGORITHMS[name].is_baseline == (ALGORITHMS[name].family == BASELINE)
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
-def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> None:
-    job = small_agents.job(World(robot_xml, ENV), AGENTS[name], seed=0, evaluations=2)
-    events = list(trainer_of(job.agent)(job))
-    assert isinstance(events[-1], Finished)
-    assert events[-1].env_steps <= job.agent.max_env_steps + 16  # a round may pass the mark
-    assert any(isinstance(event, Snapshot) for event in events)
-    header = json.loads(Archive(events[-1].policy)["policy.json"])
-    assert header["kind"] == ALGORITHMS[name].network
-    assert header["num_motors"] == 8 and header["num_observations"] in (27, None)
-    policy = policy_file.parse(events[-1].policy)
-    policy.start(range(3))
-    torques = policy.act(np.random.default_rng(0).normal(size=(3, 27)))
-    assert torques.shape == (3, 8) and (np.abs(torques) <= 1).all()
+@dataclass(frozen=True)
+class Run:
+    """A whole training, which leaves a checkpoint wherever it can.
+
+    Attributes:
+        job: What was trained.
+        events: All that it reported.
+        used: The settings that it read, by name.
+    """
+
+    job: Job[Any]
+    events: list[Event]
+    used: set[str]
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
-def test_training_uses_every_setting(name: str, robot_xml: str) -> None:
-    """Whoever takes it: the library's class, its policy or this project's own code."""
+@cache
+def run_of(name: str, xml: str) -> Run:
+    """Train a small agent of an algorithm."""
     used: set[str] = set()
     settings = type(AGENTS[name])
 
@@ -74,25 +74,49 @@ def test_training_uses_every_setting(name: str, robot_xml: str) -> None:
             used.add(key)
             return super().__getattribute__(key)
 
-    job = small_agents.job(World(robot_xml, ENV), AGENTS[name], seed=0)
+    job = small_agents.job(
+        World(xml, ENV), AGENTS[name], seed=3, evaluations=2, is_checkpoint_due=lambda: True
+    )
     train = trainer_of(job.agent)
     watched = Watched.model_validate(job.agent.model_dump())
     used.clear()
-    list(train(replace(job, agent=watched)))
-    assert used >= settings.model_fields.keys() - {"algorithm", "robot"}, "the driver uses these"
+    events = list(train(replace(job, agent=watched)))
+    return Run(job, events, set(used))
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> None:
+    run = run_of(name, robot_xml)
+    last = run.events[-1]
+    assert isinstance(last, Finished)
+    assert last.env_steps <= run.job.agent.max_env_steps + 16  # a round may pass the mark
+    assert any(isinstance(event, Snapshot) for event in run.events)
+    header = json.loads(Archive(last.policy)["policy.json"])
+    assert header["kind"] == ALGORITHMS[name].network
+    assert header["num_motors"] == 8 and header["num_observations"] in (27, None)
+    policy = policy_file.parse(last.policy)
+    policy.start(range(3))
+    torques = policy.act(np.random.default_rng(0).normal(size=(3, 27)))
+    assert torques.shape == (3, 8) and (np.abs(torques) <= 1).all()
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_training_uses_every_setting(name: str, robot_xml: str) -> None:
+    """Whoever takes it: the library's class, its policy or this project's own code."""
+    settings = type(AGENTS[name]).model_fields.keys()
+    used = run_of(name, robot_xml).used
+    assert used >= settings - {"algorithm", "robot"}, "the driver uses these"
 
 
 @pytest.mark.parametrize("name", LEARNERS)
 def test_a_resumed_training_is_the_same_to_the_last_bit(name: str, robot_xml: str) -> None:
     """From every checkpoint of a run, each in a trainer of its own."""
-    job = small_agents.job(
-        World(robot_xml, ENV), AGENTS[name], seed=3, evaluations=2, is_checkpoint_due=lambda: True
-    )
-    events = list(trainer_of(job.agent)(job))
+    run = run_of(name, robot_xml)
+    events = run.events
     places = [i for i, event in enumerate(events) if isinstance(event, Checkpoint)]
     assert len(places) > 2
     for place in (places[0], places[len(places) // 2], places[-1]):
-        rest = list(trainer_of(job.agent)(replace(job, checkpoint=events[place].content)))
+        rest = list(trainer_of(run.job.agent)(replace(run.job, checkpoint=events[place].content)))
         # A NaN equals no other; and what is said of it, but not the checkpoints' content, counts.
         told = [repr(event) for event in rest if not isinstance(event, Checkpoint)]
         whole = [event for event in events[place + 1 :] if not isinstance(event, Checkpoint)]
@@ -101,8 +125,8 @@ def test_a_resumed_training_is_the_same_to_the_last_bit(name: str, robot_xml: st
 
 @pytest.mark.parametrize("name", LEARNERS)
 def test_rows_tell_what_the_catalogue_says(name: str, robot_xml: str) -> None:
-    job = small_agents.job(World(robot_xml, ENV), AGENTS[name], seed=0)
-    rows = [event for event in trainer_of(job.agent)(job) if isinstance(event, Progress)]
-    logged = {key.partition("/")[2] for key in row(job.agent).logged}
+    run = run_of(name, robot_xml)
+    rows = [event for event in run.events if isinstance(event, Progress)]
+    logged = {key.partition("/")[2] for key in row(run.job.agent).logged}
     assert logged <= set(rows[-1].extra)
     assert np.isfinite([rows[-1].extra[key] for key in rows[-1].extra]).all()
