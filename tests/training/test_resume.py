@@ -19,7 +19,7 @@ import small_agents
 from ruamel.yaml import YAML
 from small_disk import small_disk
 from small_project import read_csv
-from small_training import TRAINED, KillError, digests, forget, small_params
+from small_training import ONE_OF_EACH, TRAINED, KillError, digests, forget, small_params
 
 from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.job import Job
@@ -72,10 +72,11 @@ def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> No
     monkeypatch.setattr(SeedFiles, "take", take)
 
 
-@pytest.mark.parametrize("agent", TRAINED)
+@pytest.mark.parametrize("agent", ONE_OF_EACH)
 def test_a_killed_run_resumes_to_the_same_bytes(
     project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """As do the trainers of all algorithms, for which tests/agents/test_catalogue.py looks."""
     settings, often = small_params(1), with_many_checkpoints()
     driver.train(project, settings, agent)
     expected = digests(project / "models")
@@ -210,16 +211,15 @@ def test_a_finished_training_is_done_again_only_if_it_is_forced(
     assert not is_trained()
 
 
-@pytest.mark.parametrize(
-    ("command", "told"),
-    [
-        ("dvc repro asked", "False"),
-        ("dvc repro --force asked", "True"),
-        ("python -m dvc repro -sf asked", "True"),
-        ("dvc exp run --force asked", "True"),
-    ],
-)
-def test_what_forces_a_training(tmp_path: Path, command: str, told: str) -> None:
+FORCED = {
+    "dvc repro asked": "False",
+    "dvc repro --force asked": "True",
+    "python -m dvc repro -sf asked": "True",
+    "dvc exp run --force asked": "True",
+}
+
+
+def test_what_forces_a_training(tmp_path: Path) -> None:
     code = "from jumping_ant.training.forced import is_forced; print(is_forced())"
     stage = {"cmd": f'{sys.executable} -c "{code}" > told', "outs": [{"told": {"cache": False}}]}
     with (tmp_path / "dvc.yaml").open("w", encoding="utf-8") as file:
@@ -230,8 +230,9 @@ def test_what_forces_a_training(tmp_path: Path, command: str, told: str) -> None
     name = ["-c", "user.name=a", "-c", "user.email=a@b"]
     run(["git", *name, "commit", "-q", "--allow-empty", "-m", "a"])
     run(["dvc", "init", "-q"])
-    run(command.split())
-    assert (tmp_path / "told").read_text(encoding="utf-8").strip() == told
+    for command, told in FORCED.items():
+        run(command.split())
+        assert (tmp_path / "told").read_text(encoding="utf-8").strip() == told, command
 
 
 def test_a_parent_that_only_has_the_name_forces_nothing(tmp_path: Path) -> None:
