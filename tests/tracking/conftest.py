@@ -1,11 +1,27 @@
 """Projects to track, bare, trained and tracked."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import imageio.v3 as imageio
 import mlflow
+import numpy as np
 import pytest
-from tracked_project import copy_tracked, make_bare, make_whole, tracked, unset_variables
+from tracked_project import (
+    OnServer,
+    copy_tracked,
+    curve_lines,
+    make_bare,
+    make_whole,
+    served,
+    tracked,
+    unset_variables,
+)
+
+from jumping_ant.base.files import write_text
+from jumping_ant.base.paths import Paths
+from jumping_ant.tracking import live
 
 
 @pytest.fixture(scope="session")
@@ -25,6 +41,25 @@ def tracked_template(tmp_path_factory: pytest.TempPathFactory, empty_database: P
         unset_variables(monkeypatch)
         tracked(root)
     return root
+
+
+@pytest.fixture(scope="session")
+def on_server(tmp_path_factory: pytest.TempPathFactory, empty_database: Path) -> Iterator[OnServer]:
+    """A project that was followed while it trained, and tracked."""
+    root = tmp_path_factory.mktemp("pages") / "a project"
+    make_bare(root, empty_database)
+    with served(root / "server", empty_database) as address:
+        with pytest.MonkeyPatch.context() as patch:
+            unset_variables(patch)
+            patch.setenv("MLFLOW_TRACKING_URI", address)
+            patch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.2")
+            write_text(Paths(root).agent("sac").seed(1).curve, curve_lines(1))
+            live.follow("sac", root, lambda seconds: not time.sleep(3.0))
+            make_whole(root)
+            frames = np.random.default_rng(0).integers(0, 255, (75, 64, 64, 3), np.uint8)
+            imageio.imwrite(root / "media" / "sac.mp4", frames, fps=25, codec="libx264")
+            told = tracked(root)
+        yield OnServer(address, root / "server", root, told)
 
 
 @pytest.fixture

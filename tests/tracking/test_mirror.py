@@ -15,7 +15,6 @@ from tracked_project import (
     meaning,
     parent_name,
     query,
-    run_python,
     runs,
     state,
     tracked,
@@ -23,7 +22,7 @@ from tracked_project import (
 )
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT, digest, write_bytes, write_text
+from jumping_ant.base.files import digest, write_bytes, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import connection, models, pages, reading, records, store
@@ -218,28 +217,6 @@ def test_an_interrupted_call_is_completed_by_the_next(untracked_project: Path) -
     assert len(runs(project)) == 5
     assert set(runs(project).values()) == {"FINISHED"}
     assert len(query(project, "SELECT * FROM model_versions")) == 4
-
-
-def test_a_wiped_database_is_rebuilt(project: Path) -> None:
-    said = meaning(project)
-    key = parent_name(project, "sac-seed-0").removeprefix("comparison-")
-    (project / "mlflow.db").unlink()
-    # In a process of its own: this one still holds the old database open.
-    code = "import sys, pathlib; from jumping_ant.tracking.mirror import track; "
-    code += "track(pathlib.Path(sys.argv[1]))"
-    output = run_python(code, str(project), cwd=project, PYTHONPATH=str(PROJECT_ROOT))
-    assert [line.partition(" (")[0] for line in output.splitlines()] == [
-        f"comparison {key}: created",
-        "sac seed 0: created",
-        "sac seed 1: created",
-        "jumping-ant-sac: champion is version 2, validation return 601.0",
-        "pgpe seed 0: created",
-        "pgpe seed 1: created",
-        "jumping-ant-pgpe: champion is version 2, validation return 601.0",
-        f"comparison {key}: updated",
-        f"MLflow at sqlite:///{project}/mlflow.db: 4 created",
-    ]
-    assert meaning(project) == said
 
 
 def test_points_that_contradict_the_files_are_replaced(project: Path) -> None:

@@ -1,38 +1,17 @@
 """MLflow's pages, as a person sees them in a browser."""
 
-import time
-from collections.abc import Iterator
-from pathlib import Path
-
-import imageio.v3 as imageio
-import numpy as np
 import pytest
 from browser import OpenPage, Visit
 from mlflow import MlflowClient
 from playwright.sync_api import expect
-from tracked_project import curve_lines, make_bare, make_whole, served, tracked, unset_variables
+from tracked_project import OnServer
 
-from jumping_ant.base.files import write_text
-from jumping_ant.base.paths import Paths
-from jumping_ant.tracking import live, pages
+from jumping_ant.tracking import pages
 
 
 @pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory, empty_database: Path) -> Iterator[str]:
-    """A server with a project that was followed while it trained, and tracked."""
-    root = tmp_path_factory.mktemp("pages") / "a project"
-    make_bare(root, empty_database)
-    with pytest.MonkeyPatch.context() as patch, served(root / "server", empty_database) as server:
-        unset_variables(patch)
-        patch.setenv("MLFLOW_TRACKING_URI", server)
-        patch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.2")
-        write_text(Paths(root).agent("sac").seed(1).curve, curve_lines(1))
-        live.follow("sac", root, lambda seconds: not time.sleep(3.0))
-        make_whole(root)
-        frames = np.random.default_rng(0).integers(0, 255, (75, 64, 64, 3), np.uint8)
-        imageio.imwrite(root / "media" / "sac.mp4", frames, fps=25, codec="libx264")
-        tracked(root)
-        yield server
+def address(on_server: OnServer) -> str:
+    return on_server.address
 
 
 @pytest.fixture(scope="module")

@@ -108,6 +108,9 @@ def served(own_project: Path) -> Iterator[Served]:
         unset_variables(monkeypatch)
         with running(own_project) as served:
             yield served
+            served.process.send_signal(signal.SIGINT)
+            _, errors = served.process.communicate(timeout=30)
+            assert (served.process.returncode, errors) == (0, ""), "Ctrl-C ends it without a word"
 
 
 def test_only_the_address_opens_the_pages(served: Served) -> None:
@@ -221,14 +224,6 @@ def test_the_token_is_nowhere_that_others_can_look(served: Served, own_project: 
         assert not path.is_file() or served.token.encode() not in path.read_bytes()
 
 
-def test_ctrl_c_ends_it_without_a_word(project: Path) -> None:
-    with running(project) as served:
-        assert status(served.address, served.bearer) == 200
-        served.process.send_signal(signal.SIGINT)
-        _, errors = served.process.communicate(timeout=30)
-        assert (served.process.returncode, errors) == (0, "")
-
-
 def test_a_port_that_cannot_be_had_ends_in_one_line(project: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
@@ -248,21 +243,20 @@ def test_the_printed_address_shows_the_table_of_runs(served: Served, open_page: 
     visit.wait_for(shown)
 
 
-@pytest.mark.parametrize("how", ["changed", "added", "missing"])
-def test_a_model_whose_files_were_changed_is_replaced(untracked_project: Path, how: str) -> None:
+def test_a_model_whose_files_were_changed_is_replaced(untracked_project: Path) -> None:
     project = untracked_project
     tracked(project)
-    assert tracked(project)[-1].endswith("4 unchanged")
     path = next((project / "mlartifacts" / "models").rglob("serving.py"))
-    expected = path.read_text(encoding="utf-8")
-    if how == "changed":
-        path.write_text(expected + "\nprint('hello')\n", encoding="utf-8")
-    elif how == "added":
-        (path.parent / "numpy.py").write_text("print('hello')\n", encoding="utf-8")
-    else:
-        path.unlink()
-    lines = tracked(project)
-    assert lines[-1].endswith("1 repaired, 3 unchanged")
-    assert any("models 1" in line for line in lines)
-    assert path.read_text(encoding="utf-8") == expected and not (path.parent / "numpy.py").exists()
+    other, expected = path.parent / "numpy.py", path.read_text(encoding="utf-8")
+    for change in (
+        lambda: path.write_text(expected + "\nprint('hello')\n", encoding="utf-8"),
+        lambda: other.write_text("print('hello')\n", encoding="utf-8"),
+        path.unlink,
+    ):
+        assert tracked(project)[-1].endswith("4 unchanged")
+        change()
+        lines = tracked(project)
+        assert lines[-1].endswith("1 repaired, 3 unchanged")
+        assert any("models 1" in line for line in lines)
+        assert path.read_text(encoding="utf-8") == expected and not other.exists()
     assert tracked(project)[-1].endswith("4 unchanged")

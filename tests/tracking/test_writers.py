@@ -1,53 +1,61 @@
 """Processes that write to MLflow at the same time, and those that have ended."""
 
+import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import psutil
 import pytest
-from tracked_project import (
-    content,
-    query,
-    runs,
-    tracked,
-)
+from tracked_project import meaning, parent_name, query, run_python, runs, tracked
 
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.tracking import writers
 
+TWO = """
+import json, pathlib, sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from jumping_ant.tracking.mirror import track
 
-def test_two_at_once_lose_nothing_and_double_nothing(untracked_project: Path) -> None:
-    """As two pipelines on one database do, which have trained the same policies."""
-    program = (
-        "import pathlib, sys; from jumping_ant.tracking.mirror import track\n"
-        "track(pathlib.Path(sys.argv[1]))"
-    )
-    command = [sys.executable, "-c", program, str(untracked_project)]
-    both = [subprocess.Popen(command, stdout=subprocess.DEVNULL) for _ in range(2)]
-    assert [process.wait() for process in both] == [0, 0]
-    assert tracked(untracked_project)[-1].endswith("4 unchanged")
-    assert len(runs(untracked_project)) == 5
-    names = query(untracked_project, "SELECT name FROM runs WHERE lifecycle_stage = 'active'")
-    assert len(names) == 5
-    assert len(content(untracked_project, "metrics", "sac-seed-1")) == 4 * 3 + 3 + 1 + 3 + 3
+def tracked(root):
+    lines = []
+    track(pathlib.Path(root), lines.append)
+    return lines
+
+with ProcessPoolExecutor(2, get_context("fork")) as two:
+    print(json.dumps(list(two.map(tracked, [sys.argv[1]] * 2))))
+"""
 
 
-def test_two_make_one_database(tmp_path: Path) -> None:
-    """MLflow alone leaves a broken one behind where two make its tables at once."""
-    program = (
-        "import pathlib, sys; from jumping_ant.tracking import store\n"
-        "print(store.connect(pathlib.Path(sys.argv[1]), 5, 0).experiment_id)"
-    )
-    command = [sys.executable, "-c", program, str(tmp_path)]
-    processes = [
-        subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8") for _ in range(3)
+def test_two_rebuild_a_wiped_database_at_once(project: Path) -> None:
+    """As two pipelines on one database do, which have trained the same policies.
+
+    MLflow alone leaves a broken one behind where two make its tables at once.
+    """
+    said = meaning(project)
+    key = parent_name(project, "sac-seed-0").removeprefix("comparison-")
+    (project / "mlflow.db").unlink()
+    told = json.loads(run_python(TWO, str(project), cwd=project, PYTHONPATH=str(PROJECT_ROOT)))
+    waiter, builder = sorted(told, key=len)
+    assert waiter[-1] == f"MLflow at sqlite:///{project}/mlflow.db: 4 unchanged"
+    assert [line.partition(" (")[0] for line in builder] == [
+        f"comparison {key}: created",
+        "sac seed 0: created",
+        "sac seed 1: created",
+        "jumping-ant-sac: champion is version 2, validation return 601.0",
+        "pgpe seed 0: created",
+        "pgpe seed 1: created",
+        "jumping-ant-pgpe: champion is version 2, validation return 601.0",
+        f"comparison {key}: updated",
+        f"MLflow at sqlite:///{project}/mlflow.db: 4 created",
     ]
-    answers = [process.communicate()[0] for process in processes]
-    assert [process.returncode for process in processes] == [0, 0, 0]
-    assert len(set(answers)) == 1
+    assert meaning(project) == said
+    assert tracked(project)[-1].endswith("4 unchanged")
+    assert len(query(project, "SELECT name FROM runs")) == len(runs(project)) == 5
+    assert query(project, "SELECT count(*) FROM experiments WHERE name = 'jumping-ant'") == [(1,)]
 
 
 def test_a_process_that_ended_writes_no_more_though_none_took_note() -> None:

@@ -10,6 +10,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -219,6 +220,23 @@ def run_python(code: str, *arguments: str, cwd: Path, **environment: str) -> str
     )
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
+
+
+@dataclass(frozen=True)
+class OnServer:
+    """A project on an MLflow server of its own.
+
+    Attributes:
+        address: The server's.
+        folder: The server's folder, with its database.
+        project: The project's folder.
+        told: What tracking the project said.
+    """
+
+    address: str
+    folder: Path
+    project: Path
+    told: list[str]
 
 
 @contextmanager
