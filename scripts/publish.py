@@ -32,7 +32,6 @@ from jumping_ant.experiment import curves, params_file, summaries
 from jumping_ant.looks import wording
 from jumping_ant.looks.wording import p_value
 from jumping_ant.tracking import descriptions
-from scripts import article_runs
 from scripts.preset import folder_of
 
 DOCS = PROJECT_ROOT / "docs"
@@ -133,6 +132,8 @@ def printed_sections() -> Sections:
 
 def runs_sections() -> Sections:
     """Return what documents say of DQN's runs with other versions and contacts."""
+    from scripts import article_runs  # imports what trains and tests, which takes seconds
+
     return {(DOCS / "article.md", "runs"): runs_table(article_runs.summary(article_runs.PATH))}
 
 
