@@ -30,8 +30,14 @@ QUICK_TARGETS = ["digest", "build", "dvc"]
 def project() -> Iterator[Checkout]:
     with checkout() as copy:
         projects.prepare(copy)
-        copy.seconds("dvc", "repro", f"evaluate@{AGENT}")
         yield copy
+
+
+@pytest.fixture(scope="module")
+def evaluated(project: Checkout) -> Checkout:
+    """The same project, with an agent trained, if it is not, and evaluated."""
+    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
+    return project
 
 
 def test_a_killed_pipeline_ends_with_the_same_bytes(project: Checkout) -> None:
@@ -51,8 +57,8 @@ def test_faults_beside_a_training_change_no_byte(project: Checkout) -> None:
         assert (count.injected, count.survived) == (1, 1), name
 
 
-def test_files_cut_short_are_answered_clearly(project: Checkout) -> None:
-    count = inputs.give(project, random.Random(0))
+def test_files_cut_short_are_answered_clearly(evaluated: Checkout) -> None:
+    count = inputs.give(evaluated, random.Random(0))
     assert count.troubles == []
     assert count.tried == count.clear == len(inputs.INPUTS)
 
@@ -81,13 +87,13 @@ def test_interrupted_operations_are_survived(project: Checkout) -> None:
 
 
 @pytest.mark.parametrize(("stage", "seconds"), [("build", 0.5), ("record", 0.5), ("record", 1.5)])
-def test_ctrl_c_ends_a_stage_in_one_line(project: Checkout, stage: str, seconds: float) -> None:
+def test_ctrl_c_ends_a_stage_in_one_line(evaluated: Checkout, stage: str, seconds: float) -> None:
     """While it imports, and while it works, by its own CPU time; it may also have ended before."""
     agents = () if stage == "build" else (AGENT,)
     process = subprocess.Popen(
         [sys.executable, "-m", f"stages.{stage}", *agents],
-        cwd=project.folder,
-        env=project.environment,
+        cwd=evaluated.folder,
+        env=evaluated.environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         encoding="utf-8",
