@@ -1,13 +1,13 @@
 """Plan through the true simulator, to see how far the learners are from what the robot can do.
 
-Usage: python -m scripts.ceiling [ACTIONS...] [--starts N]
+Usage: python -m scripts.ceiling [--actions ACTIONS ...] [--starts N]
 
 From each of a few held-out starts, the cross-entropy method (Rubinstein 1999) plans the next
 decisions, takes the first of the best plan, and plans again: model predictive control. Unlike a
 policy it knows the simulator, but the robot does return as much, so the best possible return is no
 less. Plans are of full torque forwards or backwards for every motor, or of the article's commands.
-Writes results/ceiling.json, and in docs/families.md the learners' shares of the way from the
-metronome to the plan.
+Writes results/ceiling.json, after each kind of actions; `make publish` then writes the learners'
+shares of the way from the metronome to the plan into docs/results.md.
 """
 
 import time
@@ -21,14 +21,13 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base import command_line, machine, output
 from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT, read_json, write_json
-from jumping_ant.experiment import presets
+from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import wording
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
-from scripts import publish
 
 PATH = PROJECT_ROOT / "results" / "ceiling.json"
 ACTIONS = {
@@ -102,9 +101,14 @@ def plan(world: World, actions: ActionSet, start: int) -> float:
     return total
 
 
-def shares(params: Params, plans: dict[str, Any]) -> str:
-    """Return the learners' shares of the way from the metronome to the plan, as Markdown."""
-    agents = read_json(PROJECT_ROOT / "results" / "families.json", "")["agents"]
+def shares(params: Params, agents: dict[str, Any], plans: dict[str, Any]) -> str:
+    """Return the learners' shares of the way from the metronome to the plan, as Markdown.
+
+    Args:
+        params: The parameters, which tell each agent's actions.
+        agents: What the comparison says of each agent.
+        plans: The content of results/ceiling.json.
+    """
     means = {name: own["return"]["mean"] for name, own in agents.items()}
     rows = []
     for name, mean in sorted(means.items(), key=lambda item: -item[1]):
@@ -123,12 +127,12 @@ def shares(params: Params, plans: dict[str, Any]) -> str:
 def main() -> None:
     """Parse the command line, plan and write."""
     parser = command_line.parser(__doc__)
-    parser.add_argument("actions", nargs="*", default=[*ACTIONS], choices=[*ACTIONS])
+    parser.add_argument("--actions", nargs="+", choices=ACTIONS, default=[*ACTIONS])
     parser.add_argument(
         "--starts", type=int, default=STARTS, help="held-out episodes, the first of as many seeds"
     )
     options = parser.parse_args()
-    params = presets.load("families")
+    params = params_file.load()
     world = World(robot.build(params.robot), params.env)
     plans = read_json(PATH, "") if PATH.exists() else {}
     for name in options.actions:
@@ -145,8 +149,6 @@ def main() -> None:
             "seconds": round(time.time() - began, 1),
         }
         write_json(PATH, plans)
-    if plans.keys() == ACTIONS.keys():
-        publish.replace_section(publish.DOCUMENTS["families"], "ceiling", shares(params, plans))
 
 
 if __name__ == "__main__":

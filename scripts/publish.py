@@ -44,6 +44,7 @@ OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
 PUBLISHED = DOCS / "published" / "ant_sac.csv"
 PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": tables.Column()}
 PUBLISHED_STEPS = (100_000, 200_000)
+FINALS = DOCS / "published" / "ant_v4.csv"
 FIGURES = ("learning_curves", "final_return")
 VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
 PICTURES = {"default": "", "families": "families-"}  # prefixes of their names in docs/images/
@@ -84,10 +85,13 @@ def _sections(preset: str, folder: Path) -> Sections:
     if preset == "article-runs":
         return runs_sections()
     sections = comparison_sections(preset, results(folder))
-    if preset == "article":
+    if preset == "default":
+        sections |= ceiling_sections()
+    elif preset == "article":
         sections |= printed_sections()
     elif preset == "run":
         sections[RESULTS_PAGE, "published"] = published_table(folder)
+        sections |= finals_sections()
     return sections
 
 
@@ -102,8 +106,10 @@ def committed_sections() -> Sections:
     return (
         comparison_sections("default", results(PROJECT_ROOT))
         | comparison_sections("families", _read(RESULTS / "families.json"))
+        | ceiling_sections()
         | printed_sections()
         | runs_sections()
+        | finals_sections()
         | tuning_sections()
     )
 
@@ -130,11 +136,25 @@ def printed_sections() -> Sections:
     return {(DOCS / "article.md", "printed"): printed_table(printed)}
 
 
+def ceiling_sections() -> Sections:
+    """Return what documents say of the learners beside plans through the simulator."""
+    from scripts import ceiling  # imports the simulator, which takes seconds
+
+    agents, plans = results(PROJECT_ROOT)["agents"], _read(ceiling.PATH)
+    return {(RESULTS_PAGE, "ceiling"): ceiling.shares(params_file.load(), agents, plans)}
+
+
 def runs_sections() -> Sections:
     """Return what documents say of DQN's runs with other versions and contacts."""
     from scripts import article_runs  # imports what trains and tests, which takes seconds
 
     return {(DOCS / "article.md", "runs"): runs_table(article_runs.summary(article_runs.PATH))}
+
+
+def finals_sections() -> Sections:
+    """Return what documents say of published returns on Ant-v4."""
+    rows = list(csv.DictReader(FINALS.read_text(encoding="utf-8").splitlines()))
+    return {(RESULTS_PAGE, "finals"): finals_table(rows)}
 
 
 def tuning_sections() -> Sections:
@@ -308,6 +328,16 @@ def published_table(root: Path) -> str:
         theirs = published["return"][published["env_steps"] == steps]
         cells = [_median_of(np.concatenate(here)), _median_of(theirs)]
         lines.append(f"| {steps:,} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def finals_table(rows: Sequence[dict[str, str]]) -> str:
+    """Return published methods by their mean return over seeds, as Markdown."""
+    lines = ["| method | seeds | mean return | all |", "|---|---|---|---|"]
+    for method in dict.fromkeys(row["method"] for row in rows):
+        own = sorted(float(row["return"]) for row in rows if row["method"] == method)
+        every = ", ".join(f"{value:,.0f}" for value in own)
+        lines.append(f"| {method} | {len(own)} | {np.mean(own):,.0f} | {every} |")
     return "\n".join(lines)
 
 

@@ -1,12 +1,15 @@
 """Plans through the true simulator."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.base.files import PROJECT_ROOT, read_json
-from jumping_ant.experiment import presets
+from jumping_ant.base.files import read_json
+from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.policy import Policy
@@ -59,15 +62,32 @@ def test_a_plan_returns_what_the_planner_expects(world: World) -> None:
         assert played == expected[number]
 
 
+def test_starts_are_the_first_of_the_first_seeds(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is not asked for, stays."""
+    params = params_file.load()
+    monkeypatch.setattr(ceiling, "PATH", tmp_path / "ceiling.json")
+    monkeypatch.setattr(
+        ceiling.params_file, "load", lambda: params.model_copy(update={"env": world.env})
+    )
+    for names in (["commands"], ["torques"]):
+        monkeypatch.setattr(sys, "argv", ["ceiling", "--starts", "2", "--actions", *names])
+        ceiling.main()
+    plans = read_json(ceiling.PATH, "")
+    assert plans.keys() == {"commands", "torques"}
+    starts = [params.evaluate.block(seed)[0] for seed in params.seeds[:2]]
+    assert [own["starts"] for own in plans.values()] == [starts, starts]
+    assert all(len(own["returns"]) == 2 and own["seconds"] > 0 for own in plans.values())
+
+
 def test_shares_are_of_the_way_from_the_metronome_to_the_plan() -> None:
     """With DQN, whose commands have half the torque, between the metronome and plans like it."""
-    agents = read_json(PROJECT_ROOT / "results" / "families.json", "")["agents"]
-    means = {name: own["return"]["mean"] for name, own in agents.items()}
-    least, most = means["metronome-full"], 2 * means["sac"] - means["metronome-full"]
-    plans = {"torques": {"returns": [most - 1, most + 1]}, "commands": {"returns": [10_000.0]}}
-    lines = ceiling.shares(presets.load("families"), plans).splitlines()
-    shares = {line.split(" | ")[0].strip("| "): line.split(" | ")[-1] for line in lines[2:]}
-    assert shares["sac"] == "50 % |" and "random" not in shares
-    dqn = (means["dqn"] - means["metronome"]) / (10_000 - means["metronome"])
-    assert shares["dqn"] == f"{round(100 * dqn)} % |"
-    assert f"| sac | {means['sac']:,.0f} | {least:,.0f} | {most:,.0f} | 50 % |" in lines
+    means = {"random": 500, "metronome": 4000, "metronome-full": 6000, "dqn": 5500, "sac": 7000}
+    agents = {name: {"return": {"mean": mean}} for name, mean in means.items()}
+    plans = {"torques": {"returns": [7999, 8001]}, "commands": {"returns": [10_000.0]}}
+    lines = ceiling.shares(params_file.load(), agents, plans).splitlines()
+    assert lines[2:] == [
+        "| sac | 7,000 | 6,000 | 8,000 | 50 % |",
+        "| dqn | 5,500 | 4,000 | 10,000 | 25 % |",
+    ]
