@@ -55,7 +55,14 @@ class Trainer(Protocol):
 
 
 def trainer_of(agent: AgentBlock) -> Trainer:
-    """Return the trainer of an agent, which imports its libraries."""
+    """Return the trainer of an agent, which imports its libraries.
+
+    From then on this process computes as anywhere (see `jumping_ant.agents.kernels`).
+    """
+    if not agent.is_baseline:  # these do without PyTorch, which takes seconds to import
+        from jumping_ant.agents import kernels
+
+        kernels.use()
     trainer: Trainer = resolve(f"{row(agent).trainer}:train")
     return trainer
 

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import jumping_ant
-from jumping_ant.agents import kernels
 from jumping_ant.base import portable
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.training.workers import Died, Ended, Item, News, Work
@@ -147,7 +146,6 @@ class _Worker:
 
     def run(self, work: Work) -> Iterator[Any]:
         """Yield the job's items."""
-        kernels.use()
         yield from work(self._stop)
 
     def stop(self) -> None:

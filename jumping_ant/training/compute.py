@@ -10,7 +10,6 @@ from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from jumping_ant.agents import kernels
 from jumping_ant.base import machine
 from jumping_ant.base.errors import WorkerError
 from jumping_ant.training import cluster
@@ -64,7 +63,6 @@ def stream(
 
 
 def _inline(start: Callable[[Key], Work], keys: Sequence[Key]) -> Iterator[tuple[Key, Any]]:
-    kernels.use()
     with _stopped_by_signals() as stop:
         for key in keys:
             if stop.is_set():

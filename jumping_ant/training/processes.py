@@ -18,7 +18,6 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, cast
 
-from jumping_ant.agents import kernels
 from jumping_ant.base import machine, output
 from jumping_ant.base.errors import WorkerError
 from jumping_ant.training.workers import Died, Ended, Item, News, Work
@@ -128,7 +127,6 @@ def _inherited() -> Iterator[None]:
 def _serve(pipe: Connection) -> None:
     """Run the jobs that arrive, one after another, until the driver closes the pipe."""
     output.tolerate_failures()
-    kernels.use()
     jobs: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     stop = threading.Event()
     try:

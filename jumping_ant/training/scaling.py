@@ -58,11 +58,9 @@ def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float
     """Return the seconds of the second row of a seed's learning curve."""
     from threadpoolctl import threadpool_limits  # slow to import, and not for agents without a row
 
-    from jumping_ant.agents import kernels
-
-    kernels.use()  # PyTorch's own threads would fight with those of products
+    train = trainer_of(agent)  # which limits the threads, so it comes first
     with threadpool_limits(threads, user_api="blas"):
-        events = trainer_of(agent)(Job(world, agent, seed, num_threads=threads))
+        events = train(Job(world, agent, seed, num_threads=threads))
         rows = (event for event in events if isinstance(event, Progress))
         next(rows)  # not timed: random actions and memory allocation
         started = time.perf_counter()

@@ -62,13 +62,14 @@ def run(
     `seconds` is the training time before the checkpoint that the job resumes from, `candidates`
     are the snapshots before it that may be published.
     """
+    train = trainer_of(job.agent)  # its imports are no training
     started = last = time.perf_counter()
     paused = -seconds
 
     def is_checkpoint_due() -> bool:
         return stop.is_set() or time.perf_counter() - last >= checkpoint_seconds
 
-    events = trainer_of(job.agent)(replace(job, is_checkpoint_due=is_checkpoint_due))
+    events = train(replace(job, is_checkpoint_due=is_checkpoint_due))
     try:
         first = next(events)
     except WRONG_CONTENT as error:
