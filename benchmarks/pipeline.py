@@ -32,7 +32,7 @@ TRAIN_UNTRACKED = [
     "-c",
     "from contextlib import nullcontext\n"
     "from stages import run, train\n"
-    "train.live_tracking = nullcontext\n"
+    "train.live_tracking = lambda *_: nullcontext()\n"
     "run(train.main)",
     TRACKED_AGENT,
 ]

@@ -52,7 +52,7 @@ def settings() -> Params:
         "finalists": 2,
         "finalist_episodes": 3,
     }
-    content["compute"]["checkpoint_seconds"] = CHECKPOINT_SECONDS
+    content["compute"] |= {"checkpoint_seconds": CHECKPOINT_SECONDS, "live_after_seconds": 0}
     content["evaluate"] |= {"episodes": 2, "baseline_episodes": 2}
     content["record"] |= {"width": 160, "height": 120}
     content["demonstrations"] = {"bc": DEMONSTRATIONS}

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.training import driver
 
 from . import parse_agent, run
 
@@ -20,14 +21,15 @@ SECONDS_FOR_LAST_ROWS = 60
 
 
 @contextmanager
-def live_tracking(agent: str) -> Iterator[None]:
+def live_tracking(agent: str, after: float) -> Iterator[None]:
     """Mirror the growing curves to MLflow from a separate process.
 
     The process follows files, so whatever happens to it or to MLflow, training neither waits for
-    it nor depends on its code; `track` completes what it leaves unfinished.
+    it nor depends on its code; `track` completes what it leaves unfinished. It starts after the
+    given time [s]: most trainings of baselines have ended by then.
     """
     follower = subprocess.Popen(
-        [sys.executable, "-m", "jumping_ant.tracking", "follow", agent],
+        [sys.executable, "-m", "jumping_ant.tracking", "follow", agent, "--after", str(after)],
         cwd=PROJECT_ROOT,
         stdin=subprocess.PIPE,
     )
@@ -43,9 +45,7 @@ def live_tracking(agent: str) -> Iterator[None]:
 def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
-    with live_tracking(agent):
-        from jumping_ant.training import driver  # takes seconds; the follower starts meanwhile
-
+    with live_tracking(agent, settings.compute.live_after_seconds):
         driver.train(PROJECT_ROOT, settings, agent)
 
 

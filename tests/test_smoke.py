@@ -12,11 +12,12 @@ from mlflow.entities import Run, ViewType
 from ruamel.yaml import YAML
 
 from jumping_ant.experiment import params_file, presets
+from jumping_ant.tracking import store
 from scripts.checkout import RESULTS
 
 AGENTS = list(presets.load("smoke").agents)
 APART = ("results/timing", "results/speed")  # what a clock tells
-TWO_WORKERS = {"workers": 2, "checkpoint_seconds": 30}
+COMPUTE = params_file.load().compute.model_dump()
 # Stages that measure no times, and a training, which keeps them apart; of the stages that treat all
 # agents alike, those of one. That each algorithm trains alike in any process is for
 # tests/training/test_driver.py to say.
@@ -70,7 +71,7 @@ def digests(project: Project) -> dict[str, str]:
 
 def test_a_forced_rerun_on_two_workers_changes_no_byte(project: Project) -> None:
     before = digests(project)
-    project.change_params(compute=TWO_WORKERS)
+    project.change_params(compute=COMPUTE | {"workers": 2})
     assert len(before) > 5 * len(AGENTS)
     done = project.run("dvc", "repro", "--force", "--single-item", *UNTIMED)
     assert "sac seed 1: done, 600 steps" in done.stderr
@@ -140,9 +141,10 @@ def test_mlflow_mirrors_the_files(project: Project) -> None:
     assert len(runs(project)) == len(found), "tracking again adds nothing"
 
 
-def test_a_new_seed_trains_alone(project: Project) -> None:
+def test_a_new_seed_trains_alone_and_shows_live(project: Project) -> None:
     before = project.state().files
-    project.change_params(seeds=[0, 1, 2])
+    live = COMPUTE | {"workers": 1, "live_after_seconds": 0}
+    project.change_params(seeds=[0, 1, 2], compute=live)
     done = project.run("dvc", "repro", "--single-item", "train@pgpe")
     assert {line for line in done.stderr.splitlines() if "trained before" in line} == {
         f"pgpe: seed {seed}: trained before, 1,600 steps" for seed in (0, 1)
@@ -151,6 +153,8 @@ def test_a_new_seed_trains_alone(project: Project) -> None:
     trained = {name for name in before if name.startswith("models/pgpe/")}
     assert len(trained) == 2 * 4
     assert {(name, before[name]) for name in trained} < project.state().files.items()
+    (new,) = (run for run in runs(project) if run.info.run_name == "pgpe-seed-2")
+    assert (new.info.status, new.data.tags[store.LIVE]) == ("FINISHED", "true")
     project.go_back()
 
 

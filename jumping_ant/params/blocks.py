@@ -236,6 +236,8 @@ class ComputeParams(Block):
     """[processes] Seeds trained in parallel; 0 uses every core."""
     checkpoint_seconds: Positive
     """[s] Time between two checkpoints of a seed."""
+    live_after_seconds: NonNegative
+    """[s] Training time before MLflow shows curves live, which takes seconds to start."""
 
 
 class EvaluateParams(Block):

@@ -1,9 +1,10 @@
 """Follow an agent's training in MLflow, until standard input ends.
 
-Usage: python -m jumping_ant.tracking follow <agent> [--root FOLDER]
+Usage: python -m jumping_ant.tracking follow <agent> [--after SECONDS] [--root FOLDER]
 
 The training process starts this with a pipe as standard input and keeps the pipe's other end open.
-The pipe closes however the training ends, and whatever is not logged yet is logged then.
+The pipe closes however the training ends, and whatever is not logged yet is logged then; a training
+that ends before the given time is left to `track`.
 """
 
 import argparse
@@ -25,6 +26,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m jumping_ant.tracking", description=__doc__)
     parser.add_argument("command", choices=["follow"])
     parser.add_argument("agent", help="name of the agent in params.yaml")
+    parser.add_argument("--after", type=float, default=0.0, help="seconds to wait first")
     parser.add_argument("--root", type=Path, default=PROJECT_ROOT, help="the project folder")
     arguments = parser.parse_args()
     output.tolerate_failures()
@@ -37,6 +39,9 @@ def main() -> None:
     def has_ended(seconds: float) -> bool:
         readable, _, _ = select.select([sys.stdin], [], [], seconds)
         return bool(is_terminated or (readable and not os.read(sys.stdin.fileno(), 4096)))
+
+    if arguments.after > 0 and has_ended(arguments.after):
+        return
 
     from jumping_ant.tracking import live  # imports MLflow, with the settings above
 

@@ -202,9 +202,9 @@ def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project:
     command = [sys.executable, "-m", "jumping_ant.tracking", "follow", "sac"]
     command += ["--root", str(bare_project)]
 
-    def start() -> subprocess.Popen[str]:
+    def start(*options: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            command,
+            [*command, *options],
             cwd=PROJECT_ROOT,
             stdin=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -212,6 +212,9 @@ def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project:
         )
 
     grow(bare_project, 2)
+    early = start("--after", "600")
+    assert early.communicate(timeout=60)[1] == "" and early.returncode == 0
+    assert runs(bare_project, "sac%") == {}, "too short a training to follow"
     first = start()
     wait_for(lambda: len(content(bare_project, "metrics", "sac-seed-0")) == 7)
     first.send_signal(signal.SIGINT)  # Ctrl-C reaches the whole group; the pipe is what counts

@@ -228,7 +228,7 @@ def test_of_equal_snapshots_the_first_is_published(
     """And a later one that is worse never is, whatever came in between a kill and a resume."""
     settings = with_training(evaluations=4)
     settings = settings.model_copy(
-        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9)}
+        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9, live_after_seconds=0)}
     )
     scores = iter([5.0, 9.0, 9.0, 2.0] * 2)  # the first seed's come first
     finals, seen = [], []

@@ -40,7 +40,7 @@ from scripts.checkout import with_tools
 
 def with_many_checkpoints() -> Params:
     """Return small parameters with a checkpoint after every round of work."""
-    compute = ComputeParams(workers=1, checkpoint_seconds=1e-9)
+    compute = ComputeParams(workers=1, checkpoint_seconds=1e-9, live_after_seconds=0)
     return small_params(1).model_copy(update={"compute": compute})
 
 
