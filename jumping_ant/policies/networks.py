@@ -1,8 +1,6 @@
 """Neural network policies, trained by Stable-Baselines3 or in the same way."""
 
-import io
 import itertools
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
@@ -11,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.base.archive import Archive
+from jumping_ant.policies import tensors
 from jumping_ant.policies.policy import (
     Array,
     Entries,
@@ -59,7 +57,7 @@ class Network(Stateless):
     def from_entries(cls, header: Header, entries: Entries) -> Self:
         """Build the policy from a policy file's entries; only tensors are read."""
         actions = action_set(header, entries)
-        state = cls._folded(_numbers(entries), actions)
+        state = cls._folded(tensors.read(entries["policy.pth"]), actions)
         layers = _layers(state, cls.PREFIXES)
         outputs = len(layers[-1][1])
         if actions.table is not None and outputs != len(actions.table):
@@ -213,22 +211,6 @@ class ActorCritic(Network):
 def _affine(inputs: NDArray[np.float32], layer: Layer) -> NDArray[np.float32]:
     weight, bias = layer
     return np.asarray(inputs @ weight.T + bias, dtype=np.float32)
-
-
-def _numbers(entries: Entries) -> State:
-    """Return the tensors of a Stable-Baselines3 archive, by name."""
-    import torch  # takes seconds, so imported only to read a network
-
-    content = entries["policy.pth"]
-    archive = Archive(content)
-    sizes = Counter(archive.size(name) for name in archive)
-    state = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
-    for name, tensor in state.items():
-        # A tensor says how large its storage is and how it lies in it, and torch believes it.
-        storage = tensor.untyped_storage().nbytes()
-        if not sizes[storage] or not tensor.is_contiguous():
-            raise ValueError(f"{name}: {tuple(tensor.shape)} numbers in {storage} bytes")
-    return {name: tensor.numpy() for name, tensor in state.items()}
 
 
 def _layers(state: State, prefixes: tuple[str, ...]) -> list[Layer]:

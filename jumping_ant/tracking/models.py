@@ -42,7 +42,7 @@ ABOUT = (
 PACKAGE_DIR = CODE_ROOT / "jumping_ant"
 CODE = PACKAGE_DIR / "tracking" / "serving.py"
 # What `jumping_ant.tracking.serving` and all it imports need.
-REQUIREMENTS = ("mlflow", "numpy", "pydantic", "torch")
+REQUIREMENTS = ("mlflow", "numpy", "pydantic")
 
 
 def registered_name(agent: str) -> str:

@@ -16,7 +16,7 @@ from small_policies import NUMBERS, linear_policy
 
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import InputError
-from jumping_ant.policies import policy_file
+from jumping_ant.policies import policy_file, tensors
 from jumping_ant.policies.blind import Oscillators
 
 SIZES = {"num_observations": 27, "num_motors": 8}
@@ -34,17 +34,21 @@ def npy(array: Any) -> bytes:
     return buffer.getvalue()
 
 
-def tensors(**state: Any) -> bytes:
+def saved(content: Any) -> bytes:
     buffer = io.BytesIO()
-    torch.save({name: torch.from_numpy(value) for name, value in state.items()}, buffer)
+    torch.save(content, buffer)
     return buffer.getvalue()
+
+
+def state_dict(**state: Any) -> bytes:
+    return saved({name: torch.from_numpy(value) for name, value in state.items()})
 
 
 def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
     network = prefix.partition(".")[0]
     factors = {f"{network}.features_extractor.factors": np.ones(27)}
     layer = {f"{prefix}.weight": np.ones(outputs), f"{prefix}.bias": np.ones(bias)}
-    return tensors(**factors, **layer)
+    return state_dict(**factors, **layer)
 
 
 HEADER = SIZES | {"format": 3, "kind": "uniform", "seed": 0, "hold": 1, "amplitude": 1.0}
@@ -73,9 +77,7 @@ def bomb(*shape: int) -> bytes:
         "actor.mu.weight": number.expand(shape),
         "actor.mu.bias": number.expand(shape[0]),
     }
-    buffer = io.BytesIO()
-    torch.save(state, buffer)
-    return buffer.getvalue()
+    return saved(state)
 
 
 def compressed(content: bytes) -> bytes:
@@ -127,7 +129,7 @@ DAMAGED = {
     "too few torques": pack(
         ARRAYS | {"weight.npy": npy(np.zeros((7, 27))), "bias.npy": npy(np.zeros(7))}
     ),
-    "no network": archive("sac", **{"policy.pth": tensors()}),
+    "no network": archive("sac", **{"policy.pth": state_dict()}),
     "other network": archive("sac", **{"policy.pth": one_layer("actor.mu", (8, 26), 8)}),
     "flat network": archive("sac", **{"policy.pth": one_layer("actor.mu", 27, 1)}),
     "too many commands": archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_NINE}),
@@ -169,10 +171,10 @@ DAMAGED = {
     "one number for all": archive("sac", **{"policy.pth": bomb(8, 27)}),
     "one number for terabytes": archive("sac", **{"policy.pth": bomb(1_000_000, 1_000_000)}),
     "network not a number": archive(
-        "td3", **{"policy.pth": tensors(**actor(np.full((8, 27), np.nan)))}
+        "td3", **{"policy.pth": state_dict(**actor(np.full((8, 27), np.nan)))}
     ),
     "layers of other widths": archive(
-        "td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 10))))}
+        "td3", **{"policy.pth": state_dict(**actor(np.ones((9, 27)), np.ones((8, 10))))}
     ),
     "motors beyond number": with_header(num_motors=10**9),
     "observations beyond number": with_header(num_observations=10**12),
@@ -207,8 +209,8 @@ def test_the_damage_is_all_that_is_wrong() -> None:
         pack(OPEN_LOOP),
         pack(OSCILLATORS),
         pack(ARRAYS),
-        archive("td3", **{"policy.pth": tensors(**actor(np.ones((8, 27))))}),
-        archive("td3", **{"policy.pth": tensors(**actor(np.ones((9, 27)), np.ones((8, 9))))}),
+        archive("td3", **{"policy.pth": state_dict(**actor(np.ones((8, 27))))}),
+        archive("td3", **{"policy.pth": state_dict(**actor(np.ones((9, 27)), np.ones((8, 9))))}),
         with_header(),
     ):
         assert policy_file.parse(content).actions.hold >= 1
@@ -228,11 +230,9 @@ class Payload:
 def test_pickled_code_is_not_run(tmp_path: Path) -> None:
     planted = tmp_path / "planted"
     payload = Payload(planted)
-    saved = io.BytesIO()
-    torch.save(payload, saved)
     files = [
         archive("sac", **{"policy.pth": pickle.dumps(payload)}),
-        archive("dqn", **{"policy.pth": saved.getvalue()}),
+        archive("dqn", **{"policy.pth": saved(payload)}),
         pack(ARRAYS | {"weight.npy": npy(np.array([payload], dtype=object))}),
         pack(ARRAYS | {"mean.npy": pickle.dumps(payload)}),
         pickle.dumps(payload),
@@ -243,6 +243,24 @@ def test_pickled_code_is_not_run(tmp_path: Path) -> None:
         assert not planted.exists()
     pickle.loads(files[-1])
     assert planted.exists()  # the payload would have worked
+
+
+def test_tensors_are_read_as_pytorch_reads_them() -> None:
+    whole = torch.arange(24.0)
+    state = {
+        "a part": whole[3:9].reshape(1, 2, 3),
+        "all": whole.reshape(4, 6),
+        "doubles": torch.ones(2, 1, dtype=torch.float64),
+        "a count": torch.tensor(5),
+    }
+    read = tensors.read(saved(state))
+    assert list(read) == list(state)
+    for name, expected in state.items():
+        assert read[name].dtype == expected.numpy().dtype
+        np.testing.assert_array_equal(read[name], expected.numpy(), strict=True)
+    for refused in ({"turned": whole.reshape(4, 6).T}, {"halves": whole.half()}):
+        with pytest.raises((ValueError, pickle.UnpicklingError)):
+            tensors.read(saved(refused))
 
 
 def test_a_missing_file_names_what_writes_it(tmp_path: Path) -> None:
