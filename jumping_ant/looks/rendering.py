@@ -128,6 +128,7 @@ def encode(pictures: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
             quality=None,
             macro_block_size=1,  # sizes stay as given: even ones fit yuv420p
             output_params=options.split(),
+            ffmpeg_log_level="quiet",  # after Ctrl-C it may live on, and miss its file
         )
         num_pictures = 0
         with writer:

@@ -1,6 +1,8 @@
 """Videos: what the pictures show, how the camera moves, and what the files hold."""
 
 import dataclasses
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -181,3 +183,20 @@ def test_a_film_that_is_cut_short_is_none() -> None:
     whole = rendering.encode(noise, 50)
     with small_disk(len(whole) // 2), pytest.raises(OSError, match="is the disk full"):
         rendering.encode(noise, 50)
+
+
+def test_an_encoder_whose_file_is_gone_says_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """As when Ctrl-C ends the stage before it."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    noise = np.random.default_rng(0).integers(256, size=(40, 96, 128, 3), dtype=np.uint8)
+
+    def pictures() -> Iterator[NDArray[np.uint8]]:
+        yield from noise
+        (film,) = tmp_path.rglob("film.mp4")
+        film.unlink()
+
+    with pytest.raises(OSError, match="ffmpeg encoded 0 of 40 frames"):
+        rendering.encode(pictures(), 50)
+    assert capfd.readouterr() == ("", "")
