@@ -28,7 +28,6 @@ from jumping_ant.base.errors import InputError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.experiment import params_file
-from scripts import fingerprint
 from scripts.checkout import Checkout
 
 
@@ -56,6 +55,8 @@ def main() -> None:
             for seed in seeds
         ]
     if not all(are_equal):
+        from scripts import fingerprint  # imports all libraries, which takes seconds
+
         fingerprint.compare(fingerprint.published())
         sys.exit(1)
 

@@ -60,9 +60,12 @@ class Faults:
         shutil.rmtree(self._project.folder / ".checkpoints", ignore_errors=True)
         self._log.unlink(missing_ok=True)
         self.counts[name].injected += 1
+        # Workers are for `soak.kills` to disturb.
+        self._project.write_params(projects.settings(workers=1, live_after_seconds=0))
         is_done = self._kinds[name]()
         is_told_clearly = "Traceback" not in self._log.read_text(encoding="utf-8")
         is_same = self._digest() == self._expected
+        self._project.write_params(projects.settings())
         self.counts[name].survived += is_done and is_told_clearly and is_same
 
     def _interrupt(self) -> bool:

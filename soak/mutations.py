@@ -80,7 +80,9 @@ def main() -> None:
             payloads.plant(path, read, Path(folder) / "executed", planted)
     for path, stage in drawn(arguments.folder):
         content, few = path.read_bytes(), -(-arguments.each // FEWER)
-        changes = itertools.chain(flips(content, generator, few), extremes(content, generator))
+        changes = itertools.chain(
+            flips(content, generator, few), extremes(content, generator, 2 * few)
+        )
         draw = partial(run_stage, stage)
         read_changed(path, draw, changes, _count(counts, arguments.folder, path))
     found = {name: asdict(count) for name, count in counts.items()}
@@ -189,9 +191,9 @@ def flips(content: bytes, generator: random.Random, count: int) -> Iterator[byte
         yield _changed(content, generator)
 
 
-def extremes(content: bytes, generator: random.Random) -> Iterator[bytes]:
-    """Yield versions of a table with an extreme number in a cell."""
-    for cell in EXTREMES:
+def extremes(content: bytes, generator: random.Random, most: int) -> Iterator[bytes]:
+    """Yield versions of a table with an extreme number in a cell, of each number if so many may."""
+    for cell in generator.sample(EXTREMES, min(most, len(EXTREMES))):
         rows = [line.split(b",") for line in content.splitlines()]
         row = generator.choice(rows[1:])
         row[generator.randrange(len(row))] = cell.encode()

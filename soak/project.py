@@ -41,8 +41,8 @@ LITTLE: dict[str, dict[str, Any]] = {
 CHECKPOINT_SECONDS = 0.3
 
 
-def settings() -> Params:
-    """Return the project's parameters, cut down."""
+def settings(**compute: float) -> Params:
+    """Return the project's parameters, cut down, with changes to their block `compute`."""
     content = params_file.load().model_dump()
     content["seeds"] = SEEDS
     content["env"]["max_episode_steps"] = 100
@@ -52,7 +52,7 @@ def settings() -> Params:
         "finalists": 2,
         "finalist_episodes": 3,
     }
-    content["compute"] |= {"checkpoint_seconds": CHECKPOINT_SECONDS, "live_after_seconds": 0}
+    content["compute"] |= {"checkpoint_seconds": CHECKPOINT_SECONDS} | compute
     content["evaluate"] |= {"episodes": 2, "baseline_episodes": 2}
     content["record"] |= {"width": 160, "height": 120}
     content["demonstrations"] = {"bc": DEMONSTRATIONS}

@@ -170,6 +170,7 @@ def test_changed_code_reruns_what_runs_it(project: Project) -> None:
     project.run("dvc", "repro", "digest")
     assert project.stale() == {"train@pgpe"}
     project.go_back()
+    assert project.stale() == set()
 
 
 def test_bad_input_ends_before_any_training(project: Project) -> None:

@@ -9,6 +9,7 @@ from commands import COMMAND_SIGNS
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.evaluation import variants
+from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.models import SELECTION_EPISODES, Params
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.blind import UniformPolicy
@@ -97,6 +98,20 @@ def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, short:
     assert names("sac", policy) == ["final", *discrete]
     assert names("snes", policy) == ["final"]
     assert names("random", UniformPolicy(0, ActionSet(), 8)) == ["final"]
+
+
+def test_what_claims_compare_is_played_on_more_episodes(known_params: Params) -> None:
+    evaluate = known_params.evaluate.model_copy(update={"episodes": 32, "baseline_episodes": 16})
+
+    def played_more(agent: str) -> set[str]:
+        counts = variant_names.num_episodes(known_params.agent(agent), evaluate)
+        assert set(counts.values()) == {16, 32}
+        return {version for version, count in counts.items() if count == 32}
+
+    compared = {"signed", "rounded_full", "rounded", "best_sample"}
+    assert played_more("pgpe") == {"published", "final", *compared}  # `final` is the centre
+    assert played_more("sac") == {"published", *compared}
+    assert played_more("random") == compared  # which it has not
 
 
 def test_commands_at_full_amplitude_are_those_at_half_where_the_two_are_equal(
