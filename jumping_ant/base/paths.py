@@ -75,6 +75,7 @@ class Paths:
         self.figures = results / "figures"  # the folder of the comparison's figures
         self.plots = results / "plots"  # the folder of the comparison's tables for `dvc plots`
         self.report = results / "report.html"  # the comparison as one page
+        self.robustness = results / "robustness.json"  # what agents keep under perturbations
         self.speed = results / "speed.json"  # seconds, and the claims that rest on them
         self.speed_files = results / "speed"  # the folder of their figures and table
         self.speed_page = results / "speed.html"  # the same as a page
@@ -82,6 +83,10 @@ class Paths:
     def agent(self, name: str) -> AgentPaths:
         """Return the files of one agent."""
         return AgentPaths(self.root, name)
+
+    def perturbed(self, name: str) -> Path:
+        """Return the table of an agent's episodes under perturbations."""
+        return self.root / "results" / "robustness" / f"{name}.csv"
 
     def code(self, stage: str) -> Path:
         """Return the digests of the code that a stage runs."""

@@ -9,7 +9,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-Purpose = Literal["starts", "learner", "replay", "actions", "search", "samples", "test"]
+Purpose = Literal[
+    "starts", "learner", "replay", "actions", "search", "samples", "test", "perturbation"
+]
 _PURPOSES = get_args(Purpose)  # results depend on their order: add new ones at the end
 
 

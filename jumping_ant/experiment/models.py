@@ -19,6 +19,7 @@ from jumping_ant.params.blocks import (
     EvaluateParams,
     RecordParams,
     RobotParams,
+    RobustnessParams,
     Seed,
     TrainingParams,
 )
@@ -68,6 +69,8 @@ class Params(Block):
     """How the work is distributed. No result depends on it."""
     evaluate: EvaluateParams
     """The held-out episodes, the same for every policy, with deterministic actions."""
+    robustness: RobustnessParams
+    """Held-out episodes under perturbations."""
     record: RecordParams
     """Each agent's median episode, as a video and as a Rerun recording."""
     compare: CompareParams
@@ -105,6 +108,15 @@ class Params(Block):
                     f"demonstrations.{algorithm}.agent: given {demonstrations.agent!r}, allowed: "
                     f"learners that choose torques ({', '.join(able) or 'there is none'})"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _perturbed_episodes_are_held_out(self) -> "Params":
+        given, most = self.robustness.episodes, self.evaluate.episodes
+        if given > most:
+            raise ValueError(
+                f"robustness.episodes: given {given}, allowed: at most evaluate.episodes, {most}"
+            )
         return self
 
     @model_validator(mode="after")

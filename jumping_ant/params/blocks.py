@@ -7,7 +7,8 @@ state the range of each number. The settings of an agent are defined next to its
 """
 
 import re
-from typing import Annotated, Literal, Self
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -268,6 +269,70 @@ class EvaluateParams(Block):
         """
         first = self.seed + self.episodes * seed
         return range(first, first + self.episodes)
+
+
+def _go_one_way(levels: list[Any]) -> list[Any]:
+    rises = {after > before for before, after in pairwise(levels)}
+    if len(set(levels)) < len(levels) or len(rises) > 1:
+        raise ValueError(f"given {levels}, allowed: from mild to severe, each once")
+    return levels
+
+
+_SEVERER = AfterValidator(_go_one_way)
+Levels = Annotated[list[NonNegative], Field(max_length=20), _SEVERER]
+Masses = Annotated[list[Positive], Field(max_length=20), _SEVERER]
+Shares = Annotated[list[Fraction], Field(max_length=20), _SEVERER]
+Angles = Annotated[list[Annotated[float, Field(ge=0, le=180)]], Field(max_length=20), _SEVERER]
+Slopes = Annotated[list[Annotated[float, Field(ge=0, lt=90)]], Field(max_length=20), _SEVERER]
+Delays = Annotated[list[Annotated[int, Field(ge=0, le=1000)]], Field(max_length=20), _SEVERER]
+Substeps = Annotated[list[Annotated[int, Field(ge=1, le=1000)]], Field(max_length=20), _SEVERER]
+
+
+class PerturbationParams(Block):
+    """Levels of each perturbation, from mild to severe; one without levels is not played.
+
+    `jumping_ant.robustness.perturbations` applies them.
+    """
+
+    torso_mass: Masses = Field(default=[])
+    """[kg] Mass of the torso; its inertia grows with it."""
+    friction: Levels = Field(default=[])
+    """[-] Factor on the sliding friction of parts and floor."""
+    gravity: Levels = Field(default=[])
+    """[-] Factor on gravity."""
+    slope: Slopes = Field(default=[])
+    """[degrees] Slope of the floor, in a direction of each episode's own: gravity is inclined."""
+    damping: Levels = Field(default=[])
+    """[-] Factor on the damping of every joint."""
+    motor_strength: Levels = Field(default=[])
+    """[-] Factor on the torque of every motor."""
+    dead_motors: Shares = Field(default=[])
+    """[-] Share of motors without torque, which ones is each episode's own."""
+    integration: Substeps = Field(default=[])
+    """[-] Simulation steps per control step, by the integrator implicitfast."""
+    observation_noise: Levels = Field(default=[])
+    """[m, rad] Standard deviation of noise on observed positions; of velocities 10 times [1/s]."""
+    lost_sensors: Shares = Field(default=[])
+    """[-] Share of observed values that read 0, which ones is each episode's own."""
+    observation_delay: Delays = Field(default=[])
+    """[control steps] Age of observations."""
+    action_delay: Delays = Field(default=[])
+    """[control steps] Time from a torque's choice until it acts."""
+    push: Levels = Field(default=[])
+    """[N] Horizontal force on the torso, for a control step in every second, in any direction."""
+    tilt: Angles = Field(default=[])
+    """[degrees] Tilt of the torso at the start, in the air, in a direction of the episode's own."""
+
+
+class RobustnessParams(Block):
+    """Held-out episodes under perturbations (see `jumping_ant.robustness`)."""
+
+    episodes: Count
+    """[-] Of each seed, at each level: the first of its held-out episodes."""
+    episode_steps: Count
+    """[control steps] Episodes are truncated here."""
+    perturbations: PerturbationParams
+    """The perturbations, and the levels of each."""
 
 
 class RecordParams(Block):

@@ -105,7 +105,7 @@ def returns(world: World, plays: Sequence[Play], num_threads: int = 1) -> Array:
     return np.array([episode.rewards.sum() for episode in play(world, plays, num_threads)])
 
 
-class _SideBySide:
+class SideBySide:
     """Policies of the episodes of a batch, each of which acts in its own."""
 
     def __init__(self, plays: Sequence[Play]) -> None:
@@ -133,7 +133,7 @@ def _together(world: World, plays: Sequence[Play], num_threads: int) -> list[Epi
     count, horizon, anatomy = len(plays), world.env.max_episode_steps, world.anatomy
     envs = RobotVectorEnv(world, count, num_threads, AutoresetMode.DISABLED)
     observations, _ = envs.reset(seed=[seed for _, seed in plays])
-    policies = _SideBySide(plays)
+    policies = SideBySide(plays)
     start_qpos, start_qvel = envs.qpos.copy(), envs.qvel.copy()
     qpos = np.empty((horizon, count, anatomy.num_positions))
     qvel = np.empty((horizon, count, anatomy.num_velocities))

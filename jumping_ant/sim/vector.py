@@ -241,7 +241,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         """Simulate one control step; return observations, the outcome and truncations."""
         before = self._last_x
         try:
-            self.batch.step(running, nstep=self.world.env.frame_skip)
+            self._simulate(running)
         except SimulationError as error:  # MuJoCo failed on these: only their episodes end
             self.qpos[error.ids] = np.nan
         self._num_steps[slice(None) if running is None else running] += 1
@@ -250,6 +250,10 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         outcome = self.task.judge(self.qpos, self.qvel, torques, travel, self._contacts)
         truncations = ~outcome.terminated & (self._num_steps >= self._episode_steps)
         return self.task.observe(self.qpos, self.qvel), outcome, truncations
+
+    def _simulate(self, running: NDArray[np.int64] | None) -> None:
+        """Advance simulations, None all, by a control step."""
+        self.batch.step(running, nstep=self.world.env.frame_skip)
 
     def _heights(self) -> NDArray[np.float64]:
         return np.array(self.task.anatomy.heights(self.qpos))

@@ -82,15 +82,22 @@ class Field:
     def beside_open_loop(self) -> Iterable[Pair]:
         """Yield each learner with the best metronome, and each oscillator, of no more torque."""
         for learner in self.of(LEARNERS):
+            if rhythm := self.metronome(learner):
+                yield learner, rhythm
             limit = settings(learner)["actions"]["amplitude"]
-            weak = [
-                agent for agent in self.of("open_loop") if settings(agent)["amplitude"] <= limit
-            ]
-            if weak:
-                yield learner, max(weak, key=lambda agent: agent.quantities["return"].mean())
             for agent in self.of("oscillator"):
                 if settings(agent)["actions"]["amplitude"] <= limit:
                     yield learner, agent
+
+    def beside_metronome(self) -> Iterable[Pair]:
+        """Yield each learner with the best metronome of no more torque."""
+        return (pair for pair in self.beside_open_loop() if pair[1].algorithm == "open_loop")
+
+    def metronome(self, agent: AgentResults) -> AgentResults | None:
+        """Return the best metronome of no more torque than an agent has, if there is one."""
+        limit = settings(agent)["actions"]["amplitude"]
+        weak = [own for own in self.of("open_loop") if settings(own)["amplitude"] <= limit]
+        return max(weak, key=lambda own: own.quantities["return"].mean(), default=None)
 
     def beside_sparse_rewards(self) -> Iterable[Pair]:
         """Return each PGPE with those that learned from the returns of whole episodes alone."""

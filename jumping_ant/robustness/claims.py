@@ -1,0 +1,105 @@
+"""The claims on perturbed episodes, fixed in docs/claims.md; a family of their own."""
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from jumping_ant.comparison.claims import findings
+from jumping_ant.comparison.claims.evidence import Case, Compare
+from jumping_ant.comparison.claims.field import Field, pairs
+from jumping_ant.comparison.claims.findings import Finding, Sample
+from jumping_ant.comparison.claims.statements import Row, Table
+from jumping_ant.comparison.results import AgentResults
+from jumping_ant.experiment.models import Params
+from jumping_ant.robustness import retention
+from jumping_ant.robustness.perturbations import NAMES, SENSING, Condition
+from jumping_ant.robustness.retention import Returns
+
+Played = Mapping[str, Returns]
+"""What each agent returns under each condition."""
+
+SEVERE = 3  # levels of a perturbation, the last ones, that the claims on it average
+KEPT = "Share of the return that is kept"
+
+
+def table(params: Params, played: Played) -> Table:
+    """Return which agents, in the order of their labels in the texts, and the claims on them."""
+    levels = params.robustness.perturbations.model_dump()
+    severe = {name: levels[name][-SEVERE:] for name in SENSING if levels[name]}
+    world = [name for name in NAMES if name not in SENSING]
+    return (
+        (Field.beside_metronome, (
+            *(
+                Row(None, f"With {name.replace('_', ' ')} of {own[0]:g} to {own[-1]:g}, {{1}} "
+                    "overtakes {0}: it returns more without looking at the robot.",
+                    overtakes(params, played, [Condition(name, float(level)) for level in own]))
+                for name, own in severe.items()
+            ),
+            Row(None, "Where body, floor and forces are others, looking at the robot helps: {0} "
+                "keeps more of its return than {1}.", keeps_more_paired(played, world)),
+        )),
+        (pairs("pgpe", "sac dqn"), (
+            Row(9, "{0} is robust: under perturbations, it keeps more of its return than {1}.",
+                keeps_more(played)),
+        )),
+    )  # fmt: skip
+
+
+def overtakes(params: Params, played: Played, conditions: Sequence[Condition]) -> Compare:
+    """Ask whether the second agent returns more than the first, on average over conditions.
+
+    Seeds of both play the same starts, so they are paired (`findings.paired`). The margin is that
+    of returns, in proportion to the length of the episodes.
+    """
+    share = params.robustness.episode_steps / params.env.max_episode_steps
+    margin = share * params.compare.margins.returns
+
+    def compare(case: Case) -> Finding | None:
+        if not all(played[agent.name] for agent in case.agents):
+            return None
+        own, other = case.samples(
+            lambda agent: Sample(
+                agent.label, np.mean([played[agent.name][one] for one in conditions], axis=0)
+            )
+        )
+        return findings.paired("Return", other, own, case.params, (-margin, margin))
+
+    return compare
+
+
+def keeps_more_paired(played: Played, names: Collection[str]) -> Compare:
+    """Ask whether the first agent keeps more than the second from the same starts.
+
+    Of what is kept, the mean over all levels of some perturbations (`findings.paired`).
+    """
+
+    def compare(case: Case) -> Finding | None:
+        if not all(played[agent.name] for agent in case.agents):
+            return None
+        samples = case.samples(lambda agent: _kept(played, agent, names))
+        return findings.paired(KEPT, *samples, case.params)
+
+    return compare
+
+
+def keeps_more(played: Played) -> Compare:
+    """Ask whether the first agent keeps more than the second, over all perturbations.
+
+    The same mean, and the rank test (`findings.independent`).
+    """
+
+    def compare(case: Case) -> Finding | None:
+        if not all(played[agent.name] for agent in case.agents):
+            return None
+        samples = case.samples(lambda agent: _kept(played, agent, NAMES))
+        return findings.independent(KEPT, *samples, case.params)
+
+    return compare
+
+
+def _kept(played: Played, agent: AgentResults, names: Collection[str]) -> Sample:
+    """Return the mean of what each seed keeps over all levels of some perturbations."""
+    shares = retention.kept(played[agent.name])
+    means = [share for condition, share in shares.items() if condition.perturbation in names]
+    seeds = len(next(iter(played[agent.name].values())))
+    return Sample(agent.label, np.mean(means, axis=0) if means else np.full(seeds, np.nan))

@@ -1,0 +1,58 @@
+"""The table of an agent's perturbed episodes, `results/robustness/AGENT.csv`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.base import tables
+from jumping_ant.base.paths import Paths
+from jumping_ant.base.tables import EPISODE_SEED, SEED, Column
+from jumping_ant.experiment.models import Params
+from jumping_ant.robustness import playing
+from jumping_ant.robustness.perturbations import NAMES, NONE, Condition
+from jumping_ant.robustness.playing import Case
+
+DIGITS = 2  # of the returns
+COLUMNS = {
+    "perturbation": Column(words=(NONE.perturbation, *NAMES)),
+    "level": Column(low=0),
+    "seed": SEED,
+    "episode_seed": EPISODE_SEED,
+    "return": Column(),
+}
+
+
+def to_csv(agent: str, played: Sequence[Case], returns: NDArray[np.float64]) -> str:
+    """Return the table's content: whose episodes, under which conditions, and their returns."""
+    rows = [
+        {
+            "agent": agent,
+            "perturbation": case.condition.perturbation,
+            "level": f"{case.condition.level:g}",
+            "seed": case.seed,
+            "episode_seed": case.start,
+            "return": f"{value:.{DIGITS}f}",
+        }
+        for case, value in zip(played, returns, strict=True)
+    ]
+    return tables.to_csv(rows, ["agent", *COLUMNS])
+
+
+def read(root: Path, params: Params, agent: str) -> dict[Condition, NDArray[np.float64]]:
+    """Read each seed's mean return under each condition, (num_seeds,); {} if it was not played."""
+    path, stage = Paths(root).perturbed(agent), f"robustness@{agent}"
+    asked = list(playing.cases(params, agent))
+    table = tables.read(path, stage, {"agent": agent}, COLUMNS, has_rows=bool(asked))
+    if not asked:
+        return {}
+    with tables.blamed(path, stage):
+        keys = [(*case.condition, case.seed, case.start) for case in asked]
+        returns = tables.exactly(table, keys, *list(COLUMNS)[:-1])["return"]
+    means: dict[Condition, NDArray[np.float64]] = {}
+    for condition in playing.conditions(params.robustness):
+        count = len(params.seeds) * playing.num_episodes(params, condition)
+        means[condition] = returns[:count].reshape(len(params.seeds), -1).mean(axis=1)
+        returns = returns[count:]
+    return means

@@ -1,0 +1,35 @@
+"""Run an agent's policies under perturbations.
+
+Usage: python -m stages.robustness AGENT (DVC names it in the environment)
+Reads: params `seeds`, `env`, `evaluate`, `robustness`, the agent's `robot` and `algorithm`; the
+    robot in assets/, models/AGENT/seed-N/policy.zip.
+Writes: results/robustness/AGENT.csv.
+"""
+
+from jumping_ant.base import machine
+from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.base.paths import Paths
+from jumping_ant.policies import policy_file
+from jumping_ant.robustness import playing, table
+from jumping_ant.sim import robot
+from jumping_ant.sim.world import World
+
+from . import parse_agent, run
+
+
+def main() -> None:
+    """Run the stage."""
+    name, settings = parse_agent(__doc__)
+    paths = Paths().agent(name)
+    world = World(robot.read(PROJECT_ROOT, settings.agent(name).robot), settings.env)
+    policies = {
+        seed: policy_file.load(paths.seed(seed).policy, (name, seed)) for seed in settings.seeds
+    }
+    played = list(playing.cases(settings, name))
+    steps = settings.robustness.episode_steps
+    returns = playing.returns(world, steps, policies, played, machine.num_cores())
+    write_text(Paths().perturbed(name), table.to_csv(name, played, returns))
+
+
+if __name__ == "__main__":
+    run(main)
