@@ -13,7 +13,7 @@ LIBRARY = PROJECT_ROOT / "jumping_ant"
 BEGIN, END = "<!-- modules -->\n", "<!-- end of modules -->\n"
 # Shared ground, in the order of the data flow; then the rooms of the stages, side by side.
 GROUND = ["base", "params", "actions.py", "policies", "sim", "looks", "agents", "experiment"]
-ROOMS = ["training", "evaluation", "comparison", "recording", "report", "speed"]
+ROOMS = ["training", "evaluation", "comparison", "recording", "report", "speed", "robustness"]
 ROOMS += ["tracking", "watching", "article"]
 
 

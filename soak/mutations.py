@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=500, help="changed versions of each file")
     arguments = parser.parse_args()
     generator = random.Random(arguments.seed)
-    for stage, agent in itertools.product(("evaluate", "scaling"), AGENTS):
+    for stage, agent in itertools.product(("evaluate", "robustness", "scaling"), AGENTS):
         run_stage(stage, agent)
     run_stage("compare")
     counts: dict[str, Count] = {}
@@ -139,13 +139,14 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
 
 
 def drawn(root: Path) -> Iterator[tuple[Path, str]]:
-    """Yield every kind of table that `compare` and `speed` read, and the stage that draws it."""
+    """Yield every kind of table that statistics are made of, and the stage that does so."""
     evaluated = Paths(root).agent(EVALUATED)
     curve = evaluated.seed(params_file.load(Paths(root).params).seeds[0]).curve
     for path in (curve, evaluated.episodes, evaluated.variants):
         yield path, "compare"
     for path in (evaluated.timing, evaluated.scaling, evaluated.machines):
         yield path, "speed"
+    yield Paths(root).perturbed(EVALUATED), "crossings"
 
 
 def read_changed(path: Path, read: Read, changes: Iterable[bytes], count: Count) -> None:

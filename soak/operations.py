@@ -39,8 +39,8 @@ from jumping_ant.base.files import write_bytes
 KINDS = ("fail", "kill")
 DVC_STAGE = "build"
 TARGETS = (
-    *("digest", "check", "build", "train", "demonstrate", "evaluate", "record", "scaling"),
-    *("lineup", "compare", "speed", "report", "track"),
+    *("digest", "check", "build", "train", "demonstrate", "evaluate", "robustness"),
+    *("record", "scaling", "lineup", "compare", "crossings", "speed", "report", "track"),
     "dvc",  # while it runs that stage
 )
 PRELOADED = {

@@ -70,6 +70,7 @@ def settings_of(*agents: str) -> Params:
     for agent in set(agents) & LITTLE.keys():
         content["agents"][agent] |= LITTLE[agent]
     content["env"]["max_episode_steps"] = 60
+    content["robustness"]["episode_steps"] = 20
     content["compute"]["workers"] = 1
     content["compare"]["bootstrap_samples"] = 200
     return params_file.check(content)

@@ -1,11 +1,12 @@
 """A project folder in miniature: the files that `compare` reads, with numbers that tests choose."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import small_agents
 
 from jumping_ant.agents.algorithm import AgentBlock
@@ -16,6 +17,9 @@ from jumping_ant.experiment import params_file, scaling_table, variant_names
 from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
 from jumping_ant.params.blocks import CompareParams, EvaluateParams, MarginParams
+from jumping_ant.robustness import playing
+from jumping_ant.robustness import table as robustness_table
+from jumping_ant.robustness.perturbations import Condition
 from jumping_ant.sim.trajectory import Trajectory
 
 COMPARE = CompareParams(
@@ -79,6 +83,19 @@ def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -
         write_json(Paths(root).agent(name).machines, {str(seed): MACHINE for seed in seeds})
     write_variants(root, agents, seeds)
     write_scaling(root, agents, seeds)
+
+
+def write_perturbed(
+    root: Path, params: Params, kept: Callable[[str, Condition, int], float]
+) -> None:
+    """Write perturbed episodes: a share, by agent, condition and number of the seed, of 1,000."""
+    for name in params.agents:
+        played = list(playing.cases(params, name))
+        returns = [
+            1000 * kept(name, case.condition, params.seeds.index(case.seed)) for case in played
+        ]
+        content = robustness_table.to_csv(name, played, np.array(returns))
+        write_text(Paths(root).perturbed(name), content)
 
 
 def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:

@@ -26,7 +26,7 @@ NAMES = {"dvc", "mlflow", "rerun", "source"}  # alone they name a tool, or a set
 EXPERIMENT = "dvc exp run --name faster -S agents.sac.learning_rate=0.001"
 AGAIN = "dvc exp apply faster"
 TARGETS = ("evaluate@sac", "evaluate@still", "record@still")
-AFTER_ALL = ("lineup", "compare", "speed", "report", "track")
+AFTER_ALL = ("lineup", "compare", "crossings", "speed", "report", "track")
 FORTH = "git stash pop && dvc checkout"
 ON_BRANCH = "git switch main"
 CHANGES = {"dvc params diff", "dvc metrics diff", "dvc exp show --only-changed", "dvc plots diff"}
@@ -168,7 +168,8 @@ def test_an_experiment_comes_and_goes(project: Project) -> None:
     done = project.type(f"{EXPERIMENT} {' '.join(TARGETS)}")
     ran = {line.split("'")[1] for line in done.stdout.splitlines() if "Running stage" in line}
     assert ran == {"check", "train@sac", "train@still", *TARGETS}
-    assert project.stale() == {"record@sac", "scaling@sac", "scaling@still", *AFTER_ALL}
+    others = {f"{stage}@{agent}" for stage in ("robustness", "scaling") for agent in ("sac", "still")}
+    assert project.stale() == {"record@sac", *others, *AFTER_ALL}
     experiment = project.state()
     new = experiment.files.keys() - mine.files.keys()
     assert {name.split("/")[0] for name in new} == {"models", "media", "results"}

@@ -17,7 +17,7 @@ ROOMS = module_map.ROOMS
 # A room imports no other, but for the comparison's numbers, what its pages are made of, and what
 # recordings are drawn with.
 BESIDE = {("report", "comparison"), ("speed", "comparison"), ("speed", "report")}
-BESIDE |= {("watching", "recording")}
+BESIDE |= {("watching", "recording"), ("robustness", "comparison")}
 SWITCH = LIBRARY / "__init__.py"  # every import of the library runs it first
 MODULES = sorted(path for path in LIBRARY.rglob("*.py") if path.stat().st_size and path != SWITCH)
 

@@ -33,6 +33,7 @@ from jumping_ant.report import (
     pictures,
     sections,
     standings,
+    withstanding,
 )
 from jumping_ant.report.films import FilmedEpisode
 from jumping_ant.sim import robot
@@ -48,6 +49,8 @@ MODEL, POLICY_DIGEST = "jumping-ant-", "policy_digest"
 def build(root: Path, params: Params) -> str:
     """Return the page's HTML, from the project's assets, models, results and media."""
     summary = read_json(Paths(root).comparison, "compare")
+    withstood = read_json(Paths(root).robustness, "crossings")
+    summary |= {"claims": [*summary["claims"], *withstood["claims"]]}
     loaded = load(root, params)
     drawn = looks.looks(charting.families(loaded))
     results = sections.ordered(loaded, summary["agents"])
@@ -69,12 +72,16 @@ def build(root: Path, params: Params) -> str:
         "confidence": f"{100 * params.compare.confidence:g}",
         "episodes": params.evaluate.episodes,
         "baseline_episodes": params.evaluate.baseline_episodes,
+        "robust_steps": params.robustness.episode_steps,
         "robot": _robot(root),
         "params": _params_text(params),
         "policies": _policies(root, params, results),
         "mlflow": MLFLOW,
     }
     charts = _charts(root, params, results, summary, filmed, drawn)
+    if withstood["perturbations"] and withstood["agents"]:
+        charts["withstood"] = withstanding.overview(results, withstood)
+        charts["levels"] = withstanding.levels(results, withstood, drawn)
     return frame.render(Path(__file__).parent, context, charts, ("charts.js", "films.js"))
 
 

@@ -74,7 +74,7 @@ def keeps_more_paired(played: Played, names: Collection[str]) -> Compare:
     """
 
     def compare(case: Case) -> Finding | None:
-        if not all(played[agent.name] for agent in case.agents):
+        if not _are_played(played, case, names):
             return None
         samples = case.samples(lambda agent: _kept(played, agent, names))
         return findings.paired(KEPT, *samples, case.params)
@@ -89,7 +89,7 @@ def keeps_more(played: Played) -> Compare:
     """
 
     def compare(case: Case) -> Finding | None:
-        if not all(played[agent.name] for agent in case.agents):
+        if not _are_played(played, case, NAMES):
             return None
         samples = case.samples(lambda agent: _kept(played, agent, NAMES))
         return findings.independent(KEPT, *samples, case.params)
@@ -97,9 +97,16 @@ def keeps_more(played: Played) -> Compare:
     return compare
 
 
+def _are_played(played: Played, case: Case, names: Collection[str]) -> bool:
+    """Return whether all agents of a case played any of some perturbations."""
+    return all(
+        any(condition.perturbation in names for condition in played[agent.name])
+        for agent in case.agents
+    )
+
+
 def _kept(played: Played, agent: AgentResults, names: Collection[str]) -> Sample:
     """Return the mean of what each seed keeps over all levels of some perturbations."""
     shares = retention.kept(played[agent.name])
     means = [share for condition, share in shares.items() if condition.perturbation in names]
-    seeds = len(next(iter(played[agent.name].values())))
-    return Sample(agent.label, np.mean(means, axis=0) if means else np.full(seeds, np.nan))
+    return Sample(agent.label, np.mean(means, axis=0))

@@ -189,7 +189,9 @@ class ComparisonRecord:
     @cached_property
     def summary(self) -> dict[str, float]:
         """The comparison's headline numbers."""
-        return dict(_headlines(self.results))
+        path = Paths(self.root).robustness
+        withstood = read_json(path, "crossings") if path.exists() else {}
+        return dict(_headlines(self.results)) | dict(_withstood(withstood))
 
     @property
     def note(self) -> str:
@@ -205,6 +207,7 @@ class ComparisonRecord:
             "robot.json": paths.physique,
             "comparison.json": paths.comparison,
             "speed.json": paths.speed,
+            "robustness.json": paths.robustness,
             "results/report.html": paths.report,
             "results/speed.html": paths.speed_page,
             f"media/{paths.lineup.name}": paths.lineup,
@@ -289,6 +292,16 @@ def _headlines(results: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
                     yield f"{agent}/{quantity}_{part}".removesuffix("_"), float(number)
     for pair, chance in results.get("probability_of_improvement", {}).items():
         yield f"probability_of_improvement/{pair.replace('>', '_over_')}", float(chance["p"])
+
+
+def _withstood(summary: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """Yield `sac/kept_friction`, at its most severe level, `sac/crossing_friction`, ..."""
+    for agent, perturbations in summary.get("agents", {}).items():
+        for name, own in perturbations.items():
+            told = {"kept": own["retention"][-1], "crossing": own["crossing"]}
+            for what, value in told.items():
+                if value is not None:
+                    yield f"{agent}/{what}_{name}", float(value)
 
 
 def _media(paths: AgentPaths) -> dict[str, Path]:

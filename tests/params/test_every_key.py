@@ -77,7 +77,18 @@ def wrong_values(value: Any, schema: Schema) -> list[Any]:
     members = schema.get("anyOf", [schema])
     kind = KINDS[members[0]["type"]] if value is None else type(value)
     wrong = WRONG[kind] + (out_of_range(members[0]) if kind in (int, float) else [])
+    if kind is list:
+        wrong = [one for one in wrong if not is_list_of(members[0], one)]
     return [one for one in wrong if one is not None or {"type": "null"} not in members]
+
+
+def is_list_of(schema: Schema, value: Any) -> bool:
+    """Return whether a value is a list that a schema of numbers allows: none, or one of them."""
+    items = schema.get("items", {})
+    if value == []:
+        return "minItems" not in schema
+    most = min(items.get("maximum", math.inf), items.get("exclusiveMaximum", math.inf))
+    return bool(value == [1.5] and items.get("type") == "number" and most > 1.5)
 
 
 def out_of_range(schema: Schema) -> list[float]:

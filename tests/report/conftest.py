@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from reported import AGENTS, FILM, SEEDS
 from small_episode import simulate
-from small_project import block, make_params, shown, write_project
+from small_project import block, make_params, shown, write_perturbed, write_project
 
 from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
@@ -17,6 +17,7 @@ from jumping_ant.comparison.results import load
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import rendering
 from jumping_ant.report import page
+from jumping_ant.robustness import summary as robustness
 from jumping_ant.sim import robot
 
 
@@ -51,6 +52,9 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     found = verdicts.check(results, settings.compare, settings.training.evaluation_episodes)
     summary = comparison.summarize(results, settings.compare) | {"claims": found}
     write_json(root / "results" / "comparison.json", summary)
+    write_perturbed(root, settings, lambda name, condition, seed: 1 - 0.01 * seed)
+    withstood = robustness.summarize(root, settings, results)
+    write_json(root / "results" / "robustness.json", withstood)
     return root
 
 

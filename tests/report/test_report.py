@@ -10,10 +10,10 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 from reported import AGENTS, SEEDS, charts
-from small_project import make_params, shown, write_project
+from small_project import make_params, shown, write_perturbed, write_project
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import digest, write_bytes, write_json
+from jumping_ant.base.files import digest, read_json, write_bytes, write_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.claims import verdicts
@@ -23,6 +23,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.looks import looks
 from jumping_ant.report import contests, page, statements
 from jumping_ant.report.charts import learning
+from jumping_ant.robustness import summary as robustness
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import models, pages, store
 
@@ -86,6 +87,28 @@ def test_the_final_policy_stands_beside_the_published_one(html: str, project: Pa
 def test_baselines_and_robots_are_named(html: str) -> None:
     assert "random <small>baseline</small>" in " ".join(html.split())
     assert html.count("<small>baseline</small>") == 2, "in both tables, once"
+
+
+def test_what_agents_withstand_is_shown_with_its_levels(html: str, project: Path) -> None:
+    found = read_json(Paths(project).robustness, "")
+    drawn = charts(html)
+    (table,) = drawn["withstood"]["data"]
+    assert table["y"] == ["DQN", "SAC", "PGPE"], "by family, without random actions"
+    assert [name.lower().replace(" ", "_") for name in table["x"]] == found["perturbations"]
+    for label, row, texts in zip(table["y"], table["z"], table["text"], strict=True):
+        own = found["agents"][label.lower()]
+        assert row == [own[name]["retention"][-1] for name in found["perturbations"]]
+        assert texts == [f"{100 * share:.0f}" for share in row]
+    lines = drawn["levels"]["data"]
+    assert len(lines) == 3 * len(found["perturbations"])
+    assert [line["visible"] for line in lines] == [True] * 3 + [False] * (len(lines) - 3)
+    assert lines[0]["x"] == ["0.3", "0.5", "0.8", "1.2", "1.7", "2.3", "3"]
+    titles = [
+        own["args"][1]["xaxis.title.text"]
+        for own in drawn["levels"]["layout"]["updatemenus"][0]["buttons"]
+    ]
+    assert titles[0] == "Mass of the torso [kg]"
+    assert "Age of observations [control steps]" in titles
 
 
 def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:
@@ -327,11 +350,13 @@ def test_a_lone_agent_of_one_seed_has_a_page(
     results = load(tmp_path, alone)
     summary = comparison.summarize(results, alone.compare) | {"claims": []}
     write_json(tmp_path / "results" / "comparison.json", summary)
+    write_perturbed(tmp_path, alone, lambda name, condition, seed: 0.9)
+    write_json(Paths(tmp_path).robustness, robustness.summarize(tmp_path, alone, results))
     text = page.build(tmp_path, alone)
     assert f"<title>Ant: {results[name].label}</title>" in text
     assert f"{results[name].label} returns {outcome}.</p>" in text
     assert "1 training seed," in text and "in brackets" not in text
-    assert ("learning_0" in charts(text)) == (name == "sac")
+    assert ("learning_0" in charts(text)) == ("withstood" in charts(text)) == (name == "sac")
     places = set(re.findall(r'<(?:div|section)[^>]* id="([\w-]+)"', text))
     links = {link[1:] for _, link in Reader(text).links if link.startswith("#")}
     assert charts(text).keys() | links <= places
@@ -361,6 +386,8 @@ def crowd(project: Path, settings: Params, tmp_path_factory: pytest.TempPathFact
     found = verdicts.check(results, many.compare, many.training.evaluation_episodes)
     summary = comparison.summarize(results, many.compare) | {"claims": found}
     write_json(root / "results" / "comparison.json", summary)
+    write_perturbed(root, many, lambda name, condition, seed: 0.9)
+    write_json(Paths(root).robustness, robustness.summarize(root, many, results))
     return page.build(root, many)
 
 
@@ -408,6 +435,7 @@ def test_many_claims_are_folded_under_their_statements(crowd: str, html: str) ->
             lambda p: p.write_text("{", encoding="utf-8"),
             "run `dvc repro --force compare`",
         ),
+        ("results/robustness.json", Path.unlink, "run `dvc repro crossings`"),
         ("models/dqn/seed-7/policy.zip", Path.unlink, "run `dvc repro train@dqn`"),
     ],
 )

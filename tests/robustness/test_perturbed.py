@@ -1,0 +1,269 @@
+"""Environments that are perturbed: each in what its condition says, and in nothing else."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import pytest
+
+from jumping_ant.actions import ActionSet
+from jumping_ant.experiment import presets
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import PerturbationParams
+from jumping_ant.policies.blind import OpenLoopPolicy
+from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.policy import Policy
+from jumping_ant.robustness import playing
+from jumping_ant.robustness.perturbations import NAMES, NONE, PHYSICS, SENSING, Array, Condition
+from jumping_ant.robustness.perturbed import PerturbedVectorEnv
+from jumping_ant.robustness.playing import Case
+from jumping_ant.sim import robot, rollout
+from jumping_ant.sim.world import World
+
+START, STEPS = 9_000_000, 30
+LEVELS = {  # one of each
+    "torso_mass": 0.7,
+    "friction": 0.5,
+    "gravity": 1.5,
+    "slope": 30.0,
+    "damping": 3.0,
+    "motor_strength": 0.5,
+    "dead_motors": 0.5,
+    "integration": 10,
+    "observation_noise": 0.2,
+    "lost_sensors": 0.5,
+    "observation_delay": 2,
+    "action_delay": 3,
+    "push": 20.0,
+    "tilt": 90.0,
+}
+# What each changes in the model, besides constants that MuJoCo derives from it.
+CHANGED = {
+    "torso_mass": {"body_mass", "body_inertia"},
+    "friction": {"geom_friction"},
+    "gravity": {"opt.gravity"},
+    "slope": {"opt.gravity"},
+    "damping": {"dof_damping"},
+    "motor_strength": {"actuator_gear"},
+    "dead_motors": {"actuator_gear"},
+    "integration": {"opt.integrator", "opt.timestep"},
+}
+DERIVED = {"body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0"}
+DERIVED |= {"light_poscom0", "cam_poscom0"}
+
+
+def condition(name: str) -> Condition:
+    return Condition(name, float(LEVELS[name]))
+
+
+@pytest.fixture(scope="module")
+def world(robot_xml: str, known_params: Params) -> World:
+    return World(robot_xml, known_params.env.model_copy(update={"max_episode_steps": STEPS}))
+
+
+@pytest.fixture(scope="module")
+def policy() -> Policy:
+    """Jumps, and sees: its torques depend on every observation."""
+    generator = np.random.default_rng(0)
+    weight = generator.normal(0, 0.3, (8, 27)).astype(np.float32)
+    zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
+    return LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], ActionSet())
+
+
+def returns(
+    world: World, policy: Policy, played: Sequence[tuple[Condition, int]], num_threads: int = 1
+) -> Array:
+    cases = [Case(own, 0, start) for own, start in played]
+    return playing.returns(world, STEPS, {0: policy}, cases, num_threads)
+
+
+def fields(model: mujoco.MjModel) -> dict[str, Array]:
+    """Return all numbers of a model, by field."""
+    found = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
+    found |= {f"opt.{name}": getattr(model.opt, name) for name in dir(model.opt) if name[0] != "_"}
+    return {
+        name: np.asarray(value)
+        for name, value in found.items()
+        if isinstance(value, np.ndarray | int | float)
+    }
+
+
+def test_every_perturbation_has_a_level_here_and_a_way() -> None:
+    assert tuple(PerturbationParams.model_fields) == tuple(LEVELS) == NAMES
+    assert set(PHYSICS) == set(CHANGED)
+    assert set(SENSING) < set(NAMES) - set(PHYSICS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_perturbation_changes_its_part_of_the_model(world: World, name: str) -> None:
+    """In its own simulation alone, beside one that is not perturbed."""
+    envs = PerturbedVectorEnv(world, [(condition(name), START), (NONE, START)])
+    own, other, usual = (
+        fields(envs.batch.get_model(0)),
+        fields(envs.batch.get_model(1)),
+        fields(world.model),
+    )
+    changed = {key for key in usual if not np.array_equal(own[key], usual[key])}
+    assert changed - DERIVED == CHANGED.get(name, set())
+    assert {key for key in usual if not np.array_equal(other[key], usual[key])} == set()
+
+
+def test_levels_are_what_they_say(world: World) -> None:
+    names = list(CHANGED)
+    envs = PerturbedVectorEnv(world, [(condition(name), START) for name in names])
+    own = {name: envs.batch.get_model(row) for row, name in enumerate(names)}
+    model, torso = world.model, world.anatomy.torso
+    assert own["torso_mass"].body_mass[torso] == 0.7
+    heavier = own["torso_mass"].body_inertia[torso] / model.body_inertia[torso]
+    assert heavier == pytest.approx(0.7 / model.body_mass[torso])
+    assert np.array_equal(own["torso_mass"].body_mass[2:], model.body_mass[2:])
+    assert own["friction"].geom_friction[:, 0] == pytest.approx(0.5 * model.geom_friction[:, 0])
+    assert np.array_equal(own["friction"].geom_friction[:, 1:], model.geom_friction[:, 1:])
+    assert own["gravity"].opt.gravity == pytest.approx(1.5 * model.opt.gravity)
+    assert np.linalg.norm(own["slope"].opt.gravity) == pytest.approx(9.81)
+    assert own["slope"].opt.gravity[2] == pytest.approx(-9.81 * np.cos(np.pi / 6))
+    assert own["damping"].dof_damping == pytest.approx(3 * model.dof_damping)
+    assert own["motor_strength"].actuator_gear == pytest.approx(0.5 * model.actuator_gear)
+    alive = own["dead_motors"].actuator_gear[:, 0] != 0
+    assert alive.sum() == 4
+    assert np.array_equal(own["dead_motors"].actuator_gear[alive], model.actuator_gear[alive])
+    integrated = own["integration"].opt
+    assert integrated.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert integrated.timestep == world.dt / 10
+    envs.begin()
+    envs.step(np.zeros((len(names), 8)))
+    assert envs.batch.bind("time") == pytest.approx(np.full(len(names), world.dt))
+
+
+def test_without_perturbation_episodes_are_the_usual_ones(world: World, policy: Policy) -> None:
+    starts = [START, START + 1]
+    usual = [episode.rewards.sum() for episode in rollout.run(world, policy, starts)]
+    beside = [*((NONE, start) for start in starts), *((condition(name), START) for name in NAMES)]
+    assert returns(world, policy, beside)[:2] == pytest.approx(usual, abs=1e-12)
+
+
+def test_returns_depend_on_no_neighbour_and_no_thread(world: World, policy: Policy) -> None:
+    played = [(condition(name), START + number) for number, name in enumerate(NAMES)]
+    together = returns(world, policy, played, num_threads=2)
+    assert together.tolist() == [returns(world, policy, [own])[0] for own in played]
+    usual = returns(world, policy, [(NONE, start) for _, start in played])
+    assert (together != usual).all(), "every perturbation matters"
+
+
+def test_a_policy_that_sees_nothing_is_not_disturbed_by_its_sensors(world: World) -> None:
+    table = np.array(world.env.commands, np.float32)[[3, 4]]
+    blind = OpenLoopPolicy(ActionSet(table, hold=3))
+    sensing = [name for name in SENSING if name != "action_delay"]
+    played = [(NONE, START), *((condition(name), START) for name in sensing)]
+    assert len(set(returns(world, blind, played))) == 1
+
+
+def observed(world: World, played: Sequence[tuple[Condition, int]], steps: int) -> list[Array]:
+    """Return what policies see, from the start on, while all motors push."""
+    envs = PerturbedVectorEnv(world, played)
+    seen = [envs.begin()]
+    seen += [envs.step(np.full((len(played), 8), 0.5))[0] for _ in range(steps)]
+    return seen
+
+
+def test_observations_come_late(world: World) -> None:
+    delayed = (Condition("observation_delay", 2.0), START)
+    seen = observed(world, [delayed, (NONE, START)], 5)
+    for step, (late, current) in enumerate(seen):
+        assert np.array_equal(late, seen[max(0, step - 2)][1])
+        assert step == 0 or not np.array_equal(late, current)
+
+
+def test_lost_sensors_read_zero_and_more_of_them_include_fewer(world: World) -> None:
+    shares = (0.05, 0.5, 1.0)
+    seen = observed(world, [(Condition("lost_sensors", own), START) for own in shares], 3)
+    lost = [np.array([step[row] == 0 for step in seen]).all(axis=0) for row in range(3)]
+    assert [own.sum() for own in lost] == [1, 14, 27]
+    assert (lost[0] <= lost[1]).all()
+
+
+def test_noise_is_of_each_starts_own_and_grows_with_the_level(world: World) -> None:
+    noisy = [(Condition("observation_noise", own), START) for own in (0.1, 0.2)]
+    seen = observed(
+        world,
+        [
+            *noisy,
+            (NONE, START),
+            (Condition("observation_noise", 0.1), START + 1),
+            (NONE, START + 1),
+        ],
+        300,
+    )
+    noise = [
+        np.array([step[row] - step[usual] for step in seen])
+        for row, usual in ((0, 2), (1, 2), (3, 4))
+    ]
+    assert noise[1] == pytest.approx(2 * noise[0], abs=1e-9)
+    assert not np.allclose(noise[2], noise[0])
+    positions = world.anatomy.num_observed_positions
+    assert noise[0][:, :positions].std() == pytest.approx(0.1, rel=0.05)
+    assert noise[0][:, positions:].std() == pytest.approx(1.0, rel=0.05)
+
+
+def test_actions_arrive_late(world: World) -> None:
+    played = [(Condition("action_delay", 2.0), START)]
+    envs = PerturbedVectorEnv(world, played)
+    envs.begin()
+    torques = np.random.default_rng(0).uniform(-1, 1, (5, 1, 8))
+    arrived = []
+    for own in torques:
+        envs.step(own)
+        arrived.append(envs.batch.bind("ctrl")[0] / world.anatomy.control_limits)
+    expected = np.concatenate([np.zeros((2, 8)), torques[:-2, 0]])
+    assert np.array(arrived) == pytest.approx(expected)
+
+
+def test_pushes_last_a_control_step_of_each_second(world: World) -> None:
+    envs = PerturbedVectorEnv(world, [(condition("push"), START), (NONE, START)])
+    envs.begin()
+    forces = []
+    for _ in range(25):
+        envs.step(np.zeros((2, 8)))
+        forces.append(envs.batch.bind("xfrc_applied").copy())
+    pushed = np.array(forces)
+    torso = world.anatomy.torso
+    strength = np.linalg.norm(pushed[:, 0, torso, :2], axis=1)
+    assert strength[[0, 20]] == pytest.approx(20.0)
+    assert np.delete(strength, [0, 20]).max() == 0
+    pushed[:, 0, torso, :2] = 0
+    assert not pushed.any(), "nothing else pushes"
+
+
+@pytest.mark.parametrize("angle", [0.0, 90.0, 180.0])
+def test_tilted_starts_are_in_the_air(world: World, angle: float) -> None:
+    envs = PerturbedVectorEnv(world, [(Condition("tilt", angle), START), (NONE, START)])
+    envs.begin()
+    level = world.anatomy.uprightness(envs.qpos)
+    noise = np.arccos(level[1])
+    assert np.degrees(np.arccos(level[0])) == pytest.approx(angle, abs=np.degrees(noise) + 1e-6)
+    assert world.anatomy.heights(envs.qpos)[0] == world.env.drop_height
+    assert np.array_equal(envs.qpos[0, 7:], envs.qpos[1, 7:])
+
+
+def test_a_simulation_that_falls_apart_ends_alone(world: World, policy: Policy) -> None:
+    """One step of implicitfast for each control step."""
+    played = [(Condition("integration", 1.0), START), (NONE, START)]
+    usual = returns(world, policy, [(NONE, START)])
+    together = returns(world, policy, played)
+    assert np.isfinite(together).all()
+    assert together[1] == usual[0]
+
+
+def test_a_robot_in_a_plane_is_perturbed_in_it() -> None:
+    params = presets.load("hopper")
+    hopper = World(robot.build(params.robot), params.env)
+    played = [(condition(name), START) for name in ("slope", "push", "tilt")]
+    envs = PerturbedVectorEnv(hopper, played)
+    envs.begin()
+    envs.step(np.zeros((3, hopper.anatomy.num_motors)))
+    assert envs.batch.get_model(0).opt.gravity[1] == pytest.approx(0, abs=1e-12)
+    assert envs.batch.bind("xfrc_applied")[1, hopper.anatomy.torso, 1] == pytest.approx(
+        0, abs=1e-12
+    )
+    tilted = np.arccos(hopper.anatomy.uprightness(envs.qpos))[2]
+    assert np.degrees(tilted) == pytest.approx(90, abs=5)

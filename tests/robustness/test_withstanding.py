@@ -1,0 +1,150 @@
+"""What agents keep of their return under perturbations, and the claims on it."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_project import make_params, write_perturbed, write_project
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
+from jumping_ant.comparison.results import load
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import PerturbationParams, RobustnessParams
+from jumping_ant.robustness import playing, retention, summary, table
+from jumping_ant.robustness.perturbations import NONE, Condition
+
+AGENTS = {"beat": "open_loop", "sac": "sac", "pgpe": "pgpe", "random": "random"}
+SEEDS = list(range(8))
+ROBUSTNESS = RobustnessParams(
+    episodes=2,
+    episode_steps=200,
+    perturbations=PerturbationParams(gravity=[1.5, 2.0, 3.0], observation_delay=[1, 2, 3, 4]),
+)
+NOISE = np.random.default_rng(0).normal(0, 0.01, 100)
+
+
+@pytest.fixture
+def params() -> Params:
+    return make_params(AGENTS, SEEDS).model_copy(update={"robustness": ROBUSTNESS})
+
+
+def kept(name: str, condition: Condition, seed: int) -> float:
+    """Gravity takes a tenth per unit of all; delays overtake SAC from the second, PGPE never."""
+    luck = NOISE[seed + 10 * list(AGENTS).index(name)]
+    if condition.perturbation == "gravity":
+        return 1 - 0.1 * condition.level + luck
+    if condition.perturbation == "observation_delay" and name != "beat":
+        return 1.1 - (0.1 if name == "sac" else 0.01) * condition.level + luck
+    return (0.95 if name == "beat" else 1.0) + luck
+
+
+@pytest.fixture
+def project(tmp_path: Path, params: Params) -> Path:
+    write_project(tmp_path, AGENTS, SEEDS)
+    write_perturbed(tmp_path, params, kept)
+    return tmp_path
+
+
+def test_all_levels_are_played_from_the_first_starts_of_each_block(params: Params) -> None:
+    played = list(playing.cases(params, "sac"))
+    conditions = list(dict.fromkeys(case.condition for case in played))
+    assert conditions[0] == NONE and len(conditions) == 1 + 3 + 4
+    usual = params.evaluate.baseline_episodes
+    for condition in conditions:
+        for seed in SEEDS:
+            starts = [own.start for own in played if own[:2] == (condition, seed)]
+            count = usual if condition == NONE else 2
+            assert starts == list(params.evaluate.block(seed)[:count])
+    assert list(playing.cases(params, "random")) == []
+
+
+def test_the_table_is_read_as_it_was_written(project: Path, params: Params) -> None:
+    read = table.read(project, params, "sac")
+    assert list(read) == playing.conditions(ROBUSTNESS)
+    for condition, returns in read.items():
+        expected = [1000 * kept("sac", condition, number) for number in range(len(SEEDS))]
+        assert returns == pytest.approx(expected, abs=0.006)
+    assert table.read(project, params, "random") == {}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda text: text.replace("gravity,1.5,3,", "gravity,1.6,3,"), "given 0 rows of"),
+        (lambda text: text.replace("gravity", "levity"), "given 'levity', allowed: none, torso_"),
+        (lambda text: text[:-4], "its last line is cut off"),
+        (lambda text: text.replace("sac,", "pgpe,"), "given one of agent pgpe"),
+    ],
+)
+def test_another_table_is_refused(
+    project: Path, params: Params, change: Callable[[str], str], told: str
+) -> None:
+    path = Paths(project).perturbed("sac")
+    path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
+    with pytest.raises(InputError, match="dvc repro --force robustness@sac") as caught:
+        table.read(project, params, "sac")
+    assert told in str(caught.value)
+
+
+def test_levels_of_half_and_of_the_crossing_are_those_that_last() -> None:
+    shares = {1.0: 0.4, 2.0: 0.9, 3.0: 0.45, 4.0: 0.2}  # below one half at once, but not for good
+    own = {NONE: np.full(4, 1000.0)}
+    own |= {
+        Condition("gravity", level): np.full(4, 1000 * share) for level, share in shares.items()
+    }
+    metronome = {condition: np.full(4, 300.0) for condition in own}
+    found = retention.withstood(own, metronome, 0.95)["gravity"]
+    assert found["level"] == list(shares)
+    assert found["retention"] == pytest.approx(list(shares.values()))
+    assert (found["half"], found["crossing"]) == (3.0, 4.0)
+    assert found["worst"] == pytest.approx(0.2)
+    alone = retention.withstood(own, None, 0.95)["gravity"]
+    assert alone == found | {"crossing": None}
+
+
+def test_a_seed_that_returns_nothing_keeps_nothing_that_counts() -> None:
+    own = {NONE: np.array([1000.0, -5.0]), Condition("gravity", 2.0): np.array([500.0, 7.0])}
+    assert retention.withstood(own, None, 0.95)["gravity"]["retention"] == [0.5]
+    own = {NONE: np.array([0.0, -5.0]), Condition("gravity", 2.0): np.array([500.0, 7.0])}
+    found = retention.withstood(own, None, 0.95)["gravity"]
+    assert (found["retention"], found["low"], found["worst"]) == ([None], [None], None)
+
+
+def test_the_summary_says_who_withstands_what(project: Path, params: Params) -> None:
+    found = summary.summarize(project, params, load(project, params))
+    json.dumps(found, allow_nan=False)
+    assert found["perturbations"] == ["gravity", "observation_delay"]
+    assert set(found["agents"]) == {"beat", "sac", "pgpe"}
+    sac = found["agents"]["sac"]
+    assert sac["observation_delay"]["level"] == [1, 2, 3, 4]
+    assert sac["observation_delay"]["crossing"] == 2
+    assert found["agents"]["pgpe"]["observation_delay"]["crossing"] is None
+    assert found["agents"]["beat"]["observation_delay"]["crossing"] is None
+    verdicts = {claim["text"]: claim["verdict"] for claim in found["claims"]}
+    overtakes = "With observation delay of 2 to 4, beat overtakes {}: it returns more without "
+    overtakes += "looking at the robot."
+    assert verdicts[overtakes.format("SAC")] == "supported"
+    assert verdicts[overtakes.format("PGPE")] == "refuted"
+    more = "PGPE is robust: under perturbations, it keeps more of its return than SAC."
+    assert verdicts[more] == "supported"
+    helps = "Where body, floor and forces are others, looking at the robot helps: {} keeps more of "
+    helps += "its return than beat."
+    assert {helps.format("SAC"), helps.format("PGPE")} <= verdicts.keys()
+    assert len(verdicts) == 5
+
+
+def test_without_levels_nothing_is_claimed(project: Path, params: Params) -> None:
+    none = ROBUSTNESS.model_copy(update={"perturbations": PerturbationParams()})
+    bare = params.model_copy(update={"robustness": none})
+    write_perturbed(project, bare, kept)
+    found = summary.summarize(project, bare, load(project, bare))
+    assert (found["perturbations"], found["claims"]) == ([], [])
+    assert found["agents"] == {"beat": {}, "sac": {}, "pgpe": {}}
+
+
+def test_the_default_levels_go_from_mild_to_severe_and_are_seven(known_params: Params) -> None:
+    levels = known_params.robustness.perturbations.model_dump()
+    assert {name: len(own) for name, own in levels.items()} == dict.fromkeys(levels, 7)
