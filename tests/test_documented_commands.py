@@ -168,7 +168,9 @@ def test_an_experiment_comes_and_goes(project: Project) -> None:
     done = project.type(f"{EXPERIMENT} {' '.join(TARGETS)}")
     ran = {line.split("'")[1] for line in done.stdout.splitlines() if "Running stage" in line}
     assert ran == {"check", "train@sac", "train@still", *TARGETS}
-    others = {f"{stage}@{agent}" for stage in ("robustness", "scaling") for agent in ("sac", "still")}
+    others = {
+        f"{stage}@{agent}" for stage in ("robustness", "scaling") for agent in ("sac", "still")
+    }
     assert project.stale() == {"record@sac", *others, *AFTER_ALL}
     experiment = project.state()
     new = experiment.files.keys() - mine.files.keys()

@@ -70,6 +70,8 @@ class Paths:
         self.assets = root / "assets"  # the folder of the robots
         self.physique = self.assets / "robot.json"  # masses and torques, before and after the edits
         self.lineup = root / "media" / "lineup.rrd"  # all agents' median episodes in one recording
+        self.overtaking = root / "media" / "overtaking.rrd"  # the best learner and a metronome
+        self.overtaking_film = root / "media" / "overtaking.mp4"  # the same as a video
         results = root / "results"
         self.comparison = results / "comparison.json"  # statistics and claims
         self.figures = results / "figures"  # the folder of the comparison's figures

@@ -24,7 +24,7 @@ from jumping_ant.params.blocks import (
     TrainingParams,
 )
 
-RESERVED_NAMES = {"lineup"}  # names of files in media/
+RESERVED_NAMES = {"lineup", "overtaking"}  # names of files in media/
 # File systems allow 255 characters, of which DVC and MLflow need some.
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60)]
 
@@ -111,11 +111,18 @@ class Params(Block):
         return self
 
     @model_validator(mode="after")
-    def _perturbed_episodes_are_held_out(self) -> "Params":
+    def _perturbations_can_be_played(self) -> "Params":
         given, most = self.robustness.episodes, self.evaluate.episodes
         if given > most:
             raise ValueError(
                 f"robustness.episodes: given {given}, allowed: at most evaluate.episodes, {most}"
+            )
+        levels = self.robustness.perturbations.model_dump()
+        played, filmed = [name for name in levels if levels[name]], self.robustness.filmed
+        if filmed is not None and filmed not in played:
+            raise ValueError(
+                f"robustness.filmed: given {filmed!r}, allowed: null, or a perturbation that has "
+                f"levels ({', '.join(played) or 'there is none'})"
             )
         return self
 

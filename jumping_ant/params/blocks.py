@@ -333,6 +333,8 @@ class RobustnessParams(Block):
     """[control steps] Episodes are truncated here."""
     perturbations: PerturbationParams
     """The perturbations, and the levels of each."""
+    filmed: str | None
+    """The perturbation under which the best learner and a metronome are filmed; null: none."""
 
 
 class RecordParams(Block):

@@ -22,6 +22,7 @@ ROBUSTNESS = RobustnessParams(
     episodes=2,
     episode_steps=200,
     perturbations=PerturbationParams(gravity=[1.5, 2.0, 3.0], observation_delay=[1, 2, 3, 4]),
+    filmed=None,
 )
 NOISE = np.random.default_rng(0).normal(0, 0.01, 100)
 
