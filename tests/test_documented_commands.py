@@ -26,7 +26,7 @@ NAMES = {"dvc", "mlflow", "rerun", "source"}  # alone they name a tool, or a set
 EXPERIMENT = "dvc exp run --name faster -S agents.sac.learning_rate=0.001"
 AGAIN = "dvc exp apply faster"
 TARGETS = ("evaluate@sac", "evaluate@still", "record@still")
-AFTER_ALL = ("lineup", "compare", "crossings", "speed", "report", "track")
+AFTER_ALL = ("lineup", "compare", "crossings", "overtaking", "speed", "report", "track")
 FORTH = "git stash pop && dvc checkout"
 ON_BRANCH = "git switch main"
 CHANGES = {"dvc params diff", "dvc metrics diff", "dvc exp show --only-changed", "dvc plots diff"}

@@ -10,7 +10,7 @@ Entities, over `sim_time` [s] and `control_step`:
 | /about | a page of text; always there | |
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import rerun as rr
 
@@ -25,6 +25,8 @@ from jumping_ant.recording.story import Story
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
+Page = Callable[[Mapping[str, Story], Mapping[str, Trajectory], about.Opening], str]
+
 STRIDE = 2  # simulation steps between recorded states; all of them would double the file
 OPENING_SECONDS = 20.0  # the highest jump up to here plays first
 
@@ -33,8 +35,18 @@ def record(
     worlds: Mapping[str, World],
     trajectories: Mapping[str, Trajectory],
     stories: Mapping[str, Story],
+    title: str = "All agents",
+    describe: Page = about.lineup_page,
 ) -> bytes:
-    """Return the episodes as an `.rrd` file that loops over the highest jump of its opening."""
+    """Return the episodes as an `.rrd` file that loops over the highest jump of its opening.
+
+    Args:
+        worlds: Each agent's robot and task.
+        trajectories: The episode of each agent.
+        stories: What is known about them.
+        title: What the recording is called.
+        describe: Writes its page of text.
+    """
     colors = _colors(stories)
     found = {
         agent: states.derive(worlds[agent], trajectory, trajectory.rows(STRIDE))
@@ -53,12 +65,12 @@ def record(
             series.log_style(stream, f"height/{agent}", stories[agent].label, color)
             series.log_line(stream, f"height/{agent}", own, torso_heights(world, own))
         opening = about.Opening(peak / 1e9, end / 1e9)
-        about.log_page(stream, about.lineup_page(stories, trajectories, opening))
+        about.log_page(stream, describe(stories, trajectories, opening))
 
     labels = {agent: story.label for agent, story in stories.items()}
     moment = layout.around(peak, end)
     opened = layout.lineup_layout(worlds, labels, _groups(stories), moment)
-    return write("lineup", "All agents", opened, log)
+    return write("lineup", title, opened, log)
 
 
 def _groups(stories: Mapping[str, Story]) -> dict[str, list[str]]:

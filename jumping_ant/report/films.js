@@ -5,7 +5,7 @@ draw(document.getElementById("heights")); // it shows the films' time
 // Films in the window play together: dozens at once would stutter. The longest of them that is ready
 // sets the time, shorter ones hold their last frame until all restart, and the chart of heights shows
 // the time.
-const videos = [...document.querySelectorAll("video")];
+const videos = [...document.querySelectorAll(".films video")];
 const play = document.getElementById("play");
 const slider = document.getElementById("time");
 const clock = document.getElementById("clock");

@@ -1,6 +1,6 @@
 """What all agents withstand: the content of `results/robustness.json`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,8 @@ from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.models import Params
 from jumping_ant.robustness import claims, retention, table
+from jumping_ant.robustness.perturbations import NONE, Condition
+from jumping_ant.robustness.retention import Returns
 
 
 def summarize(root: Path, params: Params, results: Mapping[str, AgentResults]) -> dict[str, Any]:
@@ -30,6 +32,7 @@ def summarize(root: Path, params: Params, results: Mapping[str, AgentResults]) -
         agents[name] = retention.withstood(played[name], beside, params.compare.confidence)
     levels = params.robustness.perturbations.model_dump()
     return {
+        "filmed": _filmed(params, results, field, played, agents),
         "perturbations": [name for name in levels if levels[name]],
         "agents": agents,
         "claims": verdicts.check(
@@ -38,4 +41,44 @@ def summarize(root: Path, params: Params, results: Mapping[str, AgentResults]) -
             params.training.evaluation_episodes,
             claims.table(params, played),
         ),
+    }
+
+
+def _filmed(
+    params: Params,
+    results: Mapping[str, AgentResults],
+    field: Field,
+    played: Mapping[str, Returns],
+    agents: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return who is filmed, under which condition, and which seed.
+
+    The best learner with a metronome, and that, at the level from which on the metronome is ahead,
+    or the most severe one; the seed whose lead is the median. Without such a pair, or a
+    perturbation, it is the best agent, undisturbed.
+    """
+    best = sorted(results, key=lambda name: -results[name].quantities["return"].mean())
+    name, seeds = params.robustness.filmed, params.seeds
+    for learner in best:
+        metronome = None if results[learner].is_baseline else field.metronome(results[learner])
+        if name is None or metronome is None:
+            continue
+        own = agents[learner][name]
+        condition = Condition(
+            name, own["level"][-1] if own["crossing"] is None else own["crossing"]
+        )
+        leads = played[metronome.name][condition] - played[learner][condition]
+        median = int(leads.argsort(kind="stable")[(len(leads) - 1) // 2])
+        return _film([learner, metronome.name], condition, seeds[median], played)
+    return _film(best[:1], NONE, seeds[0], played)
+
+
+def _film(
+    names: Sequence[str], condition: Condition, seed: int, played: Mapping[str, Returns]
+) -> dict[str, Any]:
+    means = [float(played[name][condition].mean()) if played[name] else None for name in names]
+    return {
+        "agents": dict(zip(names, means, strict=True)),
+        **condition._asdict(),
+        "seed": seed,
     }

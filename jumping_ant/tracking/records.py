@@ -210,7 +210,10 @@ class ComparisonRecord:
             "robustness.json": paths.robustness,
             "results/report.html": paths.report,
             "results/speed.html": paths.speed_page,
-            f"media/{paths.lineup.name}": paths.lineup,
+            **{
+                f"media/{path.name}": path
+                for path in (paths.lineup, paths.overtaking, paths.overtaking_film)
+            },
         }
         for folder in (paths.figures, paths.speed_files):
             found |= {f"{folder.name}/{path.name}": path for path in sorted(folder.glob("*.*"))}
