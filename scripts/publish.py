@@ -86,7 +86,7 @@ def _sections(preset: str, folder: Path) -> Sections:
         return runs_sections()
     sections = comparison_sections(preset, results(folder))
     if preset == "default":
-        sections |= ceiling_sections()
+        sections |= ceiling_sections() | robustness_sections()
     elif preset == "article":
         sections |= printed_sections()
     elif preset == "run":
@@ -107,6 +107,7 @@ def committed_sections() -> Sections:
         comparison_sections("default", results(PROJECT_ROOT))
         | comparison_sections("families", _read(RESULTS / "families.json"))
         | ceiling_sections()
+        | robustness_sections()
         | printed_sections()
         | runs_sections()
         | finals_sections()
@@ -142,6 +143,13 @@ def ceiling_sections() -> Sections:
 
     agents, plans = results(PROJECT_ROOT)["agents"], _read(ceiling.PATH)
     return {(RESULTS_PAGE, "ceiling"): ceiling.shares(params_file.load(), agents, plans)}
+
+
+def robustness_sections() -> Sections:
+    """Return what documents say of the agents under perturbations."""
+    withstood = _read(Paths(PROJECT_ROOT).robustness)
+    claims = claim_table(withstood["claims"], with_evidence=True)
+    return {(RESULTS_PAGE, "robustness"): f"{kept_table(withstood)}\n\n{claims}"}
 
 
 def runs_sections() -> Sections:
@@ -328,6 +336,25 @@ def published_table(root: Path) -> str:
         theirs = published["return"][published["env_steps"] == steps]
         cells = [_median_of(np.concatenate(here)), _median_of(theirs)]
         lines.append(f"| {steps:,} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def kept_table(withstood: dict[str, Any]) -> str:
+    """Return what agents keep of their return under each perturbation, as Markdown.
+
+    Of each agent the share at the most severe level, in per cent, and the level from which on a
+    metronome is ahead.
+    """
+    agents = withstood["agents"]
+    lines = [f"| perturbation | {' | '.join(agents)} |", f"|---{'|---' * len(agents)}|"]
+    for name in withstood["perturbations"]:
+        cells = []
+        for own in (agent[name] for agent in agents.values()):
+            share = own["retention"][-1]
+            kept = "–" if share is None else wording.percent(share)
+            ahead = own["crossing"]
+            cells.append(kept if ahead is None else f"{kept} (from {ahead:g} on)")
+        lines.append(f"| {name.replace('_', ' ')} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 

@@ -77,6 +77,24 @@ def test_claims_are_a_table_with_or_without_evidence() -> None:
     assert last == "| A leads | refuted | 0.012 | Much (8 seeds). |"
 
 
+def test_what_agents_keep_stands_with_the_crossing() -> None:
+    own = {"retention": [0.9, 0.256], "crossing": 2.0}
+    none = {"retention": [None, None], "crossing": None}
+    withstood = {
+        "perturbations": ["torso_mass", "push"],
+        "agents": {
+            "sac": {"torso_mass": own, "push": own | {"crossing": None}},
+            "beat": {"torso_mass": none, "push": own | {"crossing": None}},
+        },
+    }
+    assert publish.kept_table(withstood).splitlines() == [
+        "| perturbation | sac | beat |",
+        "|---|---|---|",
+        "| torso mass | 26 (from 2 on) | – |",
+        "| push | 26 | 26 |",
+    ]
+
+
 def test_effort_is_that_of_all_trainings() -> None:
     keys = ("agent", "share", "return", "seconds", "settings")
     rows = [
