@@ -13,12 +13,13 @@ from mlflow.entities import LoggedModel, Metric, Param, Run, RunTag
 from mlflow.store.entities import PagedList
 
 from jumping_ant.base.files import digest
+from jumping_ant.base.process import this_process
 from jumping_ant.tracking import connection
 from jumping_ant.tracking.connection import Connection
 from jumping_ant.tracking.internals import UNFOLDED
 from jumping_ant.tracking.reading import Point
 from jumping_ant.tracking.records import is_of_curve, run_name, stage
-from jumping_ant.tracking.writers import WRITER, is_written, this_process
+from jumping_ant.tracking.writers import WRITER, is_written
 
 PENDING = "pending"
 

@@ -1,18 +1,11 @@
 """Processes that write to MLflow at the same time, and those that have ended."""
 
 import json
-import os
-import signal
-import subprocess
-import time
 from pathlib import Path
 
-import psutil
-import pytest
 from tracked_project import meaning, parent_name, query, run_python, runs, tracked
 
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.tracking import writers
 
 TWO = """
 import json, pathlib, sys
@@ -56,23 +49,3 @@ def test_two_rebuild_a_wiped_database_at_once(project: Path) -> None:
     assert tracked(project)[-1].endswith("4 unchanged")
     assert len(query(project, "SELECT name FROM runs")) == len(runs(project)) == 5
     assert query(project, "SELECT count(*) FROM experiments WHERE name = 'jumping-ant'") == [(1,)]
-
-
-def test_a_process_that_ended_writes_no_more_though_none_took_note() -> None:
-    child = subprocess.Popen(["sleep", "60"])
-    name = f"{child.pid} {writers._start(child.pid)}"
-    assert writers.exists(name)
-    os.kill(child.pid, signal.SIGKILL)
-    while psutil.Process(child.pid).status() != psutil.STATUS_ZOMBIE:
-        time.sleep(0.01)
-    assert not writers.exists(name)
-    child.wait()
-    assert not writers.exists(name)
-
-
-def test_setting_the_clock_ends_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A process that began at 12:00 by the old clock began at 11:00 by the new one."""
-    process = writers.this_process().partition(" ")[2]
-    began = psutil.Process.create_time
-    monkeypatch.setattr(psutil.Process, "create_time", lambda self: began(self) - 3600)
-    assert writers.exists(process)
