@@ -6,8 +6,9 @@ These are processes of this machine, or those of a Ray cluster (see `processes` 
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
+from itertools import islice
 from typing import Any, TypeVar
 
 from jumping_ant.base import machine
@@ -45,12 +46,15 @@ def num_threads(requested: int, num_jobs: int) -> list[int]:
 
 def stream(
     start: Callable[[Key], Work],
-    keys: Sequence[Key],
+    keys: Iterable[Key],
     workers: int,
     say: Say = print,
     name: Callable[[Key], str] = str,
 ) -> Iterator[tuple[Key, Any]]:
     """Run generators and yield (key, item) as the items arrive.
+
+    A key is taken when a worker is free for it. An iterator of keys may choose it by the items so
+    far; if it has none at the moment, it is asked again after the next job that ends.
 
     The first SIGTERM or Ctrl-C asks them to stop, by setting the event that each was given, and
     keeps others from starting; the second ends everything immediately.
@@ -62,7 +66,7 @@ def stream(
     return _inline(start, keys) if workers == 1 else _apart(start, keys, workers, say, name)
 
 
-def _inline(start: Callable[[Key], Work], keys: Sequence[Key]) -> Iterator[tuple[Key, Any]]:
+def _inline(start: Callable[[Key], Work], keys: Iterable[Key]) -> Iterator[tuple[Key, Any]]:
     with _stopped_by_signals() as stop:
         for key in keys:
             if stop.is_set():
@@ -73,7 +77,7 @@ def _inline(start: Callable[[Key], Work], keys: Sequence[Key]) -> Iterator[tuple
 
 def _apart(
     start: Callable[[Key], Work],
-    keys: Sequence[Key],
+    keys: Iterable[Key],
     workers: int,
     say: Say,
     name: Callable[[Key], str],
@@ -81,16 +85,18 @@ def _apart(
     """Run jobs in workers; a key waits until one of them is free."""
     address = cluster.address()
     others: Workers = Cluster(address) if address else Processes()
-    waiting = deque(keys)
+    new, again = iter(keys), deque[Key]()
     num_running = 0
     deaths = Counter[Key]()
     is_told = False
     try:
         with _stopped_by_signals() as stop:  # after Ray has set its own handlers
             while True:
-                while waiting and num_running < workers and not stop.is_set():
-                    key = waiting.popleft()
-                    others.run(key, start(key))
+                while num_running < workers and not stop.is_set():
+                    free = [again.popleft()] if again else list(islice(new, 1))
+                    if not free:
+                        break
+                    others.run(free[0], start(free[0]))
                     num_running += 1
                 if not num_running:
                     return
@@ -109,7 +115,7 @@ def _apart(
                                 f"{name(key)}: its worker died {deaths[key]} times ({news.cause})"
                             )
                         say(f"{name(key)}: its worker died ({news.cause}), and another takes over")
-                        waiting.appendleft(key)
+                        again.appendleft(key)
     finally:
         others.close()
 

@@ -136,6 +136,32 @@ def test_every_item_arrives_in_its_order() -> None:
     assert collect(COUNTS, 1) == EXPECTED
 
 
+class Stages:
+    """Keys of which there may be none at the moment."""
+
+    def __init__(self) -> None:
+        self.ready = ["a", "b"]
+
+    def __iter__(self) -> "Stages":
+        return self
+
+    def __next__(self) -> str:
+        if not self.ready:
+            raise StopIteration
+        return self.ready.pop(0)
+
+
+@pytest.mark.usefixtures("no_cluster")
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_keys_may_follow_from_items(workers: int) -> None:
+    keys, found = Stages(), []
+    for key, item in compute.stream(lambda key: partial(count, key, 1), keys, workers):
+        found.append(item)
+        if len(key) < 3:
+            keys.ready.append(f"{key}x")
+    assert sorted(found) == ["a0", "ax0", "axx0", "b0", "bx0", "bxx0"]
+
+
 @pytest.mark.usefixtures("no_cluster")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_an_error_arrives_as_itself(workers: int) -> None:
