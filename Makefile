@@ -8,6 +8,9 @@ MINUTES ?= 30
 AGENT ?= *
 PRESET ?= default
 SEED ?=
+TRIALS ?=
+SAMPLER ?=
+STORAGE ?=
 ALL ?=
 
 # Disable the telemetry of all tools.
@@ -20,7 +23,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install try repro preset article decide check style test test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install try repro preset article decide tune check style test test-quick test-comparison test-smoke test-soak test-training \
 	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -62,6 +65,10 @@ article: install ## reproduce what the article printed, into results/article.jso
 
 decide: install ## train more seeds for the agents of open claims, into results/decided.json
 	python -m scripts.decide
+
+tune: install ## search for an agent's settings, into results/tuning/ (AGENT=sac TRIALS=40)
+	@python -m scripts.tune $(AGENT:*=) $(if $(TRIALS),--trials $(TRIALS)) $(if $(SAMPLER),--sampler $(SAMPLER)) \
+		$(if $(STORAGE),--storage '$(STORAGE)') $(if $(PRESET:default=),--preset $(PRESET))
 
 check: install ## style, types, and the tests that train nothing: the quick loop
 	@$(MAKE) --no-print-directory --jobs=2 style test-quick test-comparison

@@ -9,10 +9,9 @@ values in docs/article.md, from results/article.json; `article-runs` is what
 results/article_tests.csv says of DQN with other versions and contacts, in the same document. With
 `run` it writes SAC's returns beside published ones, too. With `families` the section is in
 docs/families.md, which gets pictures as well, and results/families.json the comparison; `tuning` is
-what results/tuning.csv says of the search for settings, in the same document.
+what results/tuning/ says of the searches for settings, in docs/tuning.md.
 """
 
-import csv
 import io
 import json
 from collections.abc import Sequence
@@ -48,7 +47,7 @@ FINALS = DOCS / "published" / "ant_v4.csv"
 FIGURES = ("learning_curves", "final_return")
 VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
 PICTURES = {"default": "", "families": "families-"}  # prefixes of their names in docs/images/
-TUNING = RESULTS / "tuning.csv"
+TUNING = RESULTS / "tuning"
 RESULTS_PAGE = DOCS / "results.md"
 SIDE = 300  # [pixels] side of an agent's film in the animation
 SECONDS = 6.0  # length of the animation
@@ -166,9 +165,9 @@ def finals_sections() -> Sections:
 
 
 def tuning_sections() -> Sections:
-    """Return what documents say of the search for settings."""
-    rows = list(csv.DictReader(TUNING.read_text(encoding="utf-8").splitlines()))
-    return {(DOCUMENTS["families"], "tuning"): effort_table(rows)}
+    """Return what documents say of the searches for settings."""
+    found = [_read(path) for path in sorted(TUNING.glob("*.json"))]
+    return {(DOCS / "tuning.md", "tuning"): tuning_table(found)}
 
 
 def _read(path: Path) -> Any:
@@ -289,28 +288,37 @@ def _judgement(own: dict[str, Any]) -> str:
     return f"{shares}: {share} [{interval}] % | {p} | {verdict}"
 
 
-def effort_table(rows: Sequence[dict[str, str]]) -> str:
-    """Return how much search each agent's settings got, as Markdown.
+def tuning_table(found: Sequence[dict[str, Any]]) -> str:
+    """Return what searches found, as Markdown.
 
     Args:
-        rows: Those of `results/tuning.csv`.
+        found: Summaries of `results/tuning/`, with those of controls.
     """
     lines = [
-        "| agent | trainings | minutes | return, full budget | changes to the first settings |",
-        "|---|---|---|---|---|",
+        "| agent | trials x seeds | ended early | before | after | difference | verdict | p | "
+        "best after 1, 7, 30 trials | expected of random draws |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for agent in dict.fromkeys(row["agent"] for row in rows):
-        own = [row for row in rows if row["agent"] == agent]
-        whole = [row for row in own if float(row["share"]) == 1]
-        best = max(whole, key=lambda row: float(row["return"]))
-        minutes = sum(float(row["seconds"]) for row in own) / 60
-        settings = json.loads(best["settings"])
-        changes = ", ".join(f"`{key}` {value}" for key, value in settings.items()) or "none"
-        lines.append(
-            f"| {agent} | {len(own)} | {minutes:.0f} | "
-            f"{wording.number(float(best['return']))} | {changes} |"
-        )
+    controls = {own["agent"]: own["expected_best"] for own in found if own["expected_best"]}
+    for own in found:
+        if "verdict" not in own:
+            continue
+        num_trials = f"{own['trials']} x {own['seeds_per_trial']}"
+        returns = [_number(own["before"]), _number(own["after"])]
+        interval = f"[{wording.number(own['low'])}, {wording.number(own['high'])}]"
+        cells = [
+            *(own["agent"], num_trials, str(own["pruned"]), *returns),
+            f"{wording.number(own['difference'])} {interval}",
+            *(own["verdict"], wording.p_value(own["p"])),
+            ", ".join(map(_number, own["best_after"].values())),
+            ", ".join(map(_number, controls.get(own["agent"], {}).values())),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else wording.number(value)
 
 
 def published_table(root: Path) -> str:

@@ -48,6 +48,7 @@ ARTICLE = "hours of training; tests/article/test_article_run.py runs it with les
 MEASURES = "minutes that need the machine for themselves; tests/test_benchmarks.py tests its parts"
 SOAK = "half an hour; tests/test_soak.py runs a little of each part"
 VERIFY = "minutes of training; tests/test_verify.py verifies another agent"
+TUNE = "hours of training; tests/tuning/test_study.py tunes a small agent"
 ELSEWHERE = {
     RUN: "tests/finished_project.py",
     COMMIT: "tests/finished_project.py",
@@ -84,7 +85,10 @@ ELSEWHERE = {
     **{f"make preset PRESET={name}": HOURS for name in ("ablations", "families", "hopper", "run")},
     "dvc exp run $(cat presets/NAME)": "stands for the presets",
     "python -m scripts.ceiling": "minutes of planning; tests/test_ceiling.py plans less",
-    "python -m scripts.tune": "hours of training",
+    **{command: TUNE for command in ("make tune", "make tune AGENT=td3 PRESET=families")},
+    **{f"make tune AGENT=sac TRIALS=40{own}": TUNE for own in ("", " SAMPLER=random")},
+    "dvc exp run $(cat presets/tuned-sac)": "the preset of a search; tests/tuning/test_outcome.py",
+    f"{PUBLISH} PRESET=tuning": "tests/test_publish.py writes this table",
     "python -m scripts.error_rates": "writes a document; tests/test_error_rates.py",
     "make bench": MEASURES,
     "python -m benchmarks profiles scale": MEASURES,

@@ -45,7 +45,7 @@ def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -
     [
         ("claims", "README.md"),
         ("printed", "docs/article.md"),
-        ("tuning", "docs/families.md"),
+        ("tuning", "docs/tuning.md"),
         *(
             (preset, str(publish.DOCUMENTS.get(preset, publish.RESULTS_PAGE)))
             for preset in publish.PRESETS
@@ -61,7 +61,7 @@ def test_the_documents_agree_with_the_results() -> None:
     """`make publish` and its presets write these; nobody types them."""
     sections = publish.committed_sections()
     assert {document.name for document, _ in sections} == {
-        *("README.md", "results.md", "families.md", "article.md")
+        *("README.md", "results.md", "families.md", "article.md", "tuning.md")
     }
     for (document, name), content in sections.items():
         assert publish.section(document, name) == content.rstrip(), (document.name, name)
@@ -95,18 +95,16 @@ def test_what_agents_keep_stands_with_the_crossing() -> None:
     ]
 
 
-def test_effort_is_that_of_all_trainings() -> None:
-    keys = ("agent", "share", "return", "seconds", "settings")
-    rows = [
-        ("snes", "0.4", "9000.0", "60.0", "{}"),
-        ("snes", "1.0", "5000.0", "90.0", '{"stdev_init": 0.05}'),
-        ("snes", "1.0", "4000.0", "90.0", "{}"),
-        ("ars", "1.0", "3000.0", "30.0", "{}"),
-    ]
-    table = publish.effort_table([dict(zip(keys, row, strict=True)) for row in rows])
+def test_searches_stand_beside_their_controls() -> None:
+    best = {"1": 5000.0, "7": 6500.0}
+    own = {"agent": "sac", "trials": 40, "seeds_per_trial": 2, "pruned": 15, "best_after": best}
+    judged = {"before": 7000.0, "after": 7600.0, "verdict": "better", "p": 0.00312}
+    judged |= {"difference": 590.0, "low": 200.0, "high": 900.0}
+    control = own | {"expected_best": {"1": 3000.0, "7": 6000.0}}
+    table = publish.tuning_table([own | judged | {"expected_best": None}, control])
     assert table.splitlines()[2:] == [
-        "| snes | 3 | 4 | 5,000 | `stdev_init` 0.05 |",
-        "| ars | 1 | 0 | 3,000 | none |",
+        "| sac | 40 x 2 | 15 | 7,000 | 7,600 | 590 [200, 900] | better | 0.0031 | 5,000, 6,500 | "
+        "3,000, 6,000 |"
     ]
 
 

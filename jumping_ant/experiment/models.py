@@ -22,6 +22,7 @@ from jumping_ant.params.blocks import (
     RobustnessParams,
     Seed,
     TrainingParams,
+    TuningParams,
 )
 
 RESERVED_NAMES = {"lineup", "overtaking"}  # names of files in media/
@@ -30,7 +31,7 @@ AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60
 
 # Seeds of start states that no block names. Those of training, and of the article's own tests, are
 # derived (see `base.seeding`): numbers of 128 bits, which are none of these.
-TUNING_EPISODES = range(7_000_000, 8_000_000)  # on which scripts/tune.py chooses settings
+TUNING_SEEDS = range(7_000_000, 8_000_000)  # of `make tune`; its training seeds are of these, too
 SELECTION_EPISODES = 20  # first ones of validation: PGPE's best sample is chosen on them
 EPISODES_AT_ONCE = 16  # demonstrations are played in batches of so many
 
@@ -67,6 +68,8 @@ class Params(Block):
     """How learning curves are measured during training."""
     compute: ComputeParams
     """How the work is distributed. No result depends on it."""
+    tuning: TuningParams
+    """How `make tune` searches for settings."""
     evaluate: EvaluateParams
     """The held-out episodes, the same for every policy, with deterministic actions."""
     robustness: RobustnessParams
@@ -89,6 +92,11 @@ class Params(Block):
         seed, count = Counter(self.seeds).most_common(1)[0]
         if count > 1:
             raise ValueError(f"seeds holds {seed} more than once; allowed: each seed once")
+        if tuned := sorted(set(self.seeds).intersection(TUNING_SEEDS)):
+            raise ValueError(
+                f"seeds holds {tuned[0]}, allowed: none of {_shown(TUNING_SEEDS)}, on which "
+                "`make tune` chooses settings"
+            )
         return self
 
     @model_validator(mode="after")
@@ -149,7 +157,7 @@ class Params(Block):
         in_race = training.evaluation_episodes + training.finalist_episodes
         validation = max(in_race, SELECTION_EPISODES)
         return {
-            "scripts/tune.py": [TUNING_EPISODES],
+            "make tune": [TUNING_SEEDS],
             "training.evaluation_seed": [_count_up(training.evaluation_seed, validation)],
             "evaluate.seed": [self.evaluate.block(seed) for seed in self.seeds],
             **{  # an episode lasts for at least one step

@@ -241,6 +241,27 @@ class ComputeParams(Block):
     """[s] Training time before MLflow shows curves live, which takes seconds to start."""
 
 
+class TuningParams(Block):
+    """The search for an agent's settings (see `jumping_ant.tuning`); no stage reads it."""
+
+    trials: Count
+    """[-] Settings that are tried; the first are the agent's own."""
+    seeds: Count
+    """[-] Trainings of a trial, each from a seed that no other training uses."""
+    share: Annotated[float, Field(gt=0, le=1)]
+    """[-] Share of the agent's budget of control steps that such a training gets."""
+    episodes: Annotated[int, Field(ge=1, le=1000)]
+    """[-] Episodes that each trained policy plays, from the same start states in all trials."""
+    target_return: Number | None
+    """[-] Trials compete for the seconds of training to this return; null: for the return."""
+    spread_penalty: NonNegative
+    """[-] Times the mean distance of seeds from their median, taken off a trial's value."""
+    prune_level: Annotated[float, Field(ge=0, lt=1)]
+    """[-] A trial ends early if its returns would be so unlikely were it as good as the best."""
+    fresh_seeds: Annotated[int, Field(ge=1, le=100)]
+    """[-] Trainings with the whole budget that judge the best settings, and as many their own."""
+
+
 class EvaluateParams(Block):
     """Held-out episodes (see `jumping_ant.evaluation.evaluation`)."""
 

@@ -63,11 +63,11 @@ IMITATION = "demonstrations.bc.seed"
         (HELD_OUT, 2_000_019 - 640, "2000019 to 2000050", "2000000 to 2000019", VALIDATION),
         (HELD_OUT, 1_999_969 - 640, "1999969 to 2000000", "2000000 to 2000019", VALIDATION),
         (HELD_OUT, 1_999_969 - 864, "1999969 to 2000000", "2000000 to 2000019", VALIDATION),
-        (HELD_OUT, 7_999_999 - 640, "7999999 to 8000030", "7000000 to 7999999", "scripts/tune.py"),
-        (VALIDATION, 6_999_990, "6999990 to 7000009", "7000000 to 7999999", "scripts/tune.py"),
+        (HELD_OUT, 7_999_999 - 640, "7999999 to 8000030", "7000000 to 7999999", "make tune"),
+        (VALIDATION, 6_999_990, "6999990 to 7000009", "7000000 to 7999999", "make tune"),
         (IMITATION, 8_990_000, "8990000 to 9001999", "9000640 to 9000671", HELD_OUT),
         (IMITATION, 2_000_019, "2000019 to 2012018", "2000000 to 2000019", VALIDATION),
-        (IMITATION, 6_999_999, "6999999 to 7011998", "7000000 to 7999999", "scripts/tune.py"),
+        (IMITATION, 6_999_999, "6999999 to 7011998", "7000000 to 7999999", "make tune"),
     ],
 )
 def test_no_episode_serves_two_purposes(
@@ -97,6 +97,13 @@ def test_episodes_of_the_largest_seed_are_in_the_tables_range() -> None:
     content["evaluate"] |= {"episodes": 10**6, "seed": 2**31 - 1}
     evaluate = params_file.check(content).evaluate
     assert evaluate.block(2**31 - 1)[-1] <= tables.EPISODE_SEED.high
+
+
+def test_no_seed_on_which_settings_are_chosen_is_trained() -> None:
+    assert refusal(changed("seeds", [3, 7_000_001])) == (
+        "params.yaml: the file: seeds holds 7000001, allowed: none of 7000000 to 7999999, on which "
+        "`make tune` chooses settings"
+    )
 
 
 def test_baselines_play_no_more_than_a_block() -> None:

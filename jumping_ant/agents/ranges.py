@@ -1,0 +1,51 @@
+"""What a search for settings may choose from: the ranges of an algorithm's settings.
+
+Each family has its own in `ranges.py`, beside its settings and in the same units. No training reads
+them: to change a range makes no stage stale.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Between:
+    """Numbers from `low` to `high`, both included.
+
+    Attributes:
+        low: The least.
+        high: The greatest.
+        is_log: Whether equal ratios are equally likely at first, instead of equal differences.
+        is_whole: Whether only whole numbers count.
+    """
+
+    low: float
+    high: float
+    is_log: bool = True
+    is_whole: bool = False
+
+    def has(self, value: Any) -> bool:
+        """Return whether a value lies in the range."""
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return is_number and self.low <= value <= self.high
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Some values, in no order."""
+
+    values: tuple[Any, ...]
+
+    def has(self, value: Any) -> bool:
+        """Return whether a value is one of them."""
+        return value in self.values
+
+
+Ranges = Mapping[str, Between | OneOf]
+"""Of an algorithm, by the setting's name."""
+
+
+def whole(low: int, high: int, is_log: bool = True) -> Between:
+    """Return a range of whole numbers."""
+    return Between(low, high, is_log, is_whole=True)

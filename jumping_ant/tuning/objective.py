@@ -1,0 +1,128 @@
+"""What a training of a trial measures, as a worker runs it, and a trial's value.
+
+A worker trains one seed as the pipeline does, publishes the policy that wins in validation, and
+plays it. All seeds, start states and validation episodes are of `TUNING_SEEDS`, which no training
+and no evaluation uses, and those that judge the outcome are none of those that a search uses.
+
+A trial's value is the interquartile mean over seeds of what the policies return, less a penalty for
+the seeds' mean distance from their median; of three seeds or fewer that is the mean. Where trials
+compete for time, it is the same of the seconds to a return, which count negative.
+"""
+
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from jumping_ant.agents.events import Finished, Snapshot
+from jumping_ant.agents.job import Job
+from jumping_ant.comparison.estimates import estimate_iqm
+from jumping_ant.experiment import curves
+from jumping_ant.experiment.models import TUNING_SEEDS
+from jumping_ant.params.blocks import TrainingParams
+from jumping_ant.policies import policy_file
+from jumping_ant.sim import rollout
+from jumping_ant.training import racing, seed_run
+
+SEARCH = TUNING_SEEDS[:1_000]  # training seeds of trials, and their start states
+VALIDATION = TUNING_SEEDS[100_000]  # the first episode of the choice among snapshots
+FRESH = TUNING_SEEDS[500_000:]  # training seeds and start states that judge the outcome
+
+# What learners raise whose numbers are no longer finite: NumPy, torch, and the check of policies.
+DIVERGED = (ArithmeticError, ValueError, RuntimeError)
+LONGEST_REASON = 200  # [characters]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A trained seed.
+
+    Attributes:
+        returns: Of the published policy, an episode for each start state.
+        seconds: Of training, without evaluations [s].
+        onset: Bounds on the seconds of training after which validation returns more than the target
+            for good [s]; (0, infinity) without a target.
+    """
+
+    returns: tuple[float, ...]
+    seconds: float
+    onset: tuple[float, float]
+
+    @property
+    def mean_return(self) -> float:
+        """Mean of the returns."""
+        return float(np.mean(self.returns))
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A training that came to nothing, and why."""
+
+    reason: str
+
+
+def validated_apart(training: TrainingParams) -> TrainingParams:
+    """Return how a trial's trainings are validated: on episodes of their own."""
+    return training.model_copy(update={"evaluation_seed": VALIDATION})
+
+
+def measure(
+    job: Job[Any],
+    training: TrainingParams,
+    starts: Sequence[int],
+    target_return: float | None,
+    stop: threading.Event,
+) -> Iterator[Measured | Fault]:
+    """Train a seed, play its policy from start states, and yield what was measured.
+
+    Nothing is yielded if `stop` ended the training.
+    """
+    try:
+        measured = _measured(job, training, starts, target_return, stop)
+    except DIVERGED as error:
+        told = " ".join(f"{type(error).__name__}: {error}".split())
+        measured = Fault(told[:LONGEST_REASON])
+    if measured:
+        yield measured
+
+
+def _measured(
+    job: Job[Any],
+    training: TrainingParams,
+    starts: Sequence[int],
+    target_return: float | None,
+    stop: threading.Event,
+) -> Measured | Fault | None:
+    evaluations = []
+    for report in seed_run.run(job, training, stop):
+        if isinstance(report.event, Snapshot):
+            evaluations.append((report.seconds, float(np.mean(report.returns))))
+    if not isinstance(report.event, Finished):
+        return None
+    policy = policy_file.parse(racing.winner(report.candidates).policy)
+    returns = rollout.returns(job.world, [(policy, start) for start in starts], job.num_threads)
+    if not np.isfinite(returns).all():
+        return Fault("returns that are not finite")
+    onset = (0.0, np.inf) if target_return is None else _onset(evaluations, target_return)
+    return Measured(tuple(returns.tolist()), report.seconds, onset)
+
+
+def _onset(evaluations: Sequence[tuple[float, float]], target: float) -> tuple[float, float]:
+    """Return bounds on when validation returns exceed a target for good [s]."""
+    seconds, returns = np.array(evaluations).T
+    return curves.onset({"seconds": seconds, "evaluation_return_mean": returns}, target, "seconds")
+
+
+def value(of_seeds: Sequence[float], spread_penalty: float) -> float:
+    """Return a trial's value from one number for each of its seeds, of which more is better.
+
+    The spread is the mean distance from the median (Brown and Forsythe 1974), as in comparisons.
+    """
+    sample = np.array(of_seeds)
+    spread = np.abs(sample - np.median(sample)).mean()
+    return float(estimate_iqm(sample, 0.95).value - spread_penalty * spread)

@@ -1,0 +1,203 @@
+"""What a study found: its trials as a table, a summary, and a preset of better settings.
+
+Return against tuning budget: the best of n random draws, on average over which of the trials come
+first, says what n trials are worth (Dodge et al. 2019, "Show Your Work", section 3; here without
+its bias, as Tang et al. 2020, "Showing Your Work Doesn't Always Work", section 3.2). A sampler that
+learns draws no such sample; of it only the best after n trials is known.
+"""
+
+import json
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import optuna
+from optuna.importance import PedAnovaImportanceEvaluator
+from optuna.trial import FrozenTrial, TrialState, create_trial
+
+from jumping_ant.base import tables
+from jumping_ant.base.files import to_json, write_all
+from jumping_ant.params.blocks import TuningParams
+from jumping_ant.tuning.search import REASON, best_of, seeds_of, value_of
+from jumping_ant.tuning.space import Space
+from jumping_ant.tuning.study import SamplerName
+
+COLUMNS = ("trial", "state", "value", "returns", "seconds", "reason", "settings")
+STATES = {TrialState.COMPLETE: "complete", TrialState.PRUNED: "pruned"}
+BUDGETS = (1, 7, 30)  # trials after which the best is told
+GOOD = 0.25  # share of the trials that importance sets apart from the others
+
+
+class TuningPaths:
+    """The files of a study.
+
+    Args:
+        root: The project's folder.
+        agent: Name of the agent.
+        sampler: Name of the sampler; the control has files of its own.
+    """
+
+    def __init__(self, root: Path, agent: str, sampler: SamplerName = "tpe") -> None:
+        folder, name = root / "results" / "tuning", agent + "-random" * (sampler == "random")
+        self.study = root / ".tuning" / f"{name}.db"
+        self.trials = folder / f"{name}.csv"
+        self.summary = folder / f"{name}.json"
+        self.page = folder / f"{name}.html"
+        self.preset = root / "presets" / f"tuned-{agent}"
+
+
+def rows(trials: Sequence[FrozenTrial], space: Space, tuning: TuningParams) -> list[dict[str, Any]]:
+    """Return the table of ended trials; the settings are those that differ from the agent's own."""
+    found = []
+    for trial in trials:
+        seeds, own = seeds_of(trial), value_of(trial, tuning)
+        found.append(
+            {
+                "trial": trial.number,
+                "state": STATES[trial.state],
+                "value": "" if own is None else f"{own:.6g}",
+                "returns": " ".join(f"{seed['return']:.6g}" for seed in seeds),
+                "seconds": " ".join(f"{seed['seconds']:.3g}" for seed in seeds),
+                "reason": trial.user_attrs.get(REASON, ""),
+                "settings": json.dumps(space.chosen(trial.params)),
+            }
+        )
+    return found
+
+
+def summary(
+    name: str, sampler: SamplerName, study: optuna.Study, space: Space, tuning: TuningParams
+) -> dict[str, Any]:
+    """Return what the trials say, without the verdict."""
+    trials = study.get_trials(deepcopy=False, states=list(STATES))
+    pruned = [trial for trial in trials if trial.state is TrialState.PRUNED]
+    best = best_of(study)
+    return {
+        "agent": name,
+        "sampler": sampler,
+        "trials": len(trials),
+        "seeds_per_trial": tuning.seeds,
+        "pruned": len(pruned),
+        "without_value": sum(value_of(trial, tuning) is None for trial in trials),
+        "best_trial": best.number if best else None,
+        "best_value": best.values[0] if best else None,
+        "settings": space.changes(space.agent_with(best.params)) if best else {},
+        "best_after": {
+            str(num): found for num, found in best_after(values(trials, tuning)).items()
+        },
+        "expected_best": expected(trials, tuning) if sampler == "random" else None,
+        "importance": importance(as_complete(study, tuning)),
+    }
+
+
+def values(trials: Sequence[FrozenTrial], tuning: TuningParams) -> list[float]:
+    """Return the trials' values; one without any has the least of all."""
+    own = [value_of(trial, tuning) for trial in trials]
+    least = min((value for value in own if value is not None), default=math.nan)
+    return [least if value is None else value for value in own]
+
+
+def best_after(of_trials: Sequence[float]) -> dict[int, float]:
+    """Return the best value of the first trials, by their number."""
+    return {num: max(of_trials[:num]) for num in BUDGETS if num <= len(of_trials)}
+
+
+def expected(trials: Sequence[FrozenTrial], tuning: TuningParams) -> dict[str, float]:
+    """Return the expected best of so many random draws, by their number."""
+    drawn = values([trial for trial in trials if not is_own(trial)], tuning)
+    return {str(num): expected_best(drawn, num) for num in BUDGETS if num <= len(drawn)}
+
+
+def expected_best(of_draws: Sequence[float], num: int) -> float:
+    """Return the mean over all choices of `num` of the draws of the best among them.
+
+    The value of rank i is the best of comb(i - 1, num - 1) of the comb(n, num) choices.
+    """
+    ordered = np.sort(np.array(of_draws, dtype=np.float64))
+    ranks = range(1, len(ordered) + 1)
+    shares = [math.comb(i - 1, num - 1) / math.comb(len(ordered), num) for i in ranks]
+    return float(ordered @ np.array(shares))
+
+
+def is_own(trial: FrozenTrial) -> bool:
+    """Return whether a trial was not drawn: its settings are the agent's own."""
+    return "fixed_params" in trial.system_attrs
+
+
+def as_complete(study: optuna.Study, tuning: TuningParams) -> optuna.Study:
+    """Return a study in memory in which pruned trials have the values of their seeds so far.
+
+    Optuna leaves pruned trials out of its analyses, which would then see only what is good.
+    """
+    shown = optuna.create_study(direction="maximize")
+    for trial in study.get_trials(deepcopy=False, states=list(STATES)):
+        if (own := value_of(trial, tuning)) is not None:
+            shown.add_trial(
+                create_trial(value=own, params=trial.params, distributions=trial.distributions)
+            )
+    return shown
+
+
+def importance(shown: optuna.Study) -> dict[str, float]:
+    """Return how much each setting sets good trials apart from the others, as shares.
+
+    Source: Watanabe et al. 2023, "PED-ANOVA".
+    """
+    if len(shown.trials) < 2 / GOOD:
+        return {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that few trials say little
+        return optuna.importance.get_param_importances(
+            shown, evaluator=PedAnovaImportanceEvaluator(target_quantile=GOOD)
+        )
+
+
+def preset(name: str, space: Space, settings: Mapping[str, Any], content: Any) -> str:
+    """Return the list of overrides that makes an agent's settings those of a trial.
+
+    Args:
+        name: The agent's name.
+        space: The agent as it is.
+        settings: What the trial changes.
+        content: Of `params.yaml`: an agent that it lacks is added as a whole.
+    """
+    agents = content["agents"]
+    if name not in agents:
+        block = space.agent.model_dump() | dict(settings)
+        return f"-S +agents.{name}={_flow(block)}\n"
+    return "".join(
+        f"-S {'' if key in agents[name] else '+'}agents.{name}.{key}={_flow(value)}\n"
+        for key, value in settings.items()
+    )
+
+
+def write(
+    paths: TuningPaths,
+    table: Sequence[Mapping[str, Any]],
+    found: Mapping[str, Any],
+    page: str,
+    better: str | None = None,
+) -> None:
+    """Write a study's files; a preset of an earlier verdict is removed if nothing is better."""
+    contents: dict[Path, bytes | str] = {
+        paths.trials: tables.to_csv(table, COLUMNS),
+        paths.summary: to_json(found),
+        paths.page: page,
+    }
+    if better:
+        contents[paths.preset] = better
+    write_all(contents)
+    if better is None and found["sampler"] == "tpe":
+        paths.preset.unlink(missing_ok=True)
+
+
+def _flow(value: Any) -> str:
+    """Return a value as the command line of DVC takes it, without spaces."""
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}:{_flow(own)}" for key, own in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ",".join(map(_flow, value)) + "]"
+    return str(value) if isinstance(value, str) else json.dumps(value)

@@ -1,0 +1,238 @@
+"""The trials of a study, run side by side in the workers that train seeds.
+
+A job is a seed of a trial. As soon as it is measured, the trial is compared with the best one so
+far, episode by episode: seeds and start states are the instances of Wilcoxon's signed-rank test. A
+trial that is probably worse ends there. The episodes of a seed are alike, so that the test is sure
+too early; a low level makes up for it (docs/tuning.md has what it costs).
+"""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import optuna
+from optuna.trial import FrozenTrial, Trial, TrialState
+from tqdm import tqdm
+
+from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.job import Job
+from jumping_ant.base.errors import StoppedError
+from jumping_ant.looks.wording import number
+from jumping_ant.params.blocks import TrainingParams, TuningParams
+from jumping_ant.sim.world import World
+from jumping_ant.training import compute
+from jumping_ant.training.workers import Work
+from jumping_ant.tuning import objective
+from jumping_ant.tuning import study as studies
+from jumping_ant.tuning.objective import SEARCH, Fault, Measured
+from jumping_ant.tuning.space import RefusedError, Space
+
+REASON, MEASURED = "reason", "seed {}"  # what a trial notes: why it ended early, and of each seed
+ROUNDS = 4  # at least so many trials follow one another, so that later ones learn from earlier ones
+
+Key = tuple[int, int]
+"""A trial's number, and which of its seeds."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is tuned, and how.
+
+    Attributes:
+        name: The agent's name.
+        world: Its robot and task.
+        space: The agent as it is, and what may be chosen.
+        training: How trainings are validated.
+        tuning: How trials are run and judged.
+        demonstrations: Content of the file that the agent learns from, if it needs one.
+    """
+
+    name: str
+    world: World
+    space: Space
+    training: TrainingParams
+    tuning: TuningParams
+    demonstrations: bytes | None = None
+
+    def job(self, agent: AgentBlock, seed: int, num_threads: int) -> Job[Any]:
+        """Return the training of a seed."""
+        return Job(
+            self.world,
+            agent,
+            seed,
+            evaluations=self.training.evaluations,
+            num_threads=num_threads,
+            demonstrations=self.demonstrations,
+        )
+
+    def work(self, agent: AgentBlock, seed: int, starts: range, num_threads: int) -> Work:
+        """Return what a worker runs to measure a seed."""
+        job, target = self.job(agent, seed, num_threads), self.tuning.target_return
+        training = objective.validated_apart(self.training)
+        return partial(objective.measure, job, training, starts, target)
+
+
+@dataclass
+class Search:
+    """The jobs of a study, in the order in which workers should take them.
+
+    Attributes:
+        study: The study.
+        storage: Its address.
+        task: What is tuned.
+        num_threads: Threads of a job.
+        say: Gets a line for each trial.
+    """
+
+    study: optuna.Study
+    storage: str
+    task: Task
+    num_threads: int = 1
+    say: Callable[[str], None] = print
+    _trials: dict[int, Trial] = field(default_factory=dict)  # those of this process that run
+    _idle: deque[int] = field(default_factory=deque)  # those of them whose next seed may start
+    _num_ended: int = 0
+    _started: float = field(default_factory=time.monotonic)
+
+    def __post_init__(self) -> None:
+        for trial in studies.abandoned(self.study, self.storage, self.task.space.distributions):
+            self.say(f"trial {trial.number} goes on from seed {len(seeds_of(trial)) + 1}")
+            self._open(trial)
+
+    def __iter__(self) -> "Search":
+        return self
+
+    def __next__(self) -> Key:
+        """Return the next seed of a trial that runs, else the first of a new one."""
+        while not self._idle:
+            if self._num_trials() >= self.task.tuning.trials:
+                raise StopIteration
+            self._open(studies.begin(self.study, self.task.space.distributions))
+        chosen = self._idle.popleft()
+        return chosen, len(seeds_of(self._trials[chosen]))
+
+    def work(self, key: Key) -> Work:
+        """Return the job of a trial's seed."""
+        trial, seed = self._trials[key[0]], key[1]
+        agent = self.task.space.agent_with(trial.params, self.task.tuning.share)
+        starts = SEARCH[: self.task.tuning.episodes]
+        return self.task.work(agent, SEARCH[seed], starts, self.num_threads)
+
+    def take(self, key: Key, found: Measured | Fault) -> None:
+        """Note what a job has found, and end its trial or let it go on."""
+        trial, tuning = self._trials[key[0]], self.task.tuning
+        studies.give_sign(trial)
+        if isinstance(found, Fault):
+            return self._end(trial, found.reason)
+        for step, result in enumerate(self._instances(found)):
+            trial.report(result, key[1] * tuning.episodes + step)
+        trial.set_user_attr(
+            MEASURED.format(key[1]),
+            {"return": found.mean_return, "seconds": found.seconds, "onset": found.onset},
+        )
+        if tuning.target_return is not None and found.onset[1] == float("inf"):
+            return self._end(trial, f"seed {key[1] + 1} never returned {tuning.target_return:g}")
+        if len(seeds_of(trial)) == tuning.seeds:
+            return self._end(trial)
+        if trial.should_prune():
+            return self._end(trial, f"less than trial {self.study.best_trial.number}")
+        self._idle.append(trial.number)
+
+    @property
+    def num_left(self) -> int:
+        """Number of trials that are to begin, or to be ended by this process."""
+        return max(0, self.task.tuning.trials - self._num_trials()) + len(self._trials)
+
+    def _instances(self, found: Measured) -> tuple[float, ...]:
+        """Return what is compared with the same of the best trial."""
+        return found.returns if self.task.tuning.target_return is None else (-found.onset[1],)
+
+    def _num_trials(self) -> int:
+        states = [state for state in TrialState if state is not TrialState.WAITING]
+        return len(self.study.get_trials(deepcopy=False, states=states))
+
+    def _open(self, trial: Trial) -> None:
+        """Let a trial's next seed start, if there can be one."""
+        self._trials[trial.number] = trial
+        try:
+            self.task.space.agent_with(trial.params, self.task.tuning.share)
+        except RefusedError as error:
+            return self._end(trial, f"refused: {error}")
+        if len(seeds_of(trial)) == self.task.tuning.seeds:  # killed just before its end
+            return self._end(trial)
+        self._idle.append(trial.number)
+
+    def _end(self, trial: Trial, reason: str = "") -> None:
+        """End a trial, early if there is a reason, and tell."""
+        own = value_of(trial, self.task.tuning)
+        if reason:
+            trial.set_user_attr(REASON, reason)
+            self.study.tell(trial, state=TrialState.PRUNED)
+        else:
+            self.study.tell(trial, own)
+        del self._trials[trial.number]
+        self._num_ended += 1
+        self.say(self._line(trial.number, own, reason))
+
+    def _line(self, ended: int, own: float | None, reason: str) -> str:
+        best, own_value = best_of(self.study), "no value" if own is None else number(own)
+        left = self.num_left
+        seconds = left * (time.monotonic() - self._started) / self._num_ended
+        parts = [
+            f"trial {ended}: {own_value}",
+            *([f"ended early, {reason}"] if reason else []),
+            f"best {number(best.values[0])} of trial {best.number}"
+            if best
+            else "none complete yet",
+            f"{left} trials left, {tqdm.format_interval(seconds)}",
+        ]
+        return "; ".join(parts)
+
+
+def run(search: Search, workers: int) -> None:
+    """Run the trials that are left.
+
+    Raises:
+        StoppedError: A signal asked for a stop.
+        WorkerError: The workers of a seed died repeatedly.
+    """
+    name = "trial {0[0]}, seed {0[1]}".format
+    for key, found in compute.stream(search.work, search, workers, search.say, name):
+        search.take(key, found)
+    if search.num_left:
+        raise StoppedError(f"the same command goes on; {search.num_left} trials are left")
+    if elsewhere := search.study.get_trials(deepcopy=False, states=[TrialState.RUNNING]):
+        raise StoppedError(f"{len(elsewhere)} trials run elsewhere; the same command goes on then")
+
+
+def num_workers(requested: int, trials: int) -> int:
+    """Return how many trials run at a time."""
+    return compute.num_workers(requested, max(1, trials // ROUNDS))
+
+
+def seeds_of(trial: Trial | FrozenTrial) -> list[dict[str, Any]]:
+    """Return what was measured of a trial's seeds, those that are trained."""
+    found: list[dict[str, Any]] = []
+    while own := trial.user_attrs.get(MEASURED.format(len(found))):
+        found.append(own)
+    return found
+
+
+def value_of(trial: Trial | FrozenTrial, tuning: TuningParams) -> float | None:
+    """Return a trial's value by its seeds so far, None if there is none."""
+    if not (seeds := seeds_of(trial)):
+        return None
+    is_timed = tuning.target_return is not None
+    of_seeds = [-own["onset"][1] if is_timed else own["return"] for own in seeds]
+    is_finite = all(map(math.isfinite, of_seeds))
+    return objective.value(of_seeds, tuning.spread_penalty) if is_finite else None
+
+
+def best_of(study: optuna.Study) -> FrozenTrial | None:
+    """Return the complete trial of the greatest value, None if there is none."""
+    is_any = study.get_trials(deepcopy=False, states=[TrialState.COMPLETE])
+    return study.best_trial if is_any else None

@@ -1,0 +1,195 @@
+"""An Optuna study that goes on where it was killed, with the same trials.
+
+A trial keeps its number and its record. One that was running when its process ended is found again,
+with what its trained seeds returned, and finished: no trial is run twice, and none is lost. What is
+drawn for a trial depends on its number and on the trials before it, not on the process. So with one
+worker the trials are the same however often the study was stopped.
+
+A study in a file is one process's at a time. In a database that several machines share, a trial is
+found abandoned if its process has ended on this machine, or was silent on another one for long.
+"""
+
+import fcntl
+import time
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+import optuna
+from optuna.distributions import BaseDistribution
+from optuna.exceptions import ExperimentalWarning, StorageInternalError
+from optuna.pruners import WilcoxonPruner
+from optuna.samplers import BaseSampler, RandomSampler, TPESampler
+from optuna.trial import FrozenTrial, Trial, TrialState
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+
+from jumping_ant.base import process, seeding
+from jumping_ant.base.errors import InputError
+
+SamplerName = Literal["tpe", "random"]
+OWNER, SIGN = "owner", "sign"  # of a running trial: its process, and when that was last heard of
+SILENT_SECONDS = 6 * 3600.0  # after which a trial of another machine counts as abandoned
+FILE = "sqlite:///"
+
+
+class PerTrial(BaseSampler):
+    """A sampler whose draws for a trial depend on the trial's number and the trials before it.
+
+    Args:
+        name: `tpe` for the tree-structured Parzen estimator (Bergstra et al. 2011), `random` for
+            independent draws, its control.
+        seed: Seed of the study.
+    """
+
+    def __init__(self, name: SamplerName, seed: int = 0) -> None:
+        self._kind = {"tpe": TPESampler, "random": RandomSampler}[name]
+        self._seed = seed
+        self._own: BaseSampler = self._kind(seed=seed)
+
+    def before_trial(self, study: optuna.Study, trial: FrozenTrial) -> None:
+        """Start a stream of random numbers for a trial."""
+        self._own = self._kind(seed=seeding.derive(self._seed, "search", trial.number, bits=32))
+        self._own.before_trial(study, trial)
+
+    def infer_relative_search_space(
+        self, study: optuna.Study, trial: FrozenTrial
+    ) -> dict[str, BaseDistribution]:
+        """Return the parameters that are drawn together."""
+        return self._own.infer_relative_search_space(study, trial)
+
+    def sample_relative(
+        self, study: optuna.Study, trial: FrozenTrial, search_space: dict[str, BaseDistribution]
+    ) -> dict[str, Any]:
+        """Draw the parameters that are drawn together."""
+        return self._own.sample_relative(study, trial, search_space)
+
+    def sample_independent(
+        self,
+        study: optuna.Study,
+        trial: FrozenTrial,
+        param_name: str,
+        param_distribution: BaseDistribution,
+    ) -> Any:
+        """Draw another parameter."""
+        return self._own.sample_independent(study, trial, param_name, param_distribution)
+
+
+@contextmanager
+def opened(
+    storage: str,
+    name: str,
+    sampler: SamplerName,
+    prune_level: float,
+    first: Mapping[str, Any] | None,
+) -> Iterator[optuna.Study]:
+    """Open a study, which is created with its first trial if there is none.
+
+    Args:
+        storage: Address of the storage, as SQLAlchemy writes it: sqlite:///FILE, postgresql://...
+        name: Name of the study.
+        sampler: Name of the sampler.
+        prune_level: Level of the test by which trials are pruned.
+        first: Parameters of the first trial; None draws them as well.
+
+    Raises:
+        InputError: The storage cannot be used, or another process uses the file.
+    """
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    with _failures_as_input_errors(storage), _alone(storage), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ExperimentalWarning)
+        study = optuna.create_study(
+            storage=storage,
+            study_name=name,
+            direction="maximize",
+            load_if_exists=True,
+            sampler=PerTrial(sampler),
+            pruner=WilcoxonPruner(p_threshold=prune_level),
+        )
+        if first is not None and not study.get_trials(deepcopy=False):
+            study.enqueue_trial(dict(first))
+        yield study
+
+
+def begin(study: optuna.Study, distributions: Mapping[str, BaseDistribution]) -> Trial:
+    """Return a new trial, or one that waits."""
+    return _taken(study.ask(), distributions)
+
+
+def abandoned(
+    study: optuna.Study, storage: str, distributions: Mapping[str, BaseDistribution]
+) -> list[Trial]:
+    """Return the trials that were running when their process ended, by number, as this process's.
+
+    What had not been drawn for one is drawn now, and is the same.
+    """
+    return [
+        _taken(Trial(study, frozen._trial_id), distributions)
+        for frozen in study.get_trials(deepcopy=False, states=[TrialState.RUNNING])
+        if storage.startswith(FILE) or _is_silent(frozen)
+    ]
+
+
+def give_sign(trial: Trial) -> None:
+    """Note that this process runs a trial."""
+    trial.set_user_attr(OWNER, process.this_process())
+    trial.set_user_attr(SIGN, time.time())
+
+
+def _taken(trial: Trial, distributions: Mapping[str, BaseDistribution]) -> Trial:
+    """Return a trial as one of this process, with all its parameters."""
+    give_sign(trial)
+    for name, distribution in distributions.items():
+        trial._suggest(name, distribution)  # as `Study.ask` does
+    return trial
+
+
+def _is_silent(trial: FrozenTrial) -> bool:
+    owner, sign = trial.user_attrs.get(OWNER, ""), trial.user_attrs.get(SIGN)
+    if process.is_of_this_host(owner):
+        return not process.exists(owner)
+    begun = trial.datetime_start.timestamp() if trial.datetime_start else 0.0
+    return time.time() - (begun if sign is None else sign) > SILENT_SECONDS
+
+
+@contextmanager
+def _alone(storage: str) -> Iterator[None]:
+    """Keep other processes from a study in a file."""
+    if not storage.startswith(FILE):
+        yield
+        return
+    path = Path(storage.removeprefix(FILE))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.with_name(f"{path.name}.lock").open("w", encoding="utf-8") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(
+                f"{path}: given a study that another process goes on with, allowed: one process; "
+                "its workers run trials side by side (compute.workers)"
+            ) from error
+        yield
+
+
+@contextmanager
+def _failures_as_input_errors(storage: str) -> Iterator[None]:
+    """Convert errors of a storage into one line."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"storage: its driver is not installed; run: pip install {error.name}"
+        ) from error
+    except (SQLAlchemyError, StorageInternalError) as error:
+        told = " ".join(str(error.__cause__ or error).split())[:300]
+        raise InputError(f"storage: given {shown(storage)}: {told}") from error
+
+
+def shown(storage: str) -> str:
+    """Return an address without its password."""
+    try:
+        return make_url(storage).render_as_string(hide_password=True)
+    except ArgumentError:
+        return "no address, allowed: sqlite:///FILE, postgresql://USER@HOST/NAME"

@@ -1,0 +1,180 @@
+"""The verdict on a study's best settings: trainings with the whole budget, from fresh seeds.
+
+The best of many trials was lucky. So it and the agent as it is are trained again from seeds, and
+judged from start states, that neither the study nor anything else has seen; another best trial gets
+others. The test is the one by which comparisons tell two agents apart.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import optuna
+from numpy.typing import NDArray
+
+from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.base.errors import StoppedError
+from jumping_ant.comparison import estimates
+from jumping_ant.comparison.claims import findings, verdicts
+from jumping_ant.comparison.claims.findings import Efforts, Finding, Sample
+from jumping_ant.comparison.step_down import adjust
+from jumping_ant.looks.wording import number
+from jumping_ant.params.blocks import CompareParams
+from jumping_ant.training import compute
+from jumping_ant.training.workers import Work
+from jumping_ant.tuning.objective import FRESH, Fault, Measured
+from jumping_ant.tuning.search import Task
+
+WORDS = {
+    "supported": "better",
+    "refuted": "worse",
+    "equivalent": "equivalent",
+    "inconclusive": "open",
+}
+BEFORE, AFTER = "before", "after"
+LARGEST_BLOCK = 100  # training seeds of a verdict
+NOTHING = Measured((0.0,), 0.0, (0.0, float("inf")))  # of a training that came to nothing
+
+Array = NDArray[np.float64]
+Key = tuple[str, int]
+"""Which settings, and which of the fresh seeds."""
+
+
+def without_training(word: str) -> dict[str, Any]:
+    """Return a verdict where there is nothing to compare."""
+    none = dict.fromkeys((BEFORE, AFTER))
+    return {**none, "verdict": word, "p": 1.0, "difference": 0.0, "low": 0.0, "high": 0.0}
+
+
+@dataclass(frozen=True)
+class Fresh:
+    """The trainings that judge a trial.
+
+    Attributes:
+        study: The study, which notes what they found.
+        task: What is tuned.
+        compare: How agents are compared.
+        episodes: Of each seed, from start states of its own.
+        trial: Number of the trial.
+        agent: The agent with the trial's settings.
+    """
+
+    study: optuna.Study
+    task: Task
+    compare: CompareParams
+    episodes: int
+    trial: int
+    agent: AgentBlock
+
+    @property
+    def keys(self) -> list[Key]:
+        """What is trained."""
+        return [
+            (which, seed)
+            for seed in range(self.task.tuning.fresh_seeds)
+            for which in (BEFORE, AFTER)
+        ]
+
+    def run(self, workers: int, say: Callable[[str], None]) -> None:
+        """Train what is not noted yet.
+
+        Raises:
+            StoppedError: A signal asked for a stop.
+            WorkerError: The workers of a seed died repeatedly.
+        """
+        noted = self.study.user_attrs
+        left = [key for key in self.keys if self._name(key) not in noted]
+        for key, found in compute.stream(self.work, left, workers, say, "{0[0]}, {0[1]}".format):
+            if isinstance(found, Fault):
+                say(f"fresh seed {key[1] + 1}, {key[0]}: {found.reason}")
+                found = NOTHING
+            note = {"return": found.mean_return, "seconds": found.seconds, "onset": found.onset}
+            self.study.set_user_attr(self._name(key), note)
+            say(f"fresh seed {key[1] + 1}, {key[0]}: {number(found.mean_return)}")
+        missing = [key for key in self.keys if self._name(key) not in self.study.user_attrs]
+        if missing:
+            raise StoppedError(f"the same command goes on; {len(missing)} trainings are left")
+
+    def work(self, key: Key) -> Work:
+        """Return the job of a fresh seed."""
+        which, seed = key
+        agent = self.agent if which == AFTER else self.task.space.agent
+        seeds = self._block(LARGEST_BLOCK)
+        starts = self._block(self.task.tuning.fresh_seeds * self.episodes)
+        own = starts[seed * self.episodes : (seed + 1) * self.episodes]
+        return self.task.work(agent, seeds[seed], own, num_threads=1)
+
+    def verdict(self) -> dict[str, Any]:
+        """Return the verdict, what it rests on, and in words what was compared."""
+        finding, difference = self._finding()
+        level = self.compare.levels[0] + verdicts.ROUNDING
+        (adjusted,) = adjust([(finding.p, finding.margin.p if finding.margin else None)])
+        returns = {which: self._numbers(which, "return") for which in (BEFORE, AFTER)}
+        means = {
+            which: estimates.estimate_iqm(own, self.compare.confidence).as_dict("iqm")
+            for which, own in returns.items()
+        }
+        return {
+            **{which: own["iqm"] for which, own in means.items()},
+            "verdict": WORDS[verdicts.verdict(finding.side, adjusted, level)],
+            "p": finding.p,
+            "p_equivalence": finding.margin.p if finding.margin else None,
+            **difference.as_dict("difference"),
+            "evidence": finding.evidence,
+            "returns": {which: own.tolist() for which, own in returns.items()},
+            "seconds": {which: self._numbers(which, "seconds").tolist() for which in returns},
+        }
+
+    def _finding(self) -> tuple[Finding, estimates.Estimate]:
+        """Return the comparison, and by how much the trial's settings are better.
+
+        The difference is the median over all pairs of seeds (Hodges and Lehmann 1963): of returns,
+        or of the seconds that are saved.
+        """
+        is_timed = self.task.tuning.target_return is not None
+        finding, more, less = self._of_seconds() if is_timed else self._of_returns()
+        median = estimates.pairwise_median(np.subtract)
+        return finding, estimates.estimate(median, [more, less], self.compare)
+
+    def _of_returns(self) -> tuple[Finding, Array, Array]:
+        after, before = (self._numbers(which, "return") for which in (AFTER, BEFORE))
+        first, second = Sample(f"{self.task.name} tuned", after), Sample(self.task.name, before)
+        margin = self.compare.margins.returns
+        ends = (-margin, margin)
+        found = findings.independent("return", first, second, self.compare, ends=ends)
+        return found, after, before
+
+    def _of_seconds(self) -> tuple[Finding, Array, Array]:
+        before, after = (
+            Efforts(
+                label,
+                np.array([own["onset"] for own in self._noted(which)]),
+                self._numbers(which, "seconds"),
+            )
+            for which, label in ((BEFORE, self.task.name), (AFTER, f"{self.task.name} tuned"))
+        )
+        ratio = self.compare.margins.seconds
+        quantity = f"seconds to a return above {self.task.tuning.target_return:g}"
+        ends = (1 / ratio, ratio)
+        found = findings.more_effort(quantity, before, after, self.compare, ends)
+        return found, before.spent, after.spent
+
+    def _block(self, size: int) -> range:
+        """Return so many fresh numbers, hardly ever those of another study or another trial."""
+        content = json.dumps([self.study.study_name, self.trial])
+        number = int(hashlib.sha256(content.encode()).hexdigest()[:8], 16)
+        first = size * (number % (len(FRESH) // size))
+        return FRESH[first : first + size]
+
+    def _name(self, key: Key) -> str:
+        return f"fresh {self.trial} {key[0]} {key[1]}"
+
+    def _noted(self, which: str) -> list[Mapping[str, Any]]:
+        noted = self.study.user_attrs
+        return [noted[self._name(key)] for key in self.keys if key[0] == which]
+
+    def _numbers(self, which: str, name: str) -> Array:
+        return np.array([own[name] for own in self._noted(which)])

@@ -1,0 +1,231 @@
+"""The course of a study, with returns that the tests give instead of trainings."""
+
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import optuna
+import pytest
+import small_agents
+from optuna.pruners import WilcoxonPruner
+from optuna.trial import TrialState, create_trial
+from small_study import RANGES, small_params
+
+from jumping_ant.agents import kernels
+from jumping_ant.agents.job import Job
+from jumping_ant.experiment import params_file
+from jumping_ant.sim.world import World
+from jumping_ant.tuning import objective, search, space, study, tune
+from jumping_ant.tuning.objective import Fault, Measured
+from jumping_ant.tuning.search import Search
+
+NEVER = (10.0, float("inf"))
+
+
+@pytest.fixture(autouse=True)
+def small_ranges(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(space.RANGES, "pgpe", RANGES)
+
+
+@pytest.fixture
+def opened(tmp_path: Path) -> Iterator[optuna.Study]:
+    address = f"{study.FILE}{tmp_path}/study.db"
+    with study.opened(address, "test", "tpe", 0.01, None) as found:
+        yield found
+
+
+def make(opened: optuna.Study, said: list[str] | None = None, **tuning: Any) -> Search:
+    params = small_params(4, episodes=10, **tuning)
+    task = tune.task_of(Path(), params, "pgpe")
+    return Search(
+        opened, study.FILE, task, say=(said or []).append if said is None else said.append
+    )
+
+
+def measured(*returns: float, onset: tuple[float, float] = (0.0, 1.0)) -> Measured:
+    return Measured(returns, 5.0, onset)
+
+
+def around(mean: float) -> Measured:
+    return measured(*(mean + offset for offset in range(-5, 5)))
+
+
+def states(opened: optuna.Study) -> list[str]:
+    return [trial.state.name for trial in opened.trials]
+
+
+def test_a_trial_trains_its_seeds_one_after_another(opened: optuna.Study) -> None:
+    found = make(opened)
+    assert next(found) == (0, 0)
+    found.take((0, 0), around(100))
+    assert next(found) == (0, 1)
+    assert next(found) == (1, 0), "another worker begins the next trial"
+    found.take((0, 1), around(120))
+    found.take((1, 0), around(300))
+    assert next(found) == (1, 1)
+    assert states(opened) == ["COMPLETE", "RUNNING"]
+    # Half way from the mean, 109.5, to the worse seed.
+    assert opened.trials[0].value == pytest.approx(104.5)
+
+
+def test_no_more_trials_begin_than_asked_for(opened: optuna.Study) -> None:
+    found, told = make(opened), []
+    for key in found:
+        told.append(key)
+        found.take(key, around(100 + key[0]))
+    assert told == [(trial, seed) for trial in range(4) for seed in range(2)]
+    assert list(make(opened)) == []
+    assert len(list(make(opened, seeds=2).task.space.distributions)) == len(RANGES)
+
+
+def test_a_trial_that_returns_less_in_every_episode_ends_early(opened: optuna.Study) -> None:
+    said: list[str] = []
+    found = make(opened, said)
+    for key, mean in (((0, 0), 100), ((0, 1), 100), ((1, 0), 50)):
+        assert next(found) == key
+        found.take(key, around(mean))
+    assert next(found) == (2, 0)
+    assert states(opened) == ["COMPLETE", "PRUNED", "RUNNING"]
+    assert opened.trials[1].user_attrs["reason"] == "less than trial 0"
+    assert said[1].startswith(
+        "trial 1: 49.5; ended early, less than trial 0; best 99.5 of trial 0;"
+    )
+
+
+def test_a_trial_that_returns_less_in_some_episodes_goes_on(opened: optuna.Study) -> None:
+    found = make(opened)
+    for key, own in (((0, 0), around(100)), ((0, 1), around(100))):
+        next(found)
+        found.take(key, own)
+    next(found)
+    mixed = around(100)
+    found.take(
+        (1, 0), measured(*(own + (9 if i % 2 else -12) for i, own in enumerate(mixed.returns)))
+    )
+    assert next(found) == (1, 1)
+
+
+def test_what_diverges_is_told_with_its_reason(opened: optuna.Study) -> None:
+    said: list[str] = []
+    found = make(opened, said)
+    next(found)
+    found.take((0, 0), Fault("ValueError: not finite"))
+    assert states(opened) == ["PRUNED"] and opened.trials[0].value is None
+    assert said == [
+        "trial 0: no value; ended early, ValueError: not finite; none complete yet; 3 trials left, "
+        "00:00"
+    ]
+
+
+def test_settings_that_are_refused_train_nothing(
+    opened: optuna.Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(self: object, chosen: object, share: float = 1.0) -> None:
+        raise space.RefusedError("n_top is 9")
+
+    found = make(opened)
+    monkeypatch.setattr(space.Space, "agent_with", refuse)
+    assert list(found) == [] and states(opened) == ["PRUNED"] * 4
+    assert opened.trials[0].user_attrs["reason"] == "refused: n_top is 9"
+
+
+def test_trials_may_compete_for_seconds(opened: optuna.Study) -> None:
+    found = make(opened, target_return=6500.0)
+    for key, seconds in (((0, 0), 20.0), ((0, 1), 24.0), ((1, 0), 9.0)):
+        assert next(found) == key
+        onset = (1.0, seconds) if key[0] == 0 else NEVER
+        found.take(key, measured(7000.0, onset=onset))
+    assert opened.trials[0].value == pytest.approx(-22 - 0.5 * 2)
+    assert opened.trials[1].user_attrs["reason"] == "seed 1 never returned 6500"
+    assert search.value_of(opened.trials[1], found.task.tuning) is None
+
+
+def test_killed_between_the_last_seed_and_the_end_of_its_trial(opened: optuna.Study) -> None:
+    found = make(opened)
+    trial = study.begin(opened, found.task.space.distributions)
+    for seed in range(2):
+        trial.set_user_attr(f"seed {seed}", {"return": 50.0, "seconds": 1.0, "onset": (0.0, 1.0)})
+    again = make(opened)
+    assert states(opened) == ["COMPLETE"] and opened.trials[0].value == 50.0
+    assert next(again) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("between", "within"), [(330, 1135), (401, 1511), (283, 1151)], ids=["dqn", "sac", "pgpe"]
+)
+def test_what_ends_early_is_mostly_worse(between: float, within: float) -> None:
+    """As docs/tuning.md says, with the standard deviations of the committed run."""
+    generator = np.random.default_rng(0)
+    pruner = WilcoxonPruner(p_threshold=params_file.load().tuning.prune_level)
+
+    def seed(mean: float) -> dict[int, float]:
+        own = generator.normal(mean, between) + generator.normal(0, within, 12)
+        return dict(enumerate(own.tolist()))
+
+    def share(less: float) -> float:
+        ended = 0
+        for _ in range(300):
+            shown, best = optuna.create_study(direction="maximize"), seed(7000)
+            shown.add_trial(create_trial(value=7000.0, intermediate_values=best))
+            running = create_trial(state=TrialState.RUNNING, intermediate_values=seed(7000 - less))
+            ended += pruner.prune(shown, running)
+        return ended / 300
+
+    assert 0.02 < share(0) < 0.15 and share(1600) > 0.6
+
+
+@pytest.mark.parametrize(
+    ("of_seeds", "penalty", "value"),
+    [
+        ([100.0], 0.5, 100),
+        ([100.0, 120.0], 0.0, 110),
+        ([100.0, 120.0], 1.0, 100),  # the worse one
+        ([0.0, 100.0, 110.0, 500.0], 0.0, 105),  # of four seeds the best and the worst are left out
+        ([0.0, 100.0, 110.0, 500.0], 0.2, 105 - 0.2 * (105 + 5 + 5 + 395) / 4),
+    ],
+)
+def test_a_value_is_a_mean_less_a_penalty(
+    of_seeds: Sequence[float], penalty: float, value: float
+) -> None:
+    assert objective.value(of_seeds, penalty) == pytest.approx(value)
+
+
+def job(robot_xml: str, algorithm: str, **settings: Any) -> Job[Any]:
+    agent = small_agents.agents()[algorithm]
+    env = small_agents.PARAMS.env.model_copy(update={"max_episode_steps": 40})
+    own = type(agent).model_validate(agent.model_dump() | settings)
+    return Job(World(robot_xml, env), own, objective.SEARCH[0], evaluations=2)
+
+
+def measure(given: Job[Any], target: float | None = None) -> list[Measured | Fault]:
+    kernels.use()
+    training = objective.validated_apart(small_agents.PARAMS.training)
+    starts = objective.SEARCH[:3]
+    return list(objective.measure(given, training, starts, target, threading.Event()))
+
+
+def test_a_training_is_measured_from_its_start_states(robot_xml: str) -> None:
+    (found,) = measure(job(robot_xml, "snes"))
+    (again,) = measure(job(robot_xml, "snes"), target=0.0)
+    assert isinstance(found, Measured) and isinstance(again, Measured)
+    assert len(found.returns) == 3 and len(set(found.returns)) == 3
+    assert again.returns == found.returns and found.onset == (0.0, float("inf"))
+    low, high = again.onset
+    assert low == 0.0 < high <= again.seconds, "the first evaluation returned more than nothing"
+
+
+def test_a_learner_whose_numbers_run_away_is_a_fault(robot_xml: str) -> None:
+    wild = job(robot_xml, "snes", stdev_learning_rate=1e6, center_learning_rate=1e6)
+    (found,) = measure(wild)
+    assert isinstance(found, Fault) and "numbers that are not finite" in found.reason
+
+
+def test_a_training_that_is_stopped_measures_nothing(robot_xml: str) -> None:
+    stop = threading.Event()
+    stop.set()
+    given = replace(job(robot_xml, "snes"), evaluations=1)
+    training = objective.validated_apart(small_agents.PARAMS.training)
+    assert list(objective.measure(given, training, objective.SEARCH[:1], None, stop)) == []

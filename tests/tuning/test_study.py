@@ -1,0 +1,165 @@
+"""Real studies of a small agent: killed and resumed, side by side, and their control."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_study import RANGES, project, records, small_params
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.tuning import space, study, tune
+from jumping_ant.tuning.outcome import TuningPaths
+from jumping_ant.tuning.study import SamplerName
+
+PARAMETERS = 3  # place in a record
+
+
+@pytest.fixture(autouse=True)
+def small_ranges(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(space.RANGES, "pgpe", RANGES)
+
+
+def run(root: Path, trials: int, sampler: SamplerName = "tpe", **more: Any) -> list[str]:
+    said: list[str] = []
+    tune.run(root, small_params(trials, **more), "pgpe", sampler, say=said.append)
+    return said
+
+
+def start(root: Path, trials: int) -> "subprocess.Popen[str]":
+    command = [sys.executable, str(Path(__file__).with_name("small_study.py")), str(root)]
+    return subprocess.Popen([*command, str(trials)], stdout=subprocess.PIPE, encoding="utf-8")
+
+
+def kill(root: Path, trials: int, after: str) -> None:
+    """Run a study in a process of its own, and kill it when it says something."""
+    with start(root, trials) as driver:
+        assert driver.stdout
+        while not driver.stdout.readline().startswith(after):
+            assert driver.poll() is None
+        os.kill(driver.pid, signal.SIGKILL)
+
+
+def database(root: Path, sampler: SamplerName = "tpe") -> Path:
+    return TuningPaths(root, "pgpe", sampler).study
+
+
+def table(root: Path, sampler: SamplerName = "tpe") -> list[dict[str, str]]:
+    text = TuningPaths(root, "pgpe", sampler).trials.read_text(encoding="utf-8")
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_a_killed_study_ends_with_the_trials_of_one_that_was_not(tmp_path: Path) -> None:
+    """And so does its verdict; of the twelve trials the last two are drawn by what was learned."""
+    whole, torn = project(tmp_path / "whole"), project(tmp_path / "torn")
+    run(whole, 12)
+    kill(torn, 12, "trial 10")
+    before = records(database(torn))
+    finished = [row for row in before if row[1] in ("COMPLETE", "PRUNED")]
+    assert len(finished) < 12, "it was killed in the middle of one"
+    kill(torn, 12, "fresh seed 1, after")
+    after = records(database(torn))
+    assert [number for number, *_ in after] == list(range(12))
+    assert after[: len(finished)] == finished, "what had ended is left alone"
+    said = run(torn, 12)
+    assert not any(line.startswith(("trial", "fresh seed 1")) for line in said), "nothing twice"
+    assert records(database(torn)) == after == records(database(whole))
+    for root in (whole, torn):
+        assert len(table(root)) == 12
+    one, other = (
+        json.loads(TuningPaths(root, "pgpe").summary.read_text(encoding="utf-8"))
+        for root in (whole, torn)
+    )
+    assert one | {"seconds": 0} == other | {"seconds": 0}
+
+
+def test_a_trial_that_was_running_keeps_its_number_and_its_seeds(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    run(root, 1)
+    (own,) = records(database(root))
+    params = small_params(2)
+    task = tune.task_of(root, params, "pgpe")
+    address = f"{study.FILE}{database(root)}"
+    with study.opened(address, tune.study_name(task, "tpe"), "tpe", 0.01, None) as opened:
+        study.begin(opened, {})  # ended before anything was drawn
+    running = records(database(root))
+    assert running[0] == own and running[1][1 : PARAMETERS + 1] == ("RUNNING", None, None)
+    said = run(root, 2)
+    assert "trial 1 goes on from seed 1" in said
+    fresh = project(tmp_path / "fresh")
+    run(fresh, 2)
+    assert records(database(root)) == records(database(fresh))
+
+
+def test_trials_side_by_side_are_all_run_once(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    run(root, 8, workers=2)
+    found = records(database(root))
+    assert [number for number, *_ in found] == list(range(8))
+    assert {state for _, state, *_ in found} <= {"COMPLETE", "PRUNED"}
+    one = project(tmp_path / "one")
+    run(one, 8)
+    # Until the sampler learns, draws depend on the trial's number alone, and so do returns.
+    assert {row[0]: row[PARAMETERS] for row in found} == {
+        row[0]: row[PARAMETERS] for row in records(database(one))
+    }
+    both = [{row["trial"]: row["returns"].split()[0] for row in table(own)} for own in (root, one)]
+    assert both[0] == both[1]
+
+
+def test_the_control_draws_at_random_and_judges_nothing(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    run(root, 12)
+    run(root, 12, sampler="random")
+    learned, drawn = (records(database(root, sampler)) for sampler in ("tpe", "random"))
+    assert drawn[0][PARAMETERS] == learned[0][PARAMETERS], "the agent's own settings"
+    assert drawn[11][PARAMETERS] != learned[11][PARAMETERS]
+    paths = TuningPaths(root, "pgpe", "random")
+    found = json.loads(paths.summary.read_text(encoding="utf-8"))
+    assert "verdict" not in found and found["expected_best"].keys() == {"1", "7"}
+    values = [float(row["value"]) for row in table(root, "random")[1:]]
+    assert found["expected_best"]["1"] == pytest.approx(sum(values) / 11, abs=0.1)
+    run(root, 12)  # now with the control on its page
+    page = TuningPaths(root, "pgpe").page.read_text(encoding="utf-8")
+    assert "random draws, expected best" in page
+
+
+def test_other_settings_begin_another_study(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    run(root, 1)
+    run(root, 1, spread_penalty=0.0)
+    run(root, 2)
+    assert [number for number, *_ in records(database(root))] == [0, 0, 1]
+
+
+def test_a_study_in_a_file_has_one_process(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    with start(root, 500) as driver:
+        assert driver.stdout
+        while not driver.stdout.readline().startswith("trial 0"):
+            assert driver.poll() is None
+        with pytest.raises(InputError, match="given a study that another process goes on with"):
+            run(root, 1)
+        driver.send_signal(signal.SIGTERM)
+        assert driver.wait(60) == 130
+    assert records(database(root))[0][1] == "COMPLETE"
+
+
+def test_storages_that_cannot_be_used_are_told_without_passwords(tmp_path: Path) -> None:
+    root, params = project(tmp_path), small_params(1)
+    for address, told in (
+        ("postgresql+nothing://me:secret@host/db", r"me:\*\*\*@host/db"),
+        ("nonsense", "given no address, allowed: sqlite:///FILE, postgresql://USER@HOST/NAME"),
+    ):
+        with pytest.raises(InputError, match=told) as caught:
+            tune.run(root, params, "pgpe", storage=address, say=lambda _: None)
+        assert "secret" not in str(caught.value)
+    path = tmp_path / "torn.db"
+    path.write_bytes(b"no database" * 100)
+    with pytest.raises(InputError, match="file is not a database"):
+        tune.run(root, params, "pgpe", storage=f"sqlite:///{path}", say=lambda _: None)
