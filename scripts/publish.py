@@ -12,6 +12,7 @@ docs/families.md, which gets pictures as well, and results/families.json the com
 what results/tuning/ says of the searches for settings, in docs/tuning.md.
 """
 
+import csv
 import io
 import json
 from collections.abc import Sequence
