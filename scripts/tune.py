@@ -9,10 +9,11 @@ and, if better settings were found, the preset tuned-AGENT.
 """
 
 import argparse
+import sys
 from typing import get_args
 
 from jumping_ant.base import command_line, output
-from jumping_ant.base.errors import reported
+from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.tuning import tune
@@ -33,6 +34,17 @@ def main() -> None:
         tuning = params.tuning.model_copy(update={"trials": given.trials})
         params = params.model_copy(update={"tuning": tuning})
     tune.run(PROJECT_ROOT, params, given.agent, given.sampler, given.storage)
+    _mirror()
+
+
+def _mirror() -> None:
+    """Bring MLflow up to date; if it cannot be reached, `make ui` does it later."""
+    from jumping_ant.tracking import studies  # takes seconds, which the search does not wait for
+
+    try:
+        studies.track(PROJECT_ROOT, print)
+    except InputError as error:
+        print(f"warning: {error}; `make ui` brings it up to date later", file=sys.stderr)
 
 
 def _count(text: str) -> int:

@@ -58,6 +58,18 @@ class AgentPaths:
         return SeedPaths(self.models, number)
 
 
+class StudyPaths:
+    """The files of a search for an agent's settings; its control, random draws, has its own."""
+
+    def __init__(self, root: Path, agent: str, is_control: bool = False) -> None:
+        folder, name = root / "results" / "tuning", agent + "-random" * is_control
+        self.study = root / ".tuning" / f"{name}.db"  # Optuna's, if it is in no other storage
+        self.trials = folder / f"{name}.csv"  # every trial
+        self.summary = folder / f"{name}.json"  # what was found, and the verdict
+        self.page = folder / f"{name}.html"  # the same as a page
+        self.preset = root / "presets" / f"tuned-{agent}"  # settings that are better
+
+
 class Paths:
     """The files of a project."""
 
@@ -89,6 +101,10 @@ class Paths:
     def perturbed(self, name: str) -> Path:
         """Return the table of an agent's episodes under perturbations."""
         return self.root / "results" / "robustness" / f"{name}.csv"
+
+    def study(self, name: str, is_control: bool = False) -> StudyPaths:
+        """Return the files of a search for an agent's settings."""
+        return StudyPaths(self.root, name, is_control)
 
     def code(self, stage: str) -> Path:
         """Return the digests of the code that a stage runs."""

@@ -67,8 +67,10 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
         raise kind(f"MLflow at {_without_password(uri)}: {_explain(error, uri)}") from error
 
 
-def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
-    """Open the store and the project's experiment, which is created if needed."""
+def connect(
+    root: Path, timeout_seconds: int, max_retries: int, experiment: str = EXPERIMENT
+) -> Connection:
+    """Open the store and an experiment of the project, which is created if needed."""
     uri = tracking_uri(root)
     internals.silence()
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
@@ -80,7 +82,7 @@ def connect(root: Path, timeout_seconds: int, max_retries: int) -> Connection:
         if not is_given:
             os.environ.pop("MLFLOW_TRACKING_URI", None)  # set, too, but only for this root
         client = MlflowClient(uri)
-        experiment_id = _experiment_id(client, uri, home(root))
+        experiment_id = _experiment_id(client, uri, home(root), experiment)
     return Connection(client, experiment_id, uri)
 
 
@@ -172,15 +174,15 @@ def artifacts_uri(project: Path) -> str:
     return (project / "mlartifacts").as_uri()
 
 
-def _experiment_id(client: MlflowClient, uri: str, project: Path) -> str:
+def _experiment_id(client: MlflowClient, uri: str, project: Path, name: str) -> str:
     # A server decides where artifacts go; a database would default to the current folder.
     location = None if is_server(uri) else artifacts_uri(project)
-    experiment = client.get_experiment_by_name(EXPERIMENT)
+    experiment = client.get_experiment_by_name(name)
     if experiment is None:
         try:
-            return client.create_experiment(EXPERIMENT, location, internals.EXPERIMENT_KIND)
+            return client.create_experiment(name, location, internals.EXPERIMENT_KIND)
         except MlflowException:  # another process created it just now
-            experiment = client.get_experiment_by_name(EXPERIMENT)
+            experiment = client.get_experiment_by_name(name)
             if experiment is None:
                 raise
     if experiment.lifecycle_stage == "deleted":

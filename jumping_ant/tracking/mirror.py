@@ -15,7 +15,7 @@ from mlflow.exceptions import MlflowException
 
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file
-from jumping_ant.tracking import internals, pages, records
+from jumping_ant.tracking import internals, pages, records, studies
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import (
     ConflictError,
@@ -57,6 +57,7 @@ def track(
             if not remaining:
                 raise
             say("another process is writing the same runs; retrying from the current state")
+    studies.track(root, say)
     counts = ", ".join(f"{count} {verb}" for verb, count in sorted(done.items()))
     say(f"MLflow at {store.name}: {counts or 'nothing to show'}")
     if pages_at:

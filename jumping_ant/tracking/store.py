@@ -194,9 +194,11 @@ class Store(Connection):
         return {**tags, **own, **source}
 
 
-def connect(root: Path, timeout_seconds: int, max_retries: int) -> Store:
+def connect(
+    root: Path, timeout_seconds: int, max_retries: int, experiment: str = connection.EXPERIMENT
+) -> Store:
     """Open the store of a project; arguments and errors as in `connection.connect`."""
-    opened = connection.connect(root, timeout_seconds, max_retries)
+    opened = connection.connect(root, timeout_seconds, max_retries, experiment)
     return Store(**vars(opened), commit=git_commit(root))
 
 

@@ -20,33 +20,16 @@ from optuna.trial import FrozenTrial, TrialState, create_trial
 
 from jumping_ant.base import tables
 from jumping_ant.base.files import to_json, write_all
+from jumping_ant.base.paths import StudyPaths
+from jumping_ant.experiment import trials
 from jumping_ant.params.blocks import TuningParams
 from jumping_ant.tuning.search import REASON, best_of, seeds_of, value_of
 from jumping_ant.tuning.space import Space
 from jumping_ant.tuning.study import SamplerName
 
-COLUMNS = ("trial", "state", "value", "returns", "seconds", "reason", "settings")
 STATES = {TrialState.COMPLETE: "complete", TrialState.PRUNED: "pruned"}
 BUDGETS = (1, 7, 30)  # trials after which the best is told
 GOOD = 0.25  # share of the trials that importance sets apart from the others
-
-
-class TuningPaths:
-    """The files of a study.
-
-    Args:
-        root: The project's folder.
-        agent: Name of the agent.
-        sampler: Name of the sampler; the control has files of its own.
-    """
-
-    def __init__(self, root: Path, agent: str, sampler: SamplerName = "tpe") -> None:
-        folder, name = root / "results" / "tuning", agent + "-random" * (sampler == "random")
-        self.study = root / ".tuning" / f"{name}.db"
-        self.trials = folder / f"{name}.csv"
-        self.summary = folder / f"{name}.json"
-        self.page = folder / f"{name}.html"
-        self.preset = root / "presets" / f"tuned-{agent}"
 
 
 def rows(trials: Sequence[FrozenTrial], space: Space, tuning: TuningParams) -> list[dict[str, Any]]:
@@ -78,6 +61,7 @@ def summary(
     return {
         "agent": name,
         "sampler": sampler,
+        "study": study.study_name,
         "trials": len(trials),
         "seeds_per_trial": tuning.seeds,
         "pruned": len(pruned),
@@ -175,7 +159,7 @@ def preset(name: str, space: Space, settings: Mapping[str, Any], content: Any) -
 
 
 def write(
-    paths: TuningPaths,
+    paths: StudyPaths,
     table: Sequence[Mapping[str, Any]],
     found: Mapping[str, Any],
     page: str,
@@ -183,7 +167,7 @@ def write(
 ) -> None:
     """Write a study's files; a preset of an earlier verdict is removed if nothing is better."""
     contents: dict[Path, bytes | str] = {
-        paths.trials: tables.to_csv(table, COLUMNS),
+        paths.trials: tables.to_csv(table, trials.COLUMNS),
         paths.summary: to_json(found),
         paths.page: page,
     }

@@ -1,6 +1,5 @@
 """A study as one page, which opens from disk without a network (see `jumping_ant.report.frame`)."""
 
-import csv
 import json
 import math
 import warnings
@@ -14,6 +13,7 @@ import plotly.graph_objects as go
 from optuna import visualization
 from optuna.importance import PedAnovaImportanceEvaluator
 
+from jumping_ant.experiment import trials
 from jumping_ant.looks import looks
 from jumping_ant.looks.wording import interval, number, p_value
 from jumping_ant.report import frame
@@ -59,17 +59,14 @@ def build(
     return frame.render(FOLDER, context, charts)
 
 
-def values(path: Path) -> list[float]:
-    """Return the values of the random draws in a control's table; [] if there is none.
+def drawn(table: Sequence[dict[str, str]]) -> list[float]:
+    """Return the values of a control's random draws; one without any has the least of all.
 
-    The first trial was not drawn. A trial without a value has the least of all.
+    The trial that has the agent's own settings was not drawn.
     """
-    if not path.is_file():
-        return []
-    with path.open(newline="", encoding="utf-8") as file:
-        own = [row["value"] for row in csv.DictReader(file) if row["trial"] != "0"]
-    known = [float(value) for value in own if value]
-    return [float(value) if value else min(known) for value in own] if known else []
+    own = [trials.value(row) for row in table if json.loads(row["settings"])]
+    known = [value for value in own if not math.isnan(value)]
+    return [min(known) if math.isnan(value) else value for value in own] if known else []
 
 
 def _rank(row: Mapping[str, Any]) -> tuple[bool, float]:

@@ -11,15 +11,14 @@ import optuna
 from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import effective_code
 from jumping_ant.base.files import read_bytes
-from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file
+from jumping_ant.base.paths import Paths, StudyPaths
+from jumping_ant.experiment import params_file, trials
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 from jumping_ant.training import compute, memory, seed_run
 from jumping_ant.tuning import outcome, page, search, space
 from jumping_ant.tuning import study as studies
-from jumping_ant.tuning.outcome import TuningPaths
 from jumping_ant.tuning.search import Search, Task
 from jumping_ant.tuning.study import SamplerName
 from jumping_ant.tuning.verdict import Fresh, without_training
@@ -52,7 +51,7 @@ def run(
         WorkerError: The workers of a seed died repeatedly.
     """
     task = task_of(root, params, name)
-    paths = TuningPaths(root, name, sampler)
+    paths = Paths(root).study(name, is_control=sampler == "random")
     address = storage or f"{studies.FILE}{paths.study}"
     own = task.space
     if own.outside:
@@ -116,7 +115,7 @@ def _verdict(
 
 def _write(
     root: Path,
-    paths: TuningPaths,
+    paths: StudyPaths,
     task: Task,
     study: optuna.Study,
     found: dict[str, Any],
@@ -125,7 +124,7 @@ def _write(
     ended = study.get_trials(deepcopy=False, states=list(outcome.STATES))
     table = outcome.rows(ended, task.space, task.tuning)
     shown = outcome.as_complete(study, task.tuning)
-    control = page.values(TuningPaths(root, task.name, "random").trials)
+    control = page.drawn(trials.read(Paths(root).study(task.name, is_control=True).trials))
     unit = "Value" if task.tuning.target_return is None else "Minus seconds"
     better = None
     if found.get("verdict") == "better":

@@ -11,11 +11,11 @@ from browser import OpenPage
 from small_study import RANGES, project, small_params
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.experiment.models import TUNING_SEEDS, Params
 from jumping_ant.tuning import outcome, space, study, tune
 from jumping_ant.tuning.objective import FRESH, SEARCH, Measured
-from jumping_ant.tuning.outcome import TuningPaths
 from jumping_ant.tuning.space import space_of
 from jumping_ant.tuning.verdict import AFTER, BEFORE, Fresh
 
@@ -44,7 +44,7 @@ def trained(monkeypatch: pytest.MonkeyPatch, gain: float, seconds: float = 1.0) 
 
 def run(root: Path, **tuning: Any) -> dict[str, Any]:
     tune.run(root, small_params(12, **{"fresh_seeds": 8} | tuning), "pgpe", say=lambda _: None)
-    found: dict[str, Any] = json.loads(TuningPaths(root, "pgpe").summary.read_text("utf-8"))
+    found: dict[str, Any] = json.loads(Paths(root).study("pgpe").summary.read_text("utf-8"))
     return found
 
 
@@ -55,7 +55,7 @@ def test_better_settings_become_a_preset(tmp_path: Path, monkeypatch: pytest.Mon
     assert found["verdict"] == "better" and found["p"] < 0.001
     assert found["low"] <= found["difference"] <= found["high"]
     assert found["after"] - found["before"] == pytest.approx(found["difference"], rel=0.02)
-    paths = TuningPaths(root, "pgpe")
+    paths = Paths(root).study("pgpe")
     tuned = presets.load(paths.preset.name, root).agents["pgpe"].model_dump()
     before = params_file.load(root / "params.yaml").agents["pgpe"].model_dump()
     assert {key: own for key, own in tuned.items() if own != before[key]} == found["settings"]
@@ -75,7 +75,7 @@ def test_worse_settings_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(Fresh, "_noted", lambda self, which: notes if which == BEFORE else less)
     found = run(root)
     assert (found["verdict"], found["difference"]) == ("worse", -800)
-    assert not TuningPaths(root, "pgpe").preset.exists()
+    assert not Paths(root).study("pgpe").preset.exists()
 
 
 def test_seconds_are_judged_by_their_bounds(
@@ -157,7 +157,7 @@ def test_the_page_opens_without_a_network(
     trained(monkeypatch, gain=3000)
     tune.run(root, small_params(12), "pgpe", "random", say=lambda _: None)
     found = run(root)
-    path = TuningPaths(root, "pgpe").page
+    path = Paths(root).study("pgpe").page
     visit = open_page(path.as_uri())
     text = visit.page.inner_text("body")
     assert "Better" in text and found["evidence"] in text

@@ -13,8 +13,8 @@ import pytest
 from small_study import RANGES, project, records, small_params
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 from jumping_ant.tuning import space, study, tune
-from jumping_ant.tuning.outcome import TuningPaths
 from jumping_ant.tuning.study import SamplerName
 
 PARAMETERS = 3  # place in a record
@@ -46,11 +46,11 @@ def kill(root: Path, trials: int, after: str) -> None:
 
 
 def database(root: Path, sampler: SamplerName = "tpe") -> Path:
-    return TuningPaths(root, "pgpe", sampler).study
+    return Paths(root).study("pgpe", sampler == "random").study
 
 
 def table(root: Path, sampler: SamplerName = "tpe") -> list[dict[str, str]]:
-    text = TuningPaths(root, "pgpe", sampler).trials.read_text(encoding="utf-8")
+    text = Paths(root).study("pgpe", sampler == "random").trials.read_text(encoding="utf-8")
     return list(csv.DictReader(text.splitlines()))
 
 
@@ -72,7 +72,7 @@ def test_a_killed_study_ends_with_the_trials_of_one_that_was_not(tmp_path: Path)
     for root in (whole, torn):
         assert len(table(root)) == 12
     one, other = (
-        json.loads(TuningPaths(root, "pgpe").summary.read_text(encoding="utf-8"))
+        json.loads(Paths(root).study("pgpe").summary.read_text(encoding="utf-8"))
         for root in (whole, torn)
     )
     assert one | {"seconds": 0} == other | {"seconds": 0}
@@ -119,13 +119,13 @@ def test_the_control_draws_at_random_and_judges_nothing(tmp_path: Path) -> None:
     learned, drawn = (records(database(root, sampler)) for sampler in ("tpe", "random"))
     assert drawn[0][PARAMETERS] == learned[0][PARAMETERS], "the agent's own settings"
     assert drawn[11][PARAMETERS] != learned[11][PARAMETERS]
-    paths = TuningPaths(root, "pgpe", "random")
+    paths = Paths(root).study("pgpe", is_control=True)
     found = json.loads(paths.summary.read_text(encoding="utf-8"))
     assert "verdict" not in found and found["expected_best"].keys() == {"1", "7"}
     values = [float(row["value"]) for row in table(root, "random")[1:]]
     assert found["expected_best"]["1"] == pytest.approx(sum(values) / 11, abs=0.1)
     run(root, 12)  # now with the control on its page
-    page = TuningPaths(root, "pgpe").page.read_text(encoding="utf-8")
+    page = Paths(root).study("pgpe").page.read_text(encoding="utf-8")
     assert "random draws, expected best" in page
 
 

@@ -1,0 +1,106 @@
+"""Searches for settings in MLflow: a run for each study, and nested under it one for each trial.
+
+They have an experiment of their own, so that the table of the comparison stays one of agents and
+seeds. As everywhere, files are the source: a study is what `results/tuning/` says of it.
+"""
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+from mlflow.entities import Run
+
+from jumping_ant.base.files import digest, read_json
+from jumping_ant.base.paths import Paths, StudyPaths
+from jumping_ant.experiment import trials
+from jumping_ant.tracking import pages
+from jumping_ant.tracking import store as stores
+from jumping_ant.tracking.connection import failures_as_input_errors, mirrored_alone
+from jumping_ant.tracking.store import Desired, Points, Store
+
+EXPERIMENT = "jumping-ant-tuning"
+TIMEOUT_SECONDS, MAX_RETRIES = 20, 1
+STUDY, TRIAL, STATE, REASON, FILES = "study", "trial", "state", "reason", "files_digest"  # tags
+BEST = "best_so_far"  # a study's curve, by trial
+STATUS = {"complete": "FINISHED", "pruned": "KILLED"}
+NUMBERS = ("trials", "pruned", "best_value", "before", "after", "difference", "low", "high", "p")
+
+
+def track(root: Path, say: Callable[[str], None]) -> None:
+    """Bring MLflow up to date with the studies of a project; a second call changes nothing."""
+    found = list(_found(root))
+    if not found:
+        return
+    store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES, EXPERIMENT)
+    with failures_as_input_errors(store.uri), mirrored_alone(store.uri, say):
+        for paths in found:
+            _mirror(store, paths, say)
+
+
+def _found(root: Path) -> Iterator[StudyPaths]:
+    """Yield the files of each study, and of each control."""
+    folder = Paths(root).study("").summary.parent
+    for summary in sorted(folder.glob("*.json")):
+        agent = summary.stem.removesuffix("-random")
+        yield Paths(root).study(agent, is_control=summary.stem != agent)
+
+
+def _mirror(store: Store, paths: StudyPaths, say: Callable[[str], None]) -> None:
+    """Create a study's runs, or add what they lack."""
+    summary = read_json(paths.summary, "tune")
+    name, files = summary["study"], [paths.trials, paths.summary, paths.page]
+    content = " ".join(digest(path)[:16] for path in files if path.exists())
+    shown = store.search(f"tags.{STUDY} = '{name}'")
+    run = shown[0] if shown else store.create_run(name, {STUDY: name})
+    if run.data.tags.get(FILES) == content:
+        return
+    table = trials.read(paths.trials)
+    children = {own.data.tags[TRIAL]: own for own in store.children(run)}
+    for row in table:
+        _mirror_trial(store, run, children.get(row["trial"]), row)
+    values = {key: summary[key] for key in NUMBERS if summary.get(key) is not None}
+    values |= {f"importance/{key}": own for key, own in summary["importance"].items()}
+    history = store.client.get_metric_history(run.info.run_id, BEST)
+    desired = Desired(
+        params={"agent": summary["agent"], "sampler": summary["sampler"]},
+        curve=_best_so_far(table),
+        metrics=values,
+        tags={pages.NOTE: _note(summary), FILES: content},
+        artifacts={path.name: path for path in files if path.exists()},
+    )
+    store.apply(run, desired, {(BEST, point.step) for point in history})
+    store.client.set_terminated(run.info.run_id, "FINISHED")
+    say(f"study {name}: {len(table)} trials, {len(table) - len(children)} new")
+
+
+def _mirror_trial(store: Store, study: Run, run: Run | None, row: Mapping[str, Any]) -> None:
+    if run is None:
+        tags = {TRIAL: row["trial"], stores.PARENT: study.info.run_id}
+        run = store.create_run(f"trial {row['trial']}", tags)
+    own = {"value": trials.value(dict(row))}
+    for place, value in enumerate(row["returns"].split()):
+        own[f"return/seed_{place + 1}"] = float(value)
+    for place, value in enumerate(row["seconds"].split()):
+        own[f"seconds/seed_{place + 1}"] = float(value)
+    desired = Desired(
+        params={key: str(value) for key, value in json.loads(row["settings"]).items()},
+        metrics={key: value for key, value in own.items() if math.isfinite(value)},
+        tags={STATE: row["state"]} | ({REASON: row["reason"]} if row["reason"] else {}),
+    )
+    store.apply(run, desired)
+    store.client.set_terminated(run.info.run_id, STATUS[row["state"]])
+
+
+def _best_so_far(table: list[dict[str, str]]) -> Points:
+    complete = [row for row in table if row["state"] == "complete"]
+    best = accumulate(map(trials.value, complete), max)
+    return {(BEST, int(row["trial"])): value for row, value in zip(complete, best, strict=True)}
+
+
+def _note(summary: Mapping[str, Any]) -> str:
+    """Return the description of a study's run."""
+    judged = f"**{summary['verdict']}**. {summary.get('evidence', '')}" * ("verdict" in summary)
+    return f"Search for settings of {summary['agent']}. {judged}".strip()
