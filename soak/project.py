@@ -78,6 +78,7 @@ def settings_of(*agents: str) -> Params:
 
 def prepare(project: Checkout) -> None:
     """Write the parameters, and build the robot."""
+    (project.folder / "dvc.lock").unlink()  # DVC reads and writes all of it after each stage
     project.write_params(settings())
     project.seconds("dvc", "repro", "build")
 

@@ -22,6 +22,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Checkout:
     """A project whose code is digested and whose robot is built, so that `train` comes next."""
     project = Checkout(tmp_path_factory.mktemp("checkout") / "project")
     copy_project(project.folder)
+    (project.folder / "dvc.lock").unlink()  # DVC reads and writes all of it after each stage
     project.seconds("git", "add", "-A")
     author = ("-c", "user.name=Test", "-c", "user.email=test@example.org")
     project.seconds("git", *author, "commit", "-qm", "Start")

@@ -165,6 +165,17 @@ def test_figures_show_each_seed_and_what_was_printed(
         assert content.startswith(b"\x89PNG") and len(content) < 100_000
 
 
+@pytest.fixture
+def nine_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Further trainings by the preset, and a folder for results."""
+    monkeypatch.setattr(command, "RESULTS", tmp_path)
+    monkeypatch.setattr(article_runs, "PATH", tmp_path / "tests.csv")
+    monkeypatch.setattr(reproduction, "NUM_TESTS", 2)
+    for seed in range(9):
+        article_runs.add(article_runs.PATH, "preset", seed, [500.0 + seed, 540.0])
+
+
+@pytest.mark.usefixtures("nine_runs")
 def test_measuring_writes_into_the_project(
     tiny: tuple[Path, Params],
     reproduced: reproduction.Reproduction,
@@ -172,7 +183,7 @@ def test_measuring_writes_into_the_project(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(command, "RESULTS", tmp_path)
+    """The nine runs are of other settings, and so do not count."""
     monkeypatch.setattr(
         sys, "argv", ["article", "--measure", "--tests", "2", "--folder", str(tiny[0])]
     )
@@ -188,16 +199,11 @@ def test_measuring_writes_into_the_project(
     assert "hours on 2 cores" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("nine_runs")
 def test_dqns_value_rests_on_all_seeds_of_its_run(
-    tiny: tuple[Path, Params], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tiny: tuple[Path, Params], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root, params = tiny
-    monkeypatch.setattr(command, "RESULTS", tmp_path)
-    monkeypatch.setattr(article_runs, "PATH", tmp_path / "tests.csv")
-    monkeypatch.setattr(reproduction, "NUM_TESTS", 2)
-    for seed in range(9):
-        article_runs.add(article_runs.PATH, "preset", seed, [500.0 + seed, 540.0])
-    assert len(command.measure(root, 2)["printed"]["dqn"]["ours"]) == 2  # of other settings
     monkeypatch.setattr(presets, "load", lambda name: params)
     dqn = command.measure(root, 2)["printed"]["dqn"]
     assert dqn["ours"] == [500.0 + seed for seed in range(9)]
