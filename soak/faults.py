@@ -60,8 +60,9 @@ class Faults:
         shutil.rmtree(self._project.folder / ".checkpoints", ignore_errors=True)
         self._log.unlink(missing_ok=True)
         self.counts[name].injected += 1
+        follows = {} if name == "interrupt" else {"live_after_seconds": 0}
         # Workers are for `soak.kills` to disturb.
-        self._project.write_params(projects.settings(workers=1, live_after_seconds=0))
+        self._project.write_params(projects.settings(workers=1, **follows))
         is_done = self._kinds[name]()
         is_told_clearly = "Traceback" not in self._log.read_text(encoding="utf-8")
         is_same = self._digest() == self._expected
