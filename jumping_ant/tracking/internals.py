@@ -23,12 +23,26 @@ UNFOLDED = {"mlflow.runType": "evaluation"}
 
 
 def saved_view(
-    key: str, name: str, widths: Mapping[str, int], always_shown: Iterable[str]
+    key: str,
+    name: str,
+    widths: Mapping[str, int],
+    always_shown: Iterable[str],
+    condition: str = "",
+    order: str = "attributes.start_time",
 ) -> dict[str, str]:
-    """Return an experiment's tag that saves a view of its runs; `widths` are in pixels."""
+    """Return an experiment's tag that saves a view of its runs.
+
+    Args:
+        key: By which an address names it.
+        name: By which the menu names it.
+        widths: Of its columns [pixels], in their order.
+        always_shown: Columns that cannot be hidden.
+        condition: On runs, in the language of searches; empty for all.
+        order: The column by which runs are sorted, the largest first.
+    """
     state = {
-        "searchFilter": "",
-        "orderByKey": "attributes.start_time",
+        "searchFilter": condition,
+        "orderByKey": order,
         "orderByAsc": False,
         "startTime": "ALL",
         "lifecycleFilter": "Active",

@@ -24,7 +24,13 @@ from jumping_ant.tracking.connection import (
 )
 from jumping_ant.tracking.models import AgentModels
 from jumping_ant.tracking.reading import Point
-from jumping_ant.tracking.records import TRAIN_SECONDS, ComparisonRecord, SeedRecord
+from jumping_ant.tracking.records import (
+    AGGREGATE,
+    TRAIN_SECONDS,
+    AgentRecord,
+    ComparisonRecord,
+    SeedRecord,
+)
 from jumping_ant.tracking.store import Desired, Store
 from jumping_ant.tracking.writers import is_own, is_written
 
@@ -127,12 +133,40 @@ class _Mirror:
             changes = store.apply(
                 run, Desired(metrics=comparison.summary, tags=tags, artifacts=comparison.artifacts)
             )
+            mirrored = [self._mirror_aggregate(own, run) for own in comparison.aggregates]
+            changes |= {"aggregates": sum(mirrored)}
             if any(changes.values()):
                 self._say(f"comparison {comparison.key[:8]}: updated ({_listed(changes)})")
         # A pending one may belong to a training that will be resumed.
         is_done = not comparison.missing and run.info.status != "FINISHED"
         if is_done or is_own(run):
             store.client.set_terminated(run.info.run_id, "FINISHED")
+
+    def _mirror_aggregate(self, record: AgentRecord, parent: Run) -> bool:
+        """Have a run of all seeds of an agent as the files say, and return if it was not."""
+        store, key = self._store, self._comparison.key
+        chosen, points = None, {}
+        for run in store.aggregates(key, record.agent):
+            stored = store.curve_points(run)
+            if chosen is None and _agrees(stored, record.curve):
+                chosen, points = run, stored
+            else:
+                store.client.delete_run(run.info.run_id)
+        tags = {
+            stores.AGENT: record.agent,
+            AGGREGATE: key,
+            stores.ALGORITHM: record.algorithm,
+            stores.DVC_STAGE: COMPARE_STAGE,
+            stores.PARENT: parent.info.run_id,
+            internals.RUN_COLOUR: record.colour,
+            **internals.UNFOLDED,
+        }
+        run = chosen or store.create_run(record.name, tags)
+        desired = Desired(curve=record.curve, metrics=record.summary, tags=tags)
+        changes = store.apply(run, desired, points)
+        if run.info.status != "FINISHED":
+            store.client.set_terminated(run.info.run_id, "FINISHED")
+        return chosen is None or any(changes.values())
 
     def _mirror_seed(self, record: SeedRecord, parent: Run, agent_models: AgentModels) -> str:
         """Create a run, repair it or leave it alone, and return which."""

@@ -4,6 +4,7 @@ Nothing here depends on MLflow: a policy file becomes a record with parameters, 
 summary metrics and artifacts, and the tracking modules copy it to MLflow.
 """
 
+import csv
 import hashlib
 import math
 from collections.abc import Iterator, Mapping
@@ -31,6 +32,9 @@ TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which was chosen by it
 FINAL_RETURN = "final_return"  # of the policy at the end of training, on the held-out episodes
 EVALUATION = "evaluation/"
+AGGREGATE = "aggregate"  # tag of a run of all seeds of an agent: the key of its comparison
+# Of all seeds of an agent: columns of `results/plots/learning_curves.csv`, by metric.
+CURVES_OVER_SEEDS = {"return_iqm": "return_iqm", "return_low": "low", "return_high": "high"}
 SYSTEM = "system/"  # load of the machine; runs of seeds from older versions have it
 
 
@@ -152,6 +156,23 @@ class SeedRecord:
 
 
 @dataclass(frozen=True)
+class AgentRecord:
+    """All seeds of an agent together, as the comparison sums them up."""
+
+    agent: str
+    algorithm: str
+    seeds: int
+    colour: str
+    summary: dict[str, float]  # interquartile means over seeds, as runs of seeds name them
+    curve: dict[Point, float]  # interquartile mean of the return while learning, and its interval
+
+    @property
+    def name(self) -> str:
+        """The name of its run."""
+        return f"{self.agent}, {self.seeds} seeds"
+
+
+@dataclass(frozen=True)
 class ComparisonRecord:
     """All trained policies of `params.yaml` together."""
 
@@ -192,6 +213,24 @@ class ComparisonRecord:
         path = Paths(self.root).robustness
         withstood = read_json(path, "crossings") if path.exists() else {}
         return dict(_headlines(self.results)) | dict(_withstood(withstood))
+
+    @cached_property
+    def aggregates(self) -> list[AgentRecord]:
+        """Each agent's seeds together; none if there is no comparison."""
+        points = list(_points_over_seeds(Paths(self.root)))
+        first = {record.agent: record for record in reversed(self.seeds)}
+        return [
+            AgentRecord(
+                agent,
+                first[agent].algorithm,
+                int(own["seeds"]),
+                first[agent].colour,
+                dict(_over_seeds(own)),
+                {point: value for name, point, value in points if name == agent},
+            )
+            for agent, own in self.results.get("agents", {}).items()
+            if agent in first
+        ]
 
     @property
     def note(self) -> str:
@@ -295,6 +334,32 @@ def _headlines(results: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
                     yield f"{agent}/{quantity}_{part}".removesuffix("_"), float(number)
     for pair, chance in results.get("probability_of_improvement", {}).items():
         yield f"probability_of_improvement/{pair.replace('>', '_over_')}", float(chance["p"])
+
+
+def _points_over_seeds(paths: Paths) -> Iterator[tuple[str, Point, float]]:
+    """Yield the agent, metric and step, and value of each point of the agents' learning curves."""
+    path = paths.plots / "learning_curves.csv"
+    if not path.exists():
+        return
+    with tables.blamed(path, "compare"):
+        for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines()):
+            if not {"agent", "env_steps", *CURVES_OVER_SEEDS.values()} <= row.keys():
+                raise ValueError(f"given the columns {', '.join(row)}, allowed: those of `compare`")
+            for name, column in CURVES_OVER_SEEDS.items():
+                yield row["agent"], (name, round(float(row["env_steps"]))), float(row[column])
+
+
+def _over_seeds(quantities: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """Yield `evaluation/return`, an interquartile mean, `evaluation/return_low`, ..."""
+    for quantity, own in quantities.items():
+        if not isinstance(own, Mapping) or not {"iqm", "low", "high"} <= own.keys():
+            continue
+        for suffix, part in {"": "iqm", "_low": "low", "_high": "high", "_worst": "worst"}.items():
+            value = own.get(part)
+            if isinstance(value, int | float) and math.isfinite(value):
+                yield f"{EVALUATION}{quantity}{suffix}", float(value)
+    if "train_seconds" in quantities:
+        yield TRAIN_SECONDS, float(quantities["train_seconds"])
 
 
 def _withstood(summary: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

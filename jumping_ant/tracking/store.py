@@ -18,7 +18,7 @@ from jumping_ant.tracking import connection
 from jumping_ant.tracking.connection import Connection
 from jumping_ant.tracking.internals import UNFOLDED
 from jumping_ant.tracking.reading import Point
-from jumping_ant.tracking.records import is_of_curve, run_name, stage
+from jumping_ant.tracking.records import AGGREGATE, is_of_curve, run_name, stage
 from jumping_ant.tracking.writers import WRITER, is_written
 
 PENDING = "pending"
@@ -75,6 +75,10 @@ class Store(Connection):
     def comparisons(self, key: str = PENDING) -> list[Run]:
         """Return the comparisons with a key, newest first."""
         return self.search(f"tags.{COMPARISON} = '{key}'")
+
+    def aggregates(self, key: str, agent: str) -> list[Run]:
+        """Return the runs of all seeds of an agent in a comparison, newest first."""
+        return self.search(f"tags.{AGGREGATE} = '{key}' and tags.{AGENT} = '{agent}'")
 
     def children(self, run: Run) -> list[Run]:
         """Return the runs nested under a run."""

@@ -95,6 +95,40 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
     assert "**supported** (adjusted p = 0.01): PGPE is slow" in note
 
 
+def test_all_seeds_of_an_agent_are_a_run_too(project: Path) -> None:
+    """With the interquartile mean and its interval at each step, under the comparison."""
+    (parent,) = runs(project, "comparison-%")
+    for agent in ("sac", "pgpe"):
+        name = f"{agent}, 2 seeds"
+        assert runs(project, name) == {name: "FINISHED"}
+        assert parent_name(project, name) == parent
+        points = query(
+            project,
+            "SELECT key, step, value FROM metrics JOIN runs USING (run_uuid) "
+            "WHERE name = ? AND key LIKE 'return_%' ORDER BY key, step",
+            name,
+        )
+        assert points == [
+            ("return_high", 200, 205), ("return_high", 400, 405),
+            ("return_iqm", 200, 200), ("return_iqm", 400, 400),
+            ("return_low", 200, 195), ("return_low", 400, 395),
+        ]  # fmt: skip
+        metrics = query(
+            project,
+            "SELECT key, value FROM latest_metrics JOIN runs USING (run_uuid) WHERE name = ?",
+            name,
+        )
+        assert {("evaluation/return", 65.0), ("evaluation/return_worst", 15.0)} <= set(metrics)
+
+
+def test_a_changed_curve_of_all_seeds_replaces_the_run(project: Path) -> None:
+    path = Paths(project).plots / "learning_curves.csv"
+    path.write_text(path.read_text().replace("sac,200.0,200", "sac,200.0,201"), encoding="utf-8")
+    assert "aggregates 1" in tracked(project)[0]
+    assert runs(project, "sac, 2 seeds") == {"sac, 2 seeds": "FINISHED"}
+    assert tracked(project)[-1].endswith("4 unchanged")
+
+
 def test_a_second_call_adds_nothing(project: Path) -> None:
     before = state(project)
     assert tracked(project) == [f"MLflow at sqlite:///{project}/mlflow.db: 4 unchanged"]

@@ -92,6 +92,11 @@ def compare(root: Path) -> None:
     heavy = {"text": "PGPE is slow", "verdict": "supported", "p_adjusted": 0.01}
     agents = dict.fromkeys(AGENTS, timed)
     write_json(Paths(root).speed, {"agents": agents, "equal_seconds": 30.0, "claims": [heavy]})
+    points = [
+        f"{agent},{step}.0,{step},{step - 5},{step + 5}" for agent in AGENTS for step in (200, 400)
+    ]
+    lines = ["agent,env_steps,return_iqm,low,high", *points, ""]
+    write_text(Paths(root).plots / "learning_curves.csv", "\n".join(lines))
     write_bytes(Paths(root).figures / "curves.png", b"picture")
     write_bytes(Paths(root).speed_files / "curves.png", b"another")
     write_text(Paths(root).speed_page, "<h1>Speed</h1>")
