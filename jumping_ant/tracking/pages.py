@@ -55,14 +55,14 @@ AGENT_COLUMNS = {
 ALWAYS_SHOWN = ("attributes.`Run Name`", "duration", "runDateAndNestInfo")
 
 
-def address(experiment_id: str) -> str:
-    """Return the address of the table of runs, relative to that of MLflow's pages."""
-    return internals.view_address(experiment_id, VIEW)
+def address(experiment_id: str, view: str = VIEW) -> str:
+    """Return the address of a table of runs, relative to that of MLflow's pages."""
+    return internals.view_address(experiment_id, view)
 
 
 def experiment_tags(experiment_id: str) -> dict[str, str]:
     """Return the tags that make an experiment's pages useful."""
-    seeds = internals.view_address(experiment_id, SEEDS_VIEW)
+    seeds = address(experiment_id, SEEDS_VIEW)
     note = f"{ABOUT} [Table of results]({address(experiment_id)}), [of every seed]({seeds})"
     agents = internals.saved_view(
         VIEW, VIEW_NAME, AGENT_COLUMNS, ALWAYS_SHOWN, f"tags.{AGGREGATE} LIKE '%'", RETURN

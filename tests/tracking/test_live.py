@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from tracked_project import (
     AGENTS,
+    AGGREGATES,
     HEADER,
     SEEDS,
     STEPS,
@@ -168,7 +169,7 @@ def test_the_same_policy_again_leaves_its_run_alone(project: Path) -> None:
     policy = project / "models" / "sac" / "seed-0" / "policy.zip"
     policy.unlink()
     live.follow("sac", project, script(lambda: None, lambda: train(project, "sac", 0)))
-    assert len(runs(project)) == 5
+    assert len(runs(project)) == 5 + len(AGGREGATES)
     assert state(project)[0]["model_versions"] == before["model_versions"]
     assert tracked(project)[-1].endswith("4 unchanged")
 
@@ -186,7 +187,7 @@ def test_track_leaves_a_seed_in_training_to_its_follower(untracked_project: Path
     live.follow("sac", project, script(lambda: None, look))
     assert "sac seed 0: in training, left to the process that follows it" in lines
     tracked(project)
-    assert len(runs(project)) == 5
+    assert len(runs(project)) == 5 + len(AGGREGATES)
     assert set(runs(project).values()) == {"FINISHED"}
 
 

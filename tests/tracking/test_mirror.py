@@ -10,6 +10,7 @@ import pytest
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 from tracked_project import (
     AGENTS,
+    AGGREGATES,
     artifact_dir,
     content,
     meaning,
@@ -36,9 +37,8 @@ MODEL_TAGS = (*POLICY_TAGS, MLFLOW_MODEL_VERSIONS)
 
 def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
     comparison = next(name for name in runs(project) if name.startswith("comparison"))
-    assert runs(project) == dict.fromkeys(
-        [comparison, "sac-seed-0", "sac-seed-1", "pgpe-seed-0", "pgpe-seed-1"], "FINISHED"
-    )
+    seeds = ["sac-seed-0", "sac-seed-1", "pgpe-seed-0", "pgpe-seed-1"]
+    assert runs(project) == dict.fromkeys([comparison, *seeds, *AGGREGATES], "FINISHED")
     metrics = content(project, "metrics", "sac-seed-1")
     assert [row for row in metrics if row[0] == "return_mean"] == [
         ("return_mean", 200, 201.0),
@@ -98,8 +98,7 @@ def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
 def test_all_seeds_of_an_agent_are_a_run_too(project: Path) -> None:
     """With the interquartile mean and its interval at each step, under the comparison."""
     (parent,) = runs(project, "comparison-%")
-    for agent in ("sac", "pgpe"):
-        name = f"{agent}, 2 seeds"
+    for name in AGGREGATES:
         assert runs(project, name) == {name: "FINISHED"}
         assert parent_name(project, name) == parent
         points = query(
@@ -248,7 +247,7 @@ def test_an_interrupted_call_is_completed_by_the_next(untracked_project: Path) -
     with pytest.raises(KeyboardInterrupt):
         track(project, stop)
     tracked(project)
-    assert len(runs(project)) == 5
+    assert len(runs(project)) == 5 + len(AGGREGATES)
     assert set(runs(project).values()) == {"FINISHED"}
     assert len(query(project, "SELECT * FROM model_versions")) == 4
 

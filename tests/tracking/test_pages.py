@@ -4,7 +4,7 @@ import pytest
 from browser import OpenPage, Visit
 from mlflow import MlflowClient
 from playwright.sync_api import expect
-from tracked_project import OnServer
+from tracked_project import AGGREGATES, OnServer
 
 from jumping_ant.tracking import pages
 
@@ -36,8 +36,34 @@ def check(visit: Visit, address: str) -> None:
     assert [request for request in visit.requests if not request.startswith(address)] == []
 
 
-def test_the_table_opens_with_the_columns_that_matter(address: str, open_page: OpenPage) -> None:
+def test_the_table_opens_on_the_agents_with_all_their_seeds(
+    address: str, open_page: OpenPage
+) -> None:
     visit = open_page(f"{address}/{pages.address('1')}")
+    for name in AGGREGATES:
+        expect(visit.page.get_by_role("link", name=name)).to_be_visible(timeout=30_000)
+    expect(visit.page.get_by_role("link", name="sac-seed-0")).to_have_count(0)
+    texts = cells_of(visit, AGGREGATES[0])
+    assert [texts[name] for name in list(pages.AGENT_COLUMNS)[1:6]] == [
+        *("sac", "65", "15", "115", "15")
+    ]
+    check(visit, address)
+
+
+def cells_of(visit: Visit, name: str) -> dict[str, str]:
+    """Return what the table's row of a run says, by column."""
+    row = visit.page.get_by_role("row").filter(has_text=name)
+    index = row.first.get_attribute("row-index")  # a row comes in parts, pinned and scrolling
+    cells = visit.page.locator(f"[role=row][row-index='{index}'] [role=gridcell]")
+    return dict(
+        cells.evaluate_all(
+            "cells => cells.map(cell => [cell.getAttribute('col-id'), cell.innerText])"
+        )
+    )
+
+
+def test_the_table_of_seeds_has_the_columns_that_matter(address: str, open_page: OpenPage) -> None:
+    visit = open_page(f"{address}/{pages.address('1', pages.SEEDS_VIEW)}")
     expect(visit.page.get_by_role("link", name="pgpe-seed-0")).to_be_visible(timeout=30_000)
     expect(visit.page.get_by_role("link", name="comparison-")).to_be_visible()
     headers = visit.page.locator("[role=columnheader][col-id]").evaluate_all(
@@ -47,14 +73,7 @@ def test_the_table_opens_with_the_columns_that_matter(address: str, open_page: O
     shown = [name for name in headers if name in pages.COLUMNS]
     assert shown[:2] == ["attributes.`Run Name`", "runDateAndNestInfo"]  # MLflow pins these
     assert shown[2:6] == list(pages.COLUMNS)[1:5]
-    row = visit.page.get_by_role("row").filter(has_text="sac-seed-1")
-    index = row.first.get_attribute("row-index")  # a row comes in parts, pinned and scrolling
-    cells = visit.page.locator(f"[role=row][row-index='{index}'] [role=gridcell]")
-    texts = dict(
-        cells.evaluate_all(
-            "cells => cells.map(cell => [cell.getAttribute('col-id'), cell.innerText])"
-        )
-    )
+    texts = cells_of(visit, "sac-seed-1")
     assert [texts[name] for name in list(pages.COLUMNS)[1:6]] == ["sac", "1", "115", "601", "51"]
     check(visit, address)
 

@@ -47,5 +47,5 @@ def test_two_rebuild_a_wiped_database_at_once(project: Path) -> None:
     ]
     assert meaning(project) == said
     assert tracked(project)[-1].endswith("4 unchanged")
-    assert len(query(project, "SELECT name FROM runs")) == len(runs(project)) == 5
+    assert len(query(project, "SELECT name FROM runs")) == len(runs(project)) == 7
     assert query(project, "SELECT count(*) FROM experiments WHERE name = 'jumping-ant'") == [(1,)]

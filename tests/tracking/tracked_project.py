@@ -27,6 +27,8 @@ from jumping_ant.tracking.mirror import track
 
 AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)
 
+AGGREGATES = tuple(f"{agent}, {len(SEEDS)} seeds" for agent in AGENTS)  # runs of all seeds
+
 HEADER = "agent,seed,env_steps,updates,episodes,return_mean,evaluation_return_mean,loss"
 
 FRESH_PROCESS = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
