@@ -90,7 +90,7 @@ QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers
 # process after another, so the others give way to it.
 SMOKE_TESTS = tests/test_smoke.py tests/test_documented_commands.py tests/tracking
 SOAK_TESTS = tests/test_soak.py tests/training/test_compute.py
-TRAINING_TESTS = tests/training tests/agents
+TRAINING_TESTS = tests/training tests/agents tests/article tests/test_notebook.py tests/test_verify.py
 GIVE_WAY = CI=1 nice -n 15
 
 test-quick:
