@@ -162,6 +162,7 @@ class _Mirror:
             **internals.UNFOLDED,
         }
         run = chosen or store.create_run(record.name, tags)
+        tags |= _source_tags(run, COMPARE_STAGE)
         desired = Desired(curve=record.curve, metrics=record.summary, tags=tags)
         changes = store.apply(run, desired, points)
         if run.info.status != "FINISHED":
