@@ -300,7 +300,7 @@ def tuning_table(found: Sequence[dict[str, Any]]) -> str:
         "best after 1, 7, 30 trials | expected of random draws |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    controls = {own["agent"]: own["expected_best"] for own in found if own["expected_best"]}
+    controls = {own["agent"]: own["expected_best"] for own in found if "expected_best" in own}
     for own in found:
         if "verdict" not in own:
             continue

@@ -87,6 +87,7 @@ ELSEWHERE = {
     "python -m scripts.ceiling": "minutes of planning; tests/test_ceiling.py plans less",
     **{command: TUNE for command in ("make tune", "make tune AGENT=td3 PRESET=families")},
     **{f"make tune AGENT=sac TRIALS=40{own}": TUNE for own in ("", " SAMPLER=random")},
+    "dvc exp run $(cat presets/NAME presets/tuned-AGENT)": "stands for the presets",
     "dvc exp run $(cat presets/tuned-sac)": "the preset of a search; tests/tuning/test_outcome.py",
     f"{PUBLISH} PRESET=tuning": "tests/test_publish.py writes this table",
     "python -m scripts.error_rates": "writes a document; tests/test_error_rates.py",

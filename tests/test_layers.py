@@ -74,7 +74,8 @@ def users(library: str) -> set[str]:
     }
 
 
-def test_mlflow_and_ray_have_one_home_each() -> None:
+def test_mlflow_optuna_and_ray_have_one_home_each() -> None:
+    assert {name.split("/")[0] for name in users("optuna")} == {"tuning"}
     assert {name.split("/")[0] for name in users("mlflow")} == {"tracking"}
     assert users("ray") == {"training/cluster.py"}
 

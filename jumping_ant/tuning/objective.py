@@ -1,12 +1,8 @@
-"""What a training of a trial measures, as a worker runs it, and a trial's value.
+"""What a training of a trial measures, as a worker runs it.
 
 A worker trains one seed as the pipeline does, publishes the policy that wins in validation, and
 plays it. All seeds, start states and validation episodes are of `TUNING_SEEDS`, which no training
 and no evaluation uses, and those that judge the outcome are none of those that a search uses.
-
-A trial's value is the interquartile mean over seeds of what the policies return, less a penalty for
-the seeds' mean distance from their median; of three seeds or fewer that is the mean. Where trials
-compete for time, it is the same of the seconds to a return, which count negative.
 """
 
 import threading
@@ -15,11 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from jumping_ant.agents.events import Finished, Snapshot
 from jumping_ant.agents.job import Job
-from jumping_ant.comparison.estimates import estimate_iqm
 from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import TUNING_SEEDS
 from jumping_ant.params.blocks import TrainingParams
@@ -34,8 +28,6 @@ FRESH = TUNING_SEEDS[500_000:]  # training seeds and start states that judge the
 # What learners raise whose numbers are no longer finite: NumPy, torch, and the check of policies.
 DIVERGED = (ArithmeticError, ValueError, RuntimeError)
 LONGEST_REASON = 200  # [characters]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -116,13 +108,3 @@ def _onset(evaluations: Sequence[tuple[float, float]], target: float) -> tuple[f
     """Return bounds on when validation returns exceed a target for good [s]."""
     seconds, returns = np.array(evaluations).T
     return curves.onset({"seconds": seconds, "evaluation_return_mean": returns}, target, "seconds")
-
-
-def value(of_seeds: Sequence[float], spread_penalty: float) -> float:
-    """Return a trial's value from one number for each of its seeds, of which more is better.
-
-    The spread is the mean distance from the median (Brown and Forsythe 1974), as in comparisons.
-    """
-    sample = np.array(of_seeds)
-    spread = np.abs(sample - np.median(sample)).mean()
-    return float(estimate_iqm(sample, 0.95).value - spread_penalty * spread)

@@ -69,30 +69,40 @@ def summary(
         "best_trial": best.number if best else None,
         "best_value": best.values[0] if best else None,
         "settings": space.changes(space.agent_with(best.params)) if best else {},
-        "best_after": {
-            str(num): found for num, found in best_after(values(trials, tuning)).items()
-        },
-        "expected_best": expected(trials, tuning) if sampler == "random" else None,
+        "best_after": best_after(values(trials, tuning)),
         "importance": importance(as_complete(study, tuning)),
-    }
+    } | (_of_draws(trials, tuning) if sampler == "random" else {})
+
+
+def _of_draws(trials: Sequence[FrozenTrial], tuning: TuningParams) -> dict[str, Any]:
+    """Return the values of random draws, and the expected best of so many, by their number.
+
+    The first trial was not drawn, if it has the agent's own settings.
+    """
+    draws = values([trial for trial in trials if "fixed_params" not in trial.system_attrs], tuning)
+    best = {str(num): expected_best(draws, num) for num in BUDGETS if num <= len(draws)}
+    return {"draws": draws, "expected_best": best}
 
 
 def values(trials: Sequence[FrozenTrial], tuning: TuningParams) -> list[float]:
-    """Return the trials' values; one without any has the least of all."""
+    """Return the trials' values; [] if none is complete.
+
+    One that ended early counts by its seeds so far, but not above those that are complete; one
+    without a value has the least of all.
+    """
     own = [value_of(trial, tuning) for trial in trials]
-    least = min((value for value in own if value is not None), default=math.nan)
-    return [least if value is None else value for value in own]
+    most = max(
+        (trial.values[0] for trial in trials if trial.state is TrialState.COMPLETE), default=None
+    )
+    if most is None:
+        return []
+    least = min(value for value in own if value is not None)
+    return [least if value is None else min(value, most) for value in own]
 
 
-def best_after(of_trials: Sequence[float]) -> dict[int, float]:
+def best_after(of_trials: Sequence[float]) -> dict[str, float]:
     """Return the best value of the first trials, by their number."""
-    return {num: max(of_trials[:num]) for num in BUDGETS if num <= len(of_trials)}
-
-
-def expected(trials: Sequence[FrozenTrial], tuning: TuningParams) -> dict[str, float]:
-    """Return the expected best of so many random draws, by their number."""
-    drawn = values([trial for trial in trials if not is_own(trial)], tuning)
-    return {str(num): expected_best(drawn, num) for num in BUDGETS if num <= len(drawn)}
+    return {str(num): max(of_trials[:num]) for num in BUDGETS if num <= len(of_trials)}
 
 
 def expected_best(of_draws: Sequence[float], num: int) -> float:
@@ -104,11 +114,6 @@ def expected_best(of_draws: Sequence[float], num: int) -> float:
     ranks = range(1, len(ordered) + 1)
     shares = [math.comb(i - 1, num - 1) / math.comb(len(ordered), num) for i in ranks]
     return float(ordered @ np.array(shares))
-
-
-def is_own(trial: FrozenTrial) -> bool:
-    """Return whether a trial was not drawn: its settings are the agent's own."""
-    return "fixed_params" in trial.system_attrs
 
 
 def as_complete(study: optuna.Study, tuning: TuningParams) -> optuna.Study:

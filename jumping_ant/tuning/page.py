@@ -13,7 +13,6 @@ import plotly.graph_objects as go
 from optuna import visualization
 from optuna.importance import PedAnovaImportanceEvaluator
 
-from jumping_ant.experiment import trials
 from jumping_ant.looks import looks
 from jumping_ant.looks.wording import interval, number, p_value
 from jumping_ant.report import frame
@@ -57,16 +56,6 @@ def build(
         "budgets": _budgets(found, control),
     }
     return frame.render(FOLDER, context, charts)
-
-
-def drawn(table: Sequence[dict[str, str]]) -> list[float]:
-    """Return the values of a control's random draws; one without any has the least of all.
-
-    The trial that has the agent's own settings was not drawn.
-    """
-    own = [trials.value(row) for row in table if json.loads(row["settings"])]
-    known = [value for value in own if not math.isnan(value)]
-    return [min(known) if math.isnan(value) else value for value in own] if known else []
 
 
 def _rank(row: Mapping[str, Any]) -> tuple[bool, float]:

@@ -9,11 +9,12 @@ too early; a low level makes up for it (docs/tuning.md has what it costs).
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+import numpy as np
 import optuna
 from optuna.trial import FrozenTrial, Trial, TrialState
 from tqdm import tqdm
@@ -21,6 +22,7 @@ from tqdm import tqdm
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.job import Job
 from jumping_ant.base.errors import StoppedError
+from jumping_ant.comparison.estimates import estimate_iqm
 from jumping_ant.looks.wording import number
 from jumping_ant.params.blocks import TrainingParams, TuningParams
 from jumping_ant.sim.world import World
@@ -32,6 +34,7 @@ from jumping_ant.tuning.objective import SEARCH, Fault, Measured
 from jumping_ant.tuning.space import RefusedError, Space
 
 REASON, MEASURED = "reason", "seed {}"  # what a trial notes: why it ended early, and of each seed
+CONFIDENCE = 0.95  # of an interval that nobody reads
 ROUNDS = 4  # at least so many trials follow one another, so that later ones learn from earlier ones
 
 Key = tuple[int, int]
@@ -58,9 +61,9 @@ class Task:
     tuning: TuningParams
     demonstrations: bytes | None = None
 
-    def job(self, agent: AgentBlock, seed: int, num_threads: int) -> Job[Any]:
-        """Return the training of a seed."""
-        return Job(
+    def work(self, agent: AgentBlock, seed: int, starts: range, num_threads: int) -> Work:
+        """Return what a worker runs to train a seed and to measure it from start states."""
+        job = Job(
             self.world,
             agent,
             seed,
@@ -68,11 +71,7 @@ class Task:
             num_threads=num_threads,
             demonstrations=self.demonstrations,
         )
-
-    def work(self, agent: AgentBlock, seed: int, starts: range, num_threads: int) -> Work:
-        """Return what a worker runs to measure a seed."""
-        job, target = self.job(agent, seed, num_threads), self.tuning.target_return
-        training = objective.validated_apart(self.training)
+        training, target = objective.validated_apart(self.training), self.tuning.target_return
         return partial(objective.measure, job, training, starts, target)
 
 
@@ -188,7 +187,7 @@ class Search:
             f"best {number(best.values[0])} of trial {best.number}"
             if best
             else "none complete yet",
-            f"{left} trials left, {tqdm.format_interval(seconds)}",
+            f"{left} left, {tqdm.format_interval(seconds)}",
         ]
         return "; ".join(parts)
 
@@ -229,7 +228,18 @@ def value_of(trial: Trial | FrozenTrial, tuning: TuningParams) -> float | None:
     is_timed = tuning.target_return is not None
     of_seeds = [-own["onset"][1] if is_timed else own["return"] for own in seeds]
     is_finite = all(map(math.isfinite, of_seeds))
-    return objective.value(of_seeds, tuning.spread_penalty) if is_finite else None
+    return value(of_seeds, tuning.spread_penalty) if is_finite else None
+
+
+def value(of_seeds: Sequence[float], spread_penalty: float) -> float:
+    """Return the interquartile mean over seeds, less a penalty for their spread.
+
+    Of three seeds or fewer that is the mean. The spread is the mean distance from the median, as in
+    comparisons (Brown and Forsythe 1974). More is better: seconds count negative.
+    """
+    sample = np.array(of_seeds)
+    spread = np.abs(sample - np.median(sample)).mean()
+    return float(estimate_iqm(sample, CONFIDENCE).value - spread_penalty * spread)
 
 
 def best_of(study: optuna.Study) -> FrozenTrial | None:

@@ -76,7 +76,7 @@ class Space:
         Raises:
             RefusedError: The settings do not fit each other.
         """
-        settings = self.agent.model_dump() | {name: decode(own) for name, own in chosen.items()}
+        settings = self.agent.model_dump() | self.chosen(chosen)
         steps = share * self.agent.max_env_steps
         if "generations" in settings:
             each = settings["population_size"] * settings["episode_steps"]
@@ -86,13 +86,13 @@ class Space:
         try:
             return type(self.agent).model_validate(settings)
         except ValidationError as error:
-            reasons = [str(fault["msg"]) for fault in error.errors()]
+            reasons = [str(fault["msg"]).removeprefix("Value error, ") for fault in error.errors()]
             raise RefusedError("; ".join(reasons)) from error
 
     def chosen(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings that Optuna's parameters stand for, but the agent's own."""
-        chosen = {name: decode(own) for name, own in parameters.items()}
-        return {name: own for name, own in chosen.items() if own != getattr(self.agent, name)}
+        others = {name: own for name, own in parameters.items() if own != self.own.get(name)}
+        return {name: decode(own) for name, own in others.items()}
 
     def changes(self, agent: AgentBlock) -> dict[str, Any]:
         """Return the settings of an agent that are not those of the agent as it is."""

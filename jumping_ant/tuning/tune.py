@@ -10,9 +10,9 @@ import optuna
 
 from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import effective_code
-from jumping_ant.base.files import read_bytes
+from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths, StudyPaths
-from jumping_ant.experiment import params_file, trials
+from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
@@ -23,6 +23,7 @@ from jumping_ant.tuning.search import Search, Task
 from jumping_ant.tuning.study import SamplerName
 from jumping_ant.tuning.verdict import Fresh, without_training
 
+CONTROL = "make tune SAMPLER=random"
 OF_A_STUDY = {"seeds", "share", "episodes", "target_return", "spread_penalty", "prune_level"}
 
 
@@ -124,13 +125,14 @@ def _write(
     ended = study.get_trials(deepcopy=False, states=list(outcome.STATES))
     table = outcome.rows(ended, task.space, task.tuning)
     shown = outcome.as_complete(study, task.tuning)
-    control = page.drawn(trials.read(Paths(root).study(task.name, is_control=True).trials))
+    control = Paths(root).study(task.name, is_control=True).summary
+    draws = read_json(control, CONTROL)["draws"] if control.is_file() else []
     unit = "Value" if task.tuning.target_return is None else "Minus seconds"
     better = None
     if found.get("verdict") == "better":
         content = params_file.read(Paths(root).params)
         better = outcome.preset(task.name, task.space, found["settings"], content)
-    html = page.build(found, table, shown, unit, control)
+    html = page.build(found, table, shown, unit, draws)
     outcome.write(paths, table, found, html, better)
     told = f"{found['verdict']}, " if "verdict" in found else ""
     preset = f"; its settings are presets/{paths.preset.name}" if better else ""

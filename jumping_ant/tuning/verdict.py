@@ -170,7 +170,8 @@ class Fresh:
         return FRESH[first : first + size]
 
     def _name(self, key: Key) -> str:
-        return f"fresh {self.trial} {key[0]} {key[1]}"
+        size = f"{self.task.tuning.fresh_seeds} x {self.episodes}"  # on which the starts depend
+        return f"fresh {self.trial} {size} {key[0]} {key[1]}"
 
     def _noted(self, which: str) -> list[Mapping[str, Any]]:
         noted = self.study.user_attrs

@@ -15,7 +15,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.experiment.models import TUNING_SEEDS, Params
 from jumping_ant.tuning import outcome, space, study, tune
-from jumping_ant.tuning.objective import FRESH, SEARCH, Measured
+from jumping_ant.tuning.objective import FRESH, SEARCH, Fault, Measured
 from jumping_ant.tuning.space import space_of
 from jumping_ant.tuning.verdict import AFTER, BEFORE, Fresh
 
@@ -140,6 +140,20 @@ def test_a_preset_brings_an_agent_that_the_parameters_lack(name: str, tmp_path: 
     write_text(root / "presets" / "tuned", text + demonstrations * (name == "bc"))
     tuned = presets.load("tuned", root).agents[name]
     assert tuned.model_dump() == families.agents[name].model_dump() | settings
+
+
+def test_a_study_in_which_nothing_is_complete_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stream(start: Any, keys: Any, *_: Any) -> Any:
+        return ((key, Fault("diverged")) for key in keys)
+
+    monkeypatch.setattr("jumping_ant.training.compute.stream", stream)
+    root = project(tmp_path)
+    found = run(root)
+    assert (found["verdict"], found["best_trial"], found["pruned"]) == ("open", None, 12)
+    assert found["best_after"] == found["importance"] == {} and found["without_value"] == 12
+    assert "No trial is complete." in Paths(root).study("pgpe").page.read_text(encoding="utf-8")
 
 
 def test_settings_that_a_block_leaves_out_are_added(tmp_path: Path) -> None:

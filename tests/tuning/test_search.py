@@ -114,10 +114,10 @@ def test_what_diverges_is_told_with_its_reason(opened: optuna.Study) -> None:
     next(found)
     found.take((0, 0), Fault("ValueError: not finite"))
     assert states(opened) == ["PRUNED"] and opened.trials[0].value is None
-    assert said == [
-        "trial 0: no value; ended early, ValueError: not finite; none complete yet; 3 trials left, "
-        "00:00"
-    ]
+    told = (
+        "trial 0: no value; ended early, ValueError: not finite; none complete yet; 3 left, 00:00"
+    )
+    assert said == [f"trial 0: {told}"]
 
 
 def test_settings_that_are_refused_train_nothing(
@@ -190,7 +190,7 @@ def test_what_ends_early_is_mostly_worse(between: float, within: float) -> None:
 def test_a_value_is_a_mean_less_a_penalty(
     of_seeds: Sequence[float], penalty: float, value: float
 ) -> None:
-    assert objective.value(of_seeds, penalty) == pytest.approx(value)
+    assert search.value(of_seeds, penalty) == pytest.approx(value)
 
 
 def job(robot_xml: str, algorithm: str, **settings: Any) -> Job[Any]:

@@ -1,5 +1,6 @@
 """Search spaces: what may be chosen, in the terms of the settings and of Optuna."""
 
+import optuna
 import pytest
 import small_agents
 
@@ -13,9 +14,10 @@ from jumping_ant.tuning import space
 from jumping_ant.tuning.space import RANGES, RefusedError, Space, space_of
 
 LEARNERS = {name: own for name, own in ALGORITHMS.items() if not own.is_baseline}
+FAMILIES = presets.load("families")
 AGENTS = {
     name: agent
-    for name, agent in presets.load("families").agents.items()  # with those of params.yaml
+    for name, agent in FAMILIES.agents.items()  # with those of params.yaml
     if not agent.is_baseline
 }
 
@@ -77,8 +79,24 @@ def test_a_share_of_the_budget_is_in_control_steps() -> None:
 
 def test_settings_that_do_not_fit_each_other_are_refused() -> None:
     ars = space_of("ars", AGENTS["ars"])
-    with pytest.raises(RefusedError, match="n_top is 9, but population_size has 5 directions"):
+    with pytest.raises(RefusedError, match="^n_top is 9, but population_size has 5 directions"):
         ars.agent_with({"n_top": 9, "population_size": 10})
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_what_is_drawn_fits_each_other(name: str) -> None:
+    """With the share of the budget that trials get."""
+    own, share = space_of(name, AGENTS[name]), FAMILIES.tuning.share
+    study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=0))
+    for _ in range(20):
+        own.agent_with(study.ask(own.distributions).params, share)
+
+
+def test_own_settings_are_not_rounded() -> None:
+    agent = AGENTS["sac"].model_copy(update={"learning_rate": 0.00123456})
+    own = Space(agent, RANGES["sac"])
+    assert own.chosen(own.own) == {} and own.agent_with(own.own) == agent
+    assert own.chosen(own.own | {"tau": 0.0123456}) == {"tau": 0.0123}
 
 
 def test_settings_outside_of_the_ranges_are_named() -> None:

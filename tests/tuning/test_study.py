@@ -6,12 +6,14 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from small_study import RANGES, project, records, small_params
 
+from jumping_ant.base import process
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.tuning import space, study, tune
@@ -163,3 +165,26 @@ def test_storages_that_cannot_be_used_are_told_without_passwords(tmp_path: Path)
     path.write_bytes(b"no database" * 100)
     with pytest.raises(InputError, match="file is not a database"):
         tune.run(root, params, "pgpe", storage=f"sqlite:///{path}", say=lambda _: None)
+
+
+@pytest.mark.parametrize(
+    ("owner", "hours", "is_taken"),
+    [
+        (process.this_process(), 100.0, False),
+        (process.this_process().replace(" ", " 9", 1), 0.0, True),  # a process that is no more
+        ("elsewhere 1 a", 5.0, False),
+        ("elsewhere 1 a", 7.0, True),
+    ],
+)
+def test_in_a_shared_database_a_trial_is_left_to_a_process_that_lives(
+    tmp_path: Path, owner: str, hours: float, is_taken: bool
+) -> None:
+    address = f"{study.FILE}{tmp_path}/study.db"
+    with study.opened(address, "shared", "tpe", 0.01, None) as opened:
+        trial = study.begin(opened, {})
+        trial.set_user_attr(study.OWNER, owner)
+        trial.set_user_attr(study.SIGN, time.time() - 3600 * hours)
+        found = study.abandoned(opened, "postgresql://somewhere", {})
+        assert [one.number for one in found] == [0] * is_taken
+        is_own = opened.trials[0].user_attrs[study.OWNER] == process.this_process()
+        assert is_own == (is_taken or owner == process.this_process())

@@ -26,7 +26,7 @@ RANGES: dict[str, Ranges] = {
     },
     "snes": _RATES,
     "xnes": _RATES,
-    "cem": {**_WIDTHS, "parenthood_ratio": Between(0.1, 0.6, is_log=False)},
+    "cem": {**_WIDTHS, "parenthood_ratio": Between(0.2, 0.6, is_log=False)},
     "cmaes": {**_WIDTHS, "separable": OneOf((True, False))},
     "oscillator": {
         **_WIDTHS,
@@ -37,7 +37,7 @@ RANGES: dict[str, Ranges] = {
         **_POPULATIONS,
         "learning_rate": Between(0.005, 0.3),
         "delta_std": Between(0.03, 1.0),
-        "n_top": whole(1, 10),
+        "n_top": whole(1, 5),
     },
     "openai-es": {
         **_POPULATIONS,

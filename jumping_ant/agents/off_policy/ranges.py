@@ -10,7 +10,7 @@ _NETWORKS: Ranges = {
     "n_steps": whole(1, 4, is_log=False),
     "velocity_scale": Between(0.03, 0.3),
 }
-_STARTS: Ranges = {"learning_starts": whole(250, 5000)}
+_STARTS: Ranges = {"learning_starts": whole(250, 2500)}
 _CRITICS: Ranges = {
     **_NETWORKS,
     **_STARTS,
@@ -26,7 +26,11 @@ _VALUES: Ranges = {
     "exploration_fraction": Between(0.05, 0.8, is_log=False),
     "exploration_final_eps": Between(0.005, 0.1),
 }
-_DETERMINISTIC: Ranges = {**_CRITICS, "action_noise": Between(0.03, 1.0)}
+_DETERMINISTIC: Ranges = {
+    **_CRITICS,
+    "learning_starts": whole(250, 5000),
+    "action_noise": Between(0.03, 1.0),
+}
 _SMOOTHED: Ranges = {
     **_DETERMINISTIC,
     "policy_delay": whole(1, 4, is_log=False),
