@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.results import AgentResults
@@ -54,8 +56,8 @@ def _filmed(
     """Return who is filmed, under which condition, and which seed.
 
     The best learner with a metronome, and that, at the level from which on the metronome is ahead,
-    or the most severe one; the seed whose lead is the median. Without such a pair, or a
-    perturbation, it is the best agent, undisturbed.
+    or the most severe one; the seed whose lead is closest to the mean, by which the metronome is
+    ahead. Without such a pair, or a perturbation, it is the best agent, undisturbed.
     """
     best = sorted(results, key=lambda name: -results[name].quantities["return"].mean())
     name, seeds = params.robustness.filmed, params.seeds
@@ -68,8 +70,8 @@ def _filmed(
             name, own["level"][-1] if own["crossing"] is None else own["crossing"]
         )
         leads = played[metronome.name][condition] - played[learner][condition]
-        median = int(leads.argsort(kind="stable")[(len(leads) - 1) // 2])
-        return _film([learner, metronome.name], condition, seeds[median], played)
+        usual = int(np.abs(leads - leads.mean()).argmin())
+        return _film([learner, metronome.name], condition, seeds[usual], played)
     return _film(best[:1], NONE, seeds[0], played)
 
 
