@@ -1,6 +1,6 @@
 """What all agents withstand: the content of `results/robustness.json`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.models import Params
 from jumping_ant.robustness import claims, retention, table
-from jumping_ant.robustness.perturbations import NONE, Condition
+from jumping_ant.robustness.perturbations import NONE, Array, Condition
 from jumping_ant.robustness.retention import Returns
 
 
@@ -71,16 +71,13 @@ def _filmed(
         )
         leads = played[metronome.name][condition] - played[learner][condition]
         usual = int(np.abs(leads - leads.mean()).argmin())
-        return _film([learner, metronome.name], condition, seeds[usual], played)
-    return _film(best[:1], NONE, seeds[0], played)
+        returns = {own: played[own][condition] for own in (learner, metronome.name)}
+        return _film(returns, condition, seeds[usual])
+    (alone, *_) = best
+    return _film({alone: results[alone].quantities["return"]}, NONE, seeds[0])
 
 
-def _film(
-    names: Sequence[str], condition: Condition, seed: int, played: Mapping[str, Returns]
-) -> dict[str, Any]:
-    means = [float(played[name][condition].mean()) if played[name] else None for name in names]
-    return {
-        "agents": dict(zip(names, means, strict=True)),
-        **condition._asdict(),
-        "seed": seed,
-    }
+def _film(returns: Mapping[str, Array], condition: Condition, seed: int) -> dict[str, Any]:
+    """Return what a film shows, with the mean over seeds of each agent's returns."""
+    agents = {name: float(own.mean()) for name, own in returns.items()}
+    return {"agents": agents, **condition._asdict(), "seed": seed}

@@ -96,6 +96,7 @@ def test_without_a_pair_the_best_agent_is_filmed(tmp_path: Path, agents: dict[st
     found = filmed(tmp_path, agents, ROBUSTNESS, most=0.7)
     assert list(found["agents"]) == list(agents)
     assert (found["perturbation"], found["level"], found["seed"]) == ("none", 0.0, 0)
+    assert all(mean > 300 for mean in found["agents"].values()), "as in the undisturbed episodes"
 
 
 def test_without_a_perturbation_it_is_filmed_undisturbed(tmp_path: Path) -> None:

@@ -83,7 +83,7 @@ def test_the_usual_address_leads_to_the_table(address: str, open_page: OpenPage)
     with visit.page.expect_popup() as popup:
         visit.page.get_by_role("link", name="Table of results").click()
     table = popup.value
-    expect(table.get_by_text("evaluation/return")).to_be_visible(timeout=30_000)
+    expect(table.get_by_text("evaluation/return_low")).to_be_visible(timeout=30_000)
     expect(table.get_by_role("button", name=pages.VIEW_NAME)).to_be_visible()
 
 

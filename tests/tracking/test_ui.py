@@ -235,7 +235,7 @@ def test_a_port_that_cannot_be_had_ends_in_one_line(project: Path) -> None:
 def test_the_printed_address_shows_the_table_of_runs(served: Served, open_page: OpenPage) -> None:
     visit = open_page(served.printed)
     visit.page.wait_for_url(lambda address: served.token not in address)
-    shown = "document.body.innerText.includes('sac-seed-0')"
+    shown = "document.body.innerText.includes('sac, 2 seeds')"
     visit.wait_for(shown)
     assert "#/experiments/1/runs" in visit.page.url
     assert visit.page.evaluate("document.cookie") == "", "out of reach of what pages run"
