@@ -28,6 +28,10 @@ os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 # the CPU time. Torch reads the variable when it is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
+# As in processes that train (see `jumping_ant.agents.kernels`). MKL reads it when it first
+# computes, which among many tests may be before one that trains.
+os.environ["MKL_CBWR"] = "COMPATIBLE"
+
 ROBOT = RobotParams(
     source="ant",
     density=2.5,

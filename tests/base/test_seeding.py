@@ -24,7 +24,8 @@ def test_no_two_streams_coincide(bits: int) -> None:
 
 def test_the_seeds_are_part_of_every_result() -> None:
     """NumPy promises that its SeedSequence stays as it is; what is made of it here must, too."""
-    assert PURPOSES == ("starts", "learner", "replay", "actions", "search", "samples", "test")
+    named = ("starts", "learner", "replay", "actions", "search", "samples", "test", "perturbation")
+    assert named == PURPOSES
     assert derive(7, "starts", 3) == 211193353590839443487384849143270691103
     assert derive(7, "starts", 3, bits=32) == 31412511
     assert derive(7, "samples", 3) == 26359170599376513052782447718271347371
