@@ -39,7 +39,7 @@ COLUMNS = {
 # Of the table of agents, each with all its seeds.
 RETURN = f"metrics.`{EVALUATION}return`"
 AGENT_COLUMNS = {
-    "attributes.`Run Name`": 220,
+    "attributes.`Run Name`": 270,
     "tags.`agent`": 110,
     RETURN: 145,
     f"metrics.`{EVALUATION}return_low`": 175,
