@@ -4,7 +4,7 @@ Usage: python -m scripts.tune AGENT [--trials N] [--sampler random] [--storage A
     [--preset NAME] (`make tune AGENT=sac TRIALS=40`)
 
 `tuning` in params.yaml says how; docs/tuning.md explains. The trials are a study of Optuna in
-`.tuning/`, which goes on where it was stopped. Writes results/tuning/AGENT.csv, .json and .html,
+`.tuning/`, which resumes where it was stopped. Writes results/tuning/AGENT.csv, .json and .html,
 and, if better settings were found, the preset tuned-AGENT.
 """
 

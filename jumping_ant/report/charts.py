@@ -16,7 +16,7 @@ from jumping_ant.comparison.comparison import LearningCurve
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks import measures
-from jumping_ant.looks.looks import INK, Look
+from jumping_ant.looks.looks import CHANCES, INK, Look
 
 Array = NDArray[np.float64]
 
@@ -37,6 +37,16 @@ DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
 # Plotly chooses the numbers: powers of ten on a long axis, digits between them on a shorter one,
 # even steps within a decade. `nticks` is low enough to keep long axes to powers.
 LOG_AXIS = {"type": "log", "tickformat": "~s", "nticks": 4}
+SHARES = {  # of a table of shares: its numbers on cells that are blue for 1, red for 0
+    "texttemplate": "%{text}",
+    "textfont": {"size": 11},
+    "zmin": 0,
+    "zmax": 1,
+    "colorscale": [[i / 2, colour] for i, colour in enumerate(CHANCES)],
+    "showscale": False,
+    "xgap": 2,
+    "ygap": 2,
+}
 ROW = 28  # [pixels] height of an agent's row
 MENU = 460  # [pixels] height of the menu of measures, open
 

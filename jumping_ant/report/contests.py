@@ -11,7 +11,7 @@ from jumping_ant.comparison.charting import chance_text
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.looks import looks
 from jumping_ant.looks.looks import Look
-from jumping_ant.report.charts import LOG_AXIS, SYMBOLS, finish
+from jumping_ant.report.charts import LOG_AXIS, SHARES, SYMBOLS, finish
 
 CLAIM_HEIGHT = 215  # [pixels]
 NARROW = 27  # [pixels] side of a cell of the matrix that shows no interval
@@ -28,15 +28,8 @@ def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any])
         z=[[one["p"] if one else None for one in row] for row in chances],
         text=[[chance_text(one, has_room, "<br>") for one in row] for row in chances],
         customdata=[[chance_text(one, True, " %, interval ") for one in row] for row in chances],
-        texttemplate="%{text}",
-        textfont={"size": 11},
-        zmin=0,
-        zmax=1,
-        colorscale=[[i / 2, colour] for i, colour in enumerate(looks.CHANCES)],
-        showscale=False,
-        xgap=2,
-        ygap=2,
         hovertemplate="%{y} returns more than %{x}: %{customdata} %<extra></extra>",
+        **SHARES,
     )
     figure.update_xaxes(title=charting.LOSER, side="top", showgrid=False, tickangle=-90)
     figure.update_yaxes(title=charting.WINNER, autorange="reversed", showgrid=False)

@@ -6,11 +6,10 @@ from typing import Any
 import plotly.graph_objects as go
 
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks import looks
 from jumping_ant.looks.looks import Look
 from jumping_ant.looks.wording import percent, percents
 from jumping_ant.params.blocks import PerturbationParams
-from jumping_ant.report.charts import DASHES, MENU, ROW, SYMBOLS, finish
+from jumping_ant.report.charts import DASHES, MENU, ROW, SHARES, SYMBOLS, finish
 
 OVERTAKEN = "\u2193"  # an arrow
 KEPT = "Share of the undisturbed return that is kept"
@@ -28,15 +27,8 @@ def overview(results: Mapping[str, AgentResults], withstood: Mapping[str, Any]) 
         z=[[row[column]["retention"][-1] for column in columns] for row in rows],
         text=[[_cell(row[column]) for column in columns] for row in rows],
         customdata=[[_told(row[column], column) for column in columns] for row in rows],
-        texttemplate="%{text}",
-        textfont={"size": 11},
-        zmin=0,
-        zmax=1,
-        colorscale=[[i / 2, colour] for i, colour in enumerate(looks.CHANCES)],
-        showscale=False,
-        xgap=2,
-        ygap=2,
         hovertemplate="%{y}, %{x}: %{customdata}<extra></extra>",
+        **SHARES,
     )
     figure.update_xaxes(side="top", showgrid=False, tickangle=-60)
     figure.update_yaxes(autorange="reversed", showgrid=False)

@@ -99,7 +99,7 @@ class Search:
 
     def __post_init__(self) -> None:
         for trial in studies.abandoned(self.study, self.storage, self.task.space.distributions):
-            self.say(f"trial {trial.number} goes on from seed {len(seeds_of(trial)) + 1}")
+            self.say(f"trial {trial.number} resumes at seed {len(seeds_of(trial)) + 1}")
             self._open(trial)
 
     def __iter__(self) -> "Search":
@@ -122,7 +122,7 @@ class Search:
         return self.task.work(agent, SEARCH[seed], starts, self.num_threads)
 
     def take(self, key: Key, found: Measured | Fault) -> None:
-        """Note what a job has found, and end its trial or let it go on."""
+        """Note what a job has found, and end its trial or let it continue."""
         trial, tuning = self._trials[key[0]], self.task.tuning
         studies.give_sign(trial)
         if isinstance(found, Fault):
@@ -203,9 +203,11 @@ def run(search: Search, workers: int) -> None:
     for key, found in compute.stream(search.work, search, workers, search.say, name):
         search.take(key, found)
     if search.num_left:
-        raise StoppedError(f"the same command goes on; {search.num_left} trials are left")
+        raise StoppedError(f"the same command resumes; {search.num_left} trials are left")
     if elsewhere := search.study.get_trials(deepcopy=False, states=[TrialState.RUNNING]):
-        raise StoppedError(f"{len(elsewhere)} trials run elsewhere; the same command goes on then")
+        raise StoppedError(
+            f"{len(elsewhere)} trials run elsewhere; the same command resumes when they end"
+        )
 
 
 def num_workers(requested: int, trials: int) -> int:

@@ -1,4 +1,4 @@
-"""An Optuna study that goes on where it was killed, with the same trials.
+"""An Optuna study that resumes where it was killed, with the same trials.
 
 A trial keeps its number and its record. One that was running when its process ended is found again,
 with what its trained seeds returned, and finished: no trial is run twice, and none is lost. What is
@@ -167,7 +167,7 @@ def _alone(storage: str) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise InputError(
-                f"{path}: given a study that another process goes on with, allowed: one process; "
+                f"{path}: given a study that another process uses, allowed: one process; "
                 "its workers run trials side by side (compute.workers)"
             ) from error
         yield

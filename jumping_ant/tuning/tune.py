@@ -48,7 +48,7 @@ def run(
     Raises:
         InputError: There is no such agent, it has no search space, it lacks demonstrations or
             memory, or the storage cannot be used.
-        StoppedError: A signal asked for a stop; another call goes on.
+        StoppedError: A signal asked for a stop; another call resumes.
         WorkerError: The workers of a seed died repeatedly.
     """
     task = task_of(root, params, name)

@@ -96,7 +96,7 @@ class Fresh:
             say(f"fresh seed {key[1] + 1}, {key[0]}: {number(found.mean_return)}")
         missing = [key for key in self.keys if self._name(key) not in self.study.user_attrs]
         if missing:
-            raise StoppedError(f"the same command goes on; {len(missing)} trainings are left")
+            raise StoppedError(f"the same command resumes; {len(missing)} trainings are left")
 
     def work(self, key: Key) -> Work:
         """Return the job of a fresh seed."""

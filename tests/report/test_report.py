@@ -13,7 +13,7 @@ from reported import AGENTS, SEEDS, charts
 from small_project import make_params, shown, write_perturbed, write_project
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import digest, read_json, write_bytes, write_json
+from jumping_ant.base.files import digest, write_bytes, write_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.claims import verdicts
@@ -87,28 +87,6 @@ def test_the_final_policy_stands_beside_the_published_one(html: str, project: Pa
 def test_baselines_and_robots_are_named(html: str) -> None:
     assert "random <small>baseline</small>" in " ".join(html.split())
     assert html.count("<small>baseline</small>") == 2, "in both tables, once"
-
-
-def test_what_agents_withstand_is_shown_with_its_levels(html: str, project: Path) -> None:
-    found = read_json(Paths(project).robustness, "")
-    drawn = charts(html)
-    (table,) = drawn["withstood"]["data"]
-    assert table["y"] == ["DQN", "SAC", "PGPE"], "by family, without random actions"
-    assert [name.lower().replace(" ", "_") for name in table["x"]] == found["perturbations"]
-    for label, row, texts in zip(table["y"], table["z"], table["text"], strict=True):
-        own = found["agents"][label.lower()]
-        assert row == [own[name]["retention"][-1] for name in found["perturbations"]]
-        assert texts == [f"{100 * share:.0f}" for share in row]
-    lines = drawn["levels"]["data"]
-    assert len(lines) == 3 * len(found["perturbations"])
-    assert [line["visible"] for line in lines] == [True] * 3 + [False] * (len(lines) - 3)
-    assert lines[0]["x"] == ["0.3", "0.5", "0.8", "1.2", "1.7", "2.3", "3"]
-    titles = [
-        own["args"][1]["xaxis.title.text"]
-        for own in drawn["levels"]["layout"]["updatemenus"][0]["buttons"]
-    ]
-    assert titles[0] == "Mass of the torso [kg]"
-    assert "Age of observations [control steps]" in titles
 
 
 def test_every_claim_stands_with_its_verdict(html: str, project: Path) -> None:

@@ -92,7 +92,7 @@ def test_a_trial_that_was_running_keeps_its_number_and_its_seeds(tmp_path: Path)
     running = records(database(root))
     assert running[0] == own and running[1][1 : PARAMETERS + 1] == ("RUNNING", None, None)
     said = run(root, 2)
-    assert "trial 1 goes on from seed 1" in said
+    assert "trial 1 resumes at seed 1" in said
     fresh = project(tmp_path / "fresh")
     run(fresh, 2)
     assert records(database(root)) == records(database(fresh))
@@ -145,7 +145,7 @@ def test_a_study_in_a_file_has_one_process(tmp_path: Path) -> None:
         assert driver.stdout
         while not driver.stdout.readline().startswith("trial 0"):
             assert driver.poll() is None
-        with pytest.raises(InputError, match="given a study that another process goes on with"):
+        with pytest.raises(InputError, match="given a study that another process uses"):
             run(root, 1)
         driver.send_signal(signal.SIGTERM)
         assert driver.wait(60) == 130
