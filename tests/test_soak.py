@@ -86,7 +86,7 @@ def test_interrupted_operations_are_survived(project: Checkout) -> None:
         assert all(own["interrupted"] == own["survived"] > 0 for own in kinds.values())
 
 
-@pytest.mark.parametrize(("stage", "seconds"), [("build", 0.5), ("record", 0.5), ("record", 1.5)])
+@pytest.mark.parametrize(("stage", "seconds"), [("build", 0.3), ("record", 0.5), ("record", 1.5)])
 def test_ctrl_c_ends_a_stage_in_one_line(evaluated: Checkout, stage: str, seconds: float) -> None:
     """While it imports, and while it works, by its own CPU time; it may also have ended before."""
     agents = () if stage == "build" else (AGENT,)
