@@ -36,7 +36,7 @@ from small_field import (
 )
 
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.comparison.claims.field import out_of_luck
+from jumping_ant.comparison.claims.field import Field, out_of_luck
 from jumping_ant.comparison.claims.statements import CLAIMS, STATEMENTS
 from jumping_ant.experiment import curves
 from jumping_ant.speed import claims
@@ -99,6 +99,15 @@ def test_a_metronome_is_no_stronger_than_the_learner():
     assert "more than weak" in the_claim(OPEN_LOOP, dqn, weak, strong)["text"]
     assert "more than strong" in the_claim(OPEN_LOOP, agent("sac", "sac"), weak, strong)["text"]
     assert not [c for c in check(dqn, strong) if OPEN_LOOP in c["text"]]
+
+
+def test_a_metronome_plays_on_the_learners_robot():
+    strong = agent("strong", "open_loop", HIGH)
+    unedited = agent("unedited", "open_loop", LOW, robot="unedited")
+    field = Field([strong, unedited], 2)
+    assert field.metronome(agent("sac", "sac")) is strong
+    assert field.metronome(agent("sac", "sac", robot="unedited")) is unedited
+    assert Field([strong], 2).metronome(agent("sac", "sac", robot="unedited")) is None
 
 
 def test_an_oscillator_is_another_open_loop_and_no_rival_in_evolution():

@@ -52,6 +52,7 @@ class Field:
     """The agents of a run; one that only serves certain comparisons represents no algorithm."""
 
     def __init__(self, agents: Sequence[AgentResults], evaluation_episodes: int) -> None:
+        self._rhythms = _of(agents, "open_loop")
         self._edited = [agent for agent in agents if agent.block.robot == "edited"]
         self._sparse = [
             agent for agent in _of(self._edited, "sac dqn") if settings(agent)["sparse_rewards"]
@@ -94,9 +95,10 @@ class Field:
         return (pair for pair in self.beside_open_loop() if pair[1].algorithm == "open_loop")
 
     def metronome(self, agent: AgentResults) -> AgentResults | None:
-        """Return the best metronome of no more torque than an agent has, if there is one."""
-        limit = settings(agent)["actions"]["amplitude"]
-        weak = [own for own in self.of("open_loop") if settings(own)["amplitude"] <= limit]
+        """Return the best metronome on an agent's robot, of no more torque, if there is one."""
+        limit, robot = settings(agent)["actions"]["amplitude"], agent.block.robot
+        alike = [own for own in self._rhythms if own.block.robot == robot]
+        weak = [own for own in alike if settings(own)["amplitude"] <= limit]
         return max(weak, key=lambda own: own.quantities["return"].mean(), default=None)
 
     def beside_sparse_rewards(self) -> Iterable[Pair]:
