@@ -46,6 +46,13 @@ Ranges = Mapping[str, Between | OneOf]
 """Of an algorithm, by the setting's name."""
 
 
+EPISODES: Ranges = {
+    "long_episodes": OneOf((0.0, 0.25, 0.5, 0.75, 1.0)),
+    "tumbled_starts": Between(0.0, 0.75, is_log=False),
+}
+"""How the training episodes of learners that step several environments start and end."""
+
+
 def whole(low: int, high: int, is_log: bool = True) -> Between:
     """Return a range of whole numbers."""
     return Between(low, high, is_log, is_whole=True)

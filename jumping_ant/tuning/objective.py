@@ -39,11 +39,15 @@ class Measured:
         seconds: Of training, without evaluations [s].
         onset: Bounds on the seconds of training after which validation returns more than the target
             for good [s]; (0, infinity) without a target.
+        bests: Best return in validation so far, at each evaluation.
+        is_cut: Whether it was among the worst at the last of them, and ended there.
     """
 
     returns: tuple[float, ...]
     seconds: float
     onset: tuple[float, float]
+    bests: tuple[float, ...] = ()
+    is_cut: bool = False
 
     @property
     def mean_return(self) -> float:
@@ -68,14 +72,16 @@ def measure(
     training: TrainingParams,
     starts: Sequence[int],
     target_return: float | None,
+    floors: Sequence[float],
     stop: threading.Event,
 ) -> Iterator[Measured | Fault]:
     """Train a seed, play its policy from start states, and yield what was measured.
 
-    Nothing is yielded if `stop` ended the training.
+    Nothing is yielded if `stop` ended the training. It also ends at an evaluation at which the best
+    return in validation so far is below the floor; then the best policy so far is measured.
     """
     try:
-        measured = _measured(job, training, starts, target_return, stop)
+        measured = _measured(job, training, starts, target_return, floors, stop)
     except DIVERGED as error:
         told = " ".join(f"{type(error).__name__}: {error}".split())
         measured = Fault(told[:LONGEST_REASON])
@@ -88,20 +94,32 @@ def _measured(
     training: TrainingParams,
     starts: Sequence[int],
     target_return: float | None,
+    floors: Sequence[float],
     stop: threading.Event,
 ) -> Measured | Fault | None:
-    evaluations = []
+    evaluations: list[tuple[float, float]] = []
+    bests: list[float] = []
+    best, is_cut = b"", False
     for report in seed_run.run(job, training, stop):
         if isinstance(report.event, Snapshot):
-            evaluations.append((report.seconds, float(np.mean(report.returns))))
-    if not isinstance(report.event, Finished):
+            own = float(np.mean(report.returns))
+            evaluations.append((report.seconds, own))
+            if not bests or own > bests[-1]:
+                best = report.event.policy
+            bests.append(max([own, *bests[-1:]]))
+            is_cut = len(bests) <= len(floors) and bests[-1] < floors[len(bests) - 1]
+            if is_cut:
+                break
+    if isinstance(report.event, Finished):
+        best = racing.winner(report.candidates).policy
+    elif not is_cut:
         return None
-    policy = policy_file.parse(racing.winner(report.candidates).policy)
+    policy = policy_file.parse(best)
     returns = rollout.returns(job.world, [(policy, start) for start in starts], job.num_threads)
     if not np.isfinite(returns).all():
         return Fault("returns that are not finite")
     onset = (0.0, np.inf) if target_return is None else _onset(evaluations, target_return)
-    return Measured(tuple(returns.tolist()), report.seconds, onset)
+    return Measured(tuple(returns.tolist()), report.seconds, onset, tuple(bests), is_cut)
 
 
 def _onset(evaluations: Sequence[tuple[float, float]], target: float) -> tuple[float, float]:

@@ -4,13 +4,17 @@ A job is a seed of a trial. As soon as it is measured, the trial is compared wit
 far, episode by episode: seeds and start states are the instances of Wilcoxon's signed-rank test. A
 trial that is probably worse ends there. The episodes of a seed are alike, so that the test is sure
 too early; a low level makes up for it (docs/tuning.md has what it costs).
+
+A seed also ends at an evaluation at which its validation is among the worst that the study has seen
+there: the median stopping rule (Golovin et al. 2017, "Google Vizier", section 3.2.2), with a
+quarter instead of a half, as some settings learn late.
 """
 
 import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
@@ -33,8 +37,12 @@ from jumping_ant.tuning import study as studies
 from jumping_ant.tuning.objective import SEARCH, Fault, Measured
 from jumping_ant.tuning.space import RefusedError, Space
 
+COMPLETE, PRUNED = TrialState.COMPLETE, TrialState.PRUNED
 REASON, MEASURED = "reason", "seed {}"  # what a trial notes: why it ended early, and of each seed
 CONFIDENCE = 0.95  # of an interval that nobody reads
+WORST = 0.25  # share of the seeds that end at an evaluation
+FEWEST = 8  # seeds that got to an evaluation, before any ends there
+WARM_UP = 0.25  # share of the evaluations, the first ones, at which none ends
 ROUNDS = 4  # at least so many trials follow one another, so that later ones learn from earlier ones
 
 Key = tuple[int, int]
@@ -61,8 +69,18 @@ class Task:
     tuning: TuningParams
     demonstrations: bytes | None = None
 
-    def work(self, agent: AgentBlock, seed: int, starts: range, num_threads: int) -> Work:
-        """Return what a worker runs to train a seed and to measure it from start states."""
+    def work(
+        self,
+        agent: AgentBlock,
+        seed: int,
+        starts: range,
+        num_threads: int,
+        floors: Sequence[float] = (),
+    ) -> Work:
+        """Return what a worker runs to train a seed and to measure it from start states.
+
+        The training ends at an evaluation at which its best return so far is below the floor.
+        """
         job = Job(
             self.world,
             agent,
@@ -72,7 +90,7 @@ class Task:
             demonstrations=self.demonstrations,
         )
         training, target = objective.validated_apart(self.training), self.tuning.target_return
-        return partial(objective.measure, job, training, starts, target)
+        return partial(objective.measure, job, training, starts, target, floors)
 
 
 @dataclass
@@ -119,7 +137,7 @@ class Search:
         trial, seed = self._trials[key[0]], key[1]
         agent = self.task.space.agent_with(trial.params, self.task.tuning.share)
         starts = SEARCH[: self.task.tuning.episodes]
-        return self.task.work(agent, SEARCH[seed], starts, self.num_threads)
+        return self.task.work(agent, SEARCH[seed], starts, self.num_threads, self._floors())
 
     def take(self, key: Key, found: Measured | Fault) -> None:
         """Note what a job has found, and end its trial or let it continue."""
@@ -129,17 +147,10 @@ class Search:
             return self._end(trial, found.reason)
         for step, result in enumerate(self._instances(found)):
             trial.report(result, key[1] * tuning.episodes + step)
-        trial.set_user_attr(
-            MEASURED.format(key[1]),
-            {"return": found.mean_return, "seconds": found.seconds, "onset": found.onset},
-        )
-        if tuning.target_return is not None and found.onset[1] == float("inf"):
-            return self._end(trial, f"seed {key[1] + 1} never returned {tuning.target_return:g}")
-        if len(seeds_of(trial)) == tuning.seeds:
-            return self._end(trial)
-        if trial.should_prune():
-            return self._end(trial, f"less than trial {self.study.best_trial.number}")
-        self._idle.append(trial.number)
+        note = asdict(found) | {"return": found.mean_return}
+        del note["returns"]  # the reports have them
+        trial.set_user_attr(MEASURED.format(key[1]), note)
+        self._continue(trial)
 
     @property
     def num_left(self) -> int:
@@ -161,16 +172,45 @@ class Search:
             self.task.space.agent_with(trial.params, self.task.tuning.share)
         except RefusedError as error:
             return self._end(trial, f"refused: {error}")
-        if len(seeds_of(trial)) == self.task.tuning.seeds:  # killed just before its end
+        self._continue(trial)
+
+    def _continue(self, trial: Trial) -> None:
+        """Let a trial's next seed start, or end the trial by what its seeds have measured."""
+        seeds, tuning = seeds_of(trial), self.task.tuning
+        if seeds and seeds[-1]["is_cut"]:
+            evaluation = f"evaluation {len(seeds[-1]['bests'])} of {self.task.training.evaluations}"
+            return self._end(trial, f"seed {len(seeds)} was among the worst at {evaluation}")
+        if seeds and tuning.target_return is not None and seeds[-1]["onset"][1] == math.inf:
+            return self._end(trial, f"seed {len(seeds)} never returned {tuning.target_return:g}")
+        if len(seeds) == tuning.seeds:
             return self._end(trial)
+        if seeds and trial.should_prune():
+            return self._end(trial, f"less than trial {self.study.best_trial.number}")
         self._idle.append(trial.number)
+
+    def _floors(self) -> list[float]:
+        """Return the return in validation below which a seed ends, for each evaluation.
+
+        There are none where trials compete for seconds: the best of these are early, not high.
+        """
+        if self.task.tuning.target_return is not None:
+            return []
+        trials = self.study.get_trials(deepcopy=False, states=[COMPLETE, PRUNED])
+        courses = [seed["bests"] for trial in trials for seed in seeds_of(trial)]
+        count = self.task.training.evaluations
+        floors = []
+        for place in range(count):
+            there = [bests[place] for bests in courses if place < len(bests)]
+            is_judged = place >= WARM_UP * count and len(there) >= FEWEST
+            floors.append(float(np.quantile(there, WORST)) if is_judged else -math.inf)
+        return floors
 
     def _end(self, trial: Trial, reason: str = "") -> None:
         """End a trial, early if there is a reason, and tell."""
         own = value_of(trial, self.task.tuning)
         if reason:
             trial.set_user_attr(REASON, reason)
-            self.study.tell(trial, state=TrialState.PRUNED)
+            self.study.tell(trial, state=PRUNED)
         else:
             self.study.tell(trial, own)
         del self._trials[trial.number]
@@ -246,5 +286,5 @@ def value(of_seeds: Sequence[float], spread_penalty: float) -> float:
 
 def best_of(study: optuna.Study) -> FrozenTrial | None:
     """Return the complete trial of the greatest value, None if there is none."""
-    is_any = study.get_trials(deepcopy=False, states=[TrialState.COMPLETE])
+    is_any = study.get_trials(deepcopy=False, states=[COMPLETE])
     return study.best_trial if is_any else None

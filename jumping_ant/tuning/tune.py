@@ -92,6 +92,7 @@ def study_name(task: Task, sampler: SamplerName) -> str:
         *(block.model_dump() for block in (task.world.env, task.training, task.space.agent)),
         task.tuning.model_dump(include=OF_A_STUDY),
         repr(task.space.ranges),
+        [search.WORST, search.FEWEST, search.WARM_UP],
         hashlib.sha256(task.demonstrations or b"").hexdigest(),
         list(map(effective_code.read, sorted(code))),
     ]

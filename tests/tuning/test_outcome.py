@@ -32,7 +32,7 @@ def trained(monkeypatch: pytest.MonkeyPatch, gain: float, seconds: float = 1.0) 
 
     def stream(start: Any, keys: Any, *_: Any) -> Any:
         for key in keys:
-            job, _, starts, _ = start(key).args
+            job, _, starts, *_ = start(key).args
             gained = job.agent.stdev_init - 0.3
             noise = np.random.default_rng([job.seed, round(1e6 * abs(gained))]).normal(0, 10)
             returns = [1000 + noise + (gain if gained else 0) * min(1, gained + 0.5)] * len(starts)
@@ -107,7 +107,7 @@ def test_every_verdict_has_fresh_seeds_and_starts(tmp_path: Path) -> None:
             fresh = Fresh(opened, task, params.compare, 32, trial, task.space.agent)
             jobs = {key: fresh.work(key).args for key in fresh.keys}  # type: ignore[attr-defined]
         seeds = {key: job.seed for key, (job, *_) in jobs.items()}
-        starts = {key: set(own) for key, (_, _, own, _) in jobs.items()}
+        starts = {key: set(own) for key, (_, _, own, *_) in jobs.items()}
         assert seeds[BEFORE, 0] == seeds[AFTER, 0] != seeds[AFTER, 1]
         assert starts[BEFORE, 0] == starts[AFTER, 0] and starts[AFTER, 0].isdisjoint(
             starts[AFTER, 1]

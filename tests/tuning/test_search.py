@@ -37,8 +37,10 @@ def opened(tmp_path: Path) -> Iterator[optuna.Study]:
         yield found
 
 
-def make(opened: optuna.Study, said: list[str] | None = None, **tuning: Any) -> Search:
-    params = small_params(4, episodes=10, **tuning)
+def make(
+    opened: optuna.Study, said: list[str] | None = None, trials: int = 4, **tuning: Any
+) -> Search:
+    params = small_params(trials, episodes=10, **tuning)
     task = tune.task_of(Path(), params, "pgpe")
     return Search(
         opened, study.FILE, task, say=(said or []).append if said is None else said.append
@@ -51,6 +53,11 @@ def measured(*returns: float, onset: tuple[float, float] = (0.0, 1.0)) -> Measur
 
 def around(mean: float) -> Measured:
     return measured(*(mean + offset for offset in range(-5, 5)))
+
+
+def noted(mean: float) -> dict[str, Any]:
+    """Return what a trial notes of a seed."""
+    return {"return": mean, "seconds": 1.0, "onset": (0.0, 1.0), "bests": [], "is_cut": False}
 
 
 def states(opened: optuna.Study) -> list[str]:
@@ -118,6 +125,29 @@ def test_what_diverges_is_told_with_its_reason(opened: optuna.Study) -> None:
     assert said[0].startswith(f"trial 0: {told}")
 
 
+def test_a_seed_ends_where_it_is_among_the_worst(opened: optuna.Study) -> None:
+    said: list[str] = []
+    found = make(opened, said, trials=6)
+    assert found._floors() == [-np.inf] * 2, "nothing to compare with"
+    for trial in range(4):
+        for seed in range(2):
+            bests = (100.0 + trial + seed, 200.0 + trial + seed)
+            found.take(next(found), replace(around(100), bests=bests))
+    assert found._floors() == [-np.inf, np.quantile([200, 201, 201, 202, 202, 203, 203, 204], 0.25)]
+    found.take(next(found), replace(around(100), bests=(100.0, 150.0), is_cut=True))
+    reason = "seed 1 was among the worst at evaluation 2 of 2"
+    assert opened.trials[4].user_attrs["reason"] == reason
+    assert f"trial 4: 99.5; ended early, {reason}; " in said[-1]
+
+
+def test_killed_between_the_end_of_a_seed_and_that_of_its_trial(opened: optuna.Study) -> None:
+    found = make(opened)
+    trial = study.begin(opened, found.task.space.distributions)
+    trial.set_user_attr("seed 0", noted(50.0) | {"bests": [50.0], "is_cut": True})
+    make(opened)
+    assert states(opened) == ["PRUNED"]
+
+
 def test_settings_that_are_refused_train_nothing(
     opened: optuna.Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,7 +175,7 @@ def test_killed_between_the_last_seed_and_the_end_of_its_trial(opened: optuna.St
     found = make(opened)
     trial = study.begin(opened, found.task.space.distributions)
     for seed in range(2):
-        trial.set_user_attr(f"seed {seed}", {"return": 50.0, "seconds": 1.0, "onset": (0.0, 1.0)})
+        trial.set_user_attr(f"seed {seed}", noted(50.0))
     again = make(opened)
     assert states(opened) == ["COMPLETE"] and opened.trials[0].value == 50.0
     assert next(again) == (1, 0)
@@ -198,11 +228,13 @@ def job(robot_xml: str, algorithm: str, **settings: Any) -> Job[Any]:
     return Job(World(robot_xml, env), own, objective.SEARCH[0], evaluations=2)
 
 
-def measure(given: Job[Any], target: float | None = None) -> list[Measured | Fault]:
+def measure(
+    given: Job[Any], target: float | None = None, floors: Sequence[float] = ()
+) -> list[Measured | Fault]:
     kernels.use()
     training = objective.validated_apart(small_agents.PARAMS.training)
     starts = objective.SEARCH[:3]
-    return list(objective.measure(given, training, starts, target, threading.Event()))
+    return list(objective.measure(given, training, starts, target, floors, threading.Event()))
 
 
 def test_a_training_is_measured_from_its_start_states(robot_xml: str) -> None:
@@ -213,6 +245,17 @@ def test_a_training_is_measured_from_its_start_states(robot_xml: str) -> None:
     assert again.returns == found.returns and found.onset == (0.0, float("inf"))
     low, high = again.onset
     assert low == 0.0 < high <= again.seconds, "the first evaluation returned more than nothing"
+
+
+def test_a_training_ends_below_a_floor(robot_xml: str) -> None:
+    (whole,) = measure(job(robot_xml, "snes"), floors=[-np.inf])
+    assert isinstance(whole, Measured) and not whole.is_cut and len(whole.bests) == 2
+    assert whole.bests[0] <= whole.bests[1]
+    (above,) = measure(job(robot_xml, "snes"), floors=whole.bests)
+    assert isinstance(above, Measured) and above.returns == whole.returns
+    (cut,) = measure(job(robot_xml, "snes"), floors=[whole.bests[0] + 1])
+    assert isinstance(cut, Measured) and cut.is_cut and cut.bests == whole.bests[:1]
+    assert len(cut.returns) == 3 and cut.seconds < whole.seconds
 
 
 def test_a_learner_whose_numbers_run_away_is_a_fault(robot_xml: str) -> None:
@@ -226,4 +269,4 @@ def test_a_training_that_is_stopped_measures_nothing(robot_xml: str) -> None:
     stop.set()
     given = replace(job(robot_xml, "snes"), evaluations=1)
     training = objective.validated_apart(small_agents.PARAMS.training)
-    assert list(objective.measure(given, training, objective.SEARCH[:1], None, stop)) == []
+    assert list(objective.measure(given, training, objective.SEARCH[:1], None, (), stop)) == []

@@ -1,8 +1,9 @@
 """What a search may choose for off-policy algorithms."""
 
-from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
+from jumping_ant.agents.ranges import EPISODES, Between, OneOf, Ranges, whole
 
 _NETWORKS: Ranges = {
+    **EPISODES,
     "learning_rate": Between(1e-4, 3e-3),
     "gamma": Between(0.85, 0.995, is_log=False),
     "batch_size": OneOf((64, 128, 256, 512)),

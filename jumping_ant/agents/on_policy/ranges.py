@@ -1,8 +1,9 @@
 """What a search may choose for on-policy algorithms."""
 
-from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
+from jumping_ant.agents.ranges import EPISODES, Between, OneOf, Ranges, whole
 
 _ROUNDS: Ranges = {
+    **EPISODES,
     "learning_rate": Between(1e-4, 5e-3),
     "gamma": Between(0.85, 0.995, is_log=False),
     "net_arch": OneOf(([64, 64], [128, 128], [256, 256])),
