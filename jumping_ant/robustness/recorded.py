@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.base.errors import InputError
+from jumping_ant.experiment.models import Params
 from jumping_ant.policies.policy import Policy
 from jumping_ant.robustness.perturbations import Condition
 from jumping_ant.robustness.perturbed import PerturbedVectorEnv
@@ -39,6 +41,24 @@ class RecordedVectorEnv(PerturbedVectorEnv):
         for _ in range(self.substeps):
             self.batch.step()
             self.keep()
+
+
+def check_film(params: Params, seconds: float) -> None:
+    """Raise an InputError if other time steps are filmed that give no whole number a frame.
+
+    Args:
+        params: All parameters.
+        seconds: Of a control step [s].
+    """
+    fps, steps = params.record.fps, params.robustness.perturbations.integration
+    if params.robustness.filmed == "integration" and any(
+        round(own / seconds) % fps for own in steps
+    ):
+        raise InputError(
+            f"robustness.filmed: given integration, of {', '.join(f'{own:g}' for own in steps)} "
+            f"steps per {seconds:g} s, allowed: steps of which each frame has a whole number at "
+            f"record.fps, {fps}; or another perturbation, or null"
+        )
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,24 @@ def filmed(root: Path, agents: dict[str, str], robustness: RobustnessParams, mos
     return summary.summarize(root, params, load(root, params))["filmed"]
 
 
+@pytest.mark.parametrize(("fps", "steps"), [(25, [50, 10]), (20, [50, 7])])
+def test_time_steps_that_give_whole_frames_may_be_filmed(
+    known_params: Params, fps: int, steps: list[int]
+) -> None:
+    content = known_params.model_dump()
+    content["record"]["fps"] = fps
+    content["robustness"]["perturbations"]["integration"] = steps
+    content["robustness"]["filmed"] = "integration"
+    recorded.check_film(params_file.check(content), 0.05)
+    content["robustness"]["perturbations"]["integration"] = [*steps, 3]
+    content["record"]["fps"] = 25
+    told = r"robustness.filmed: given integration, of .*, 3 steps per 0.05 s, allowed: "
+    with pytest.raises(InputError, match=told):
+        recorded.check_film(params_file.check(content), 0.05)
+    content["robustness"]["filmed"] = "push"
+    recorded.check_film(params_file.check(content), 0.05)
+
+
 def test_the_best_learner_is_filmed_where_it_is_overtaken(tmp_path: Path) -> None:
     found = filmed(tmp_path, AGENTS, ROBUSTNESS, most=0.68)  # 0.46 on average at level 2
     assert list(found["agents"]) == ["sac", "beat"]
