@@ -23,7 +23,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install try repro preset article decide tune check style test test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install shared try repro preset article decide tune check style test test-quick test-comparison test-smoke test-soak test-training \
 	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -51,6 +51,11 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg .venv/.dvc ## install
 .venv/.peers: benchmarks/requirements.lock .venv/.packages
 	@scripts/environment.sh peers
 
+.venv/.shared: shared.lock .venv/.packages
+	@scripts/environment.sh shared
+
+shared: install .venv/.shared ## install what machines share records and files by: PostgreSQL, SSH, S3
+
 repro: install ## rerun what a change to params.yaml or to the code affects
 	dvc repro
 
@@ -70,7 +75,7 @@ tune: install ## search for an agent's settings, into results/tuning/ (AGENT=sac
 	@python -m scripts.tune $(AGENT:*=) $(if $(TRIALS),--trials $(TRIALS)) $(if $(SAMPLER),--sampler $(SAMPLER)) \
 		$(if $(STORAGE),--storage '$(STORAGE)') $(if $(PRESET:default=),--preset $(PRESET))
 
-check: install ## style, types, and the tests that train nothing: the quick loop
+check: install .venv/.shared ## style, types, and the tests that train nothing: the quick loop
 	@$(MAKE) --no-print-directory --jobs=2 style test-quick test-comparison
 
 style:
@@ -78,7 +83,7 @@ style:
 	ruff format --check
 	mypy
 
-test: install .venv/.browser ## check style, types and behaviour
+test: install .venv/.browser .venv/.shared ## check style, types and behaviour
 	@$(MAKE) --no-print-directory --jobs=5 --keep-going \
 		test-smoke test-soak test-training test-rest style
 
@@ -142,7 +147,7 @@ map: install ## renew docs/map.md, the list of all modules
 schema: install ## renew what comes from the catalogue: params.schema.json, a list in dvc.yaml
 	python -m jumping_ant.experiment.schema
 
-lock: ## renew requirements.lock and benchmarks/requirements.lock from pyproject.toml
+lock: ## renew requirements.lock, benchmarks/requirements.lock and shared.lock from pyproject.toml
 	@scripts/environment.sh lock
 
 clean: ## remove .venv and caches; results stay

@@ -5,7 +5,9 @@
 #   scripts/environment.sh rendering  install a rendering library, if none is found
 #   scripts/environment.sh browser    install a browser for the page tests, if none is found
 #   scripts/environment.sh peers      install the packages of benchmarks/requirements.lock as well
-#   scripts/environment.sh lock       renew both locks from pyproject.toml
+#   scripts/environment.sh shared     install the packages of shared.lock as well
+#   scripts/environment.sh lock       renew all locks from pyproject.toml
+#   scripts/environment.sh lock-more  renew all but requirements.lock, beside what is in that
 #
 # Environment variables:
 #   PYTHON        interpreter of version 3.11 or newer (default: the first found)
@@ -142,13 +144,14 @@ install_browser() {
     fi
 }
 
-install_peers() {
+# Install the packages of another lock, and mark that as done.
+install_more() {
     find_uv
     take_over_settings_of_pip
-    echo "install: the packages of benchmarks/requirements.lock, into .venv"
+    echo "install: the packages of $1, into .venv"
     # Without their requirements for packages that the project has: those stay as locked.
-    uv_install --require-hashes -r benchmarks/requirements.lock
-    touch .venv/.peers
+    uv_install --require-hashes -r "$1"
+    touch ".venv/.$2"
 }
 
 # Print what an extra needs, with hashes, for every platform and Python that the project allows.
@@ -165,12 +168,13 @@ download_torch() {
     local python get
     python=$(find_python)
     get=("$python" -m pip download -qq --no-deps --python-version 3.11 --only-binary :all: --dest "$1"
-        "$(grep -oE '"torch[^"]*"' pyproject.toml | tr -d '"')")
+        "$(grep -oE '"torch>[^"]*"' pyproject.toml | tr -d '"')")
     "${get[@]}" --no-index 2>/dev/null ||
         "${get[@]}" ${TORCH_INDEX:+--index-url "$TORCH_INDEX" --retries 2 --timeout 30} ||
         stop "no torch from ${TORCH_INDEX:-the usual package index}"
 }
 
+# Renew all locks; with "more", all but requirements.lock, whose versions the others then keep to.
 renew_locks() {
     local folder version locked
     find_uv
@@ -181,29 +185,41 @@ renew_locks() {
     download_torch "$folder/wheels"
     version=$(basename "$folder"/wheels/torch-*.whl | cut -d- -f2)
     echo "torch==$version" >"$folder/torch.txt"
-    {
-        echo "# Every package at its exact version. Made by \`make lock\` from pyproject.toml."
-        resolve "$folder" dev
-        echo "# Without hashes: each of its indexes has builds of its own."
-        echo "torch==${version%+*}"
-    } >"$folder/requirements.lock"
+    if [ "${1:-}" = more ]; then
+        cp requirements.lock "$folder/requirements.lock"
+    else
+        {
+            echo "# Every package at its exact version. Made by \`make lock\` from pyproject.toml."
+            resolve "$folder" dev
+            echo "# Without hashes: each of its indexes has builds of its own."
+            echo "torch==${version%+*}"
+        } >"$folder/requirements.lock"
+    fi
     mapfile -t locked < <(sed -n 's/^\([^#=]*\)==.*/--no-emit-package=\1/p' "$folder/requirements.lock")
     {
         echo "# What \`make bench\` needs beyond requirements.lock. Made by \`make lock\`."
         resolve "$folder" bench "${locked[@]}"
     } >"$folder/peers.lock"
-    if grep -hE '^(nvidia|cuda|triton)' "$folder/requirements.lock" "$folder/peers.lock"; then
+    grep -v '^torch==' "$folder/requirements.lock" >"$folder/locked.txt"
+    {
+        echo "# What \`make shared\` installs beyond requirements.lock. Made by \`make lock\`."
+        resolve "$folder" shared -c "$folder/locked.txt" "${locked[@]}"
+    } >"$folder/shared.lock"
+    if grep -hE '^(nvidia|cuda|triton)' "$folder"/*.lock; then
         stop "these come with CUDA; renew the lock with a TORCH_INDEX without it"
     fi
     cp "$folder/requirements.lock" requirements.lock
     cp "$folder/peers.lock" benchmarks/requirements.lock
+    cp "$folder/shared.lock" shared.lock
 }
 
 case "${1:-}" in
 packages) install_packages ;;
 rendering) install_rendering ;;
 browser) install_browser ;;
-peers) install_peers ;;
+peers) install_more benchmarks/requirements.lock peers ;;
+shared) install_more shared.lock shared ;;
 lock) renew_locks ;;
-*) stop "given '${1:-}', allowed: packages, rendering, browser, peers, lock" ;;
+lock-more) renew_locks more ;;
+*) stop "given '${1:-}', allowed: packages, rendering, browser, peers, shared, lock, lock-more" ;;
 esac

@@ -19,7 +19,7 @@ from typing import Any
 from jumping_ant.base import command_line
 from jumping_ant.base.files import PROJECT_ROOT, write_json
 from scripts.checkout import Checkout, checkout
-from soak import inputs, mutations
+from soak import inputs, mutations, records
 from soak import project as projects
 from soak.faults import Faults
 from soak.kills import Killer
@@ -27,8 +27,8 @@ from soak.operations import DVC_STAGE, TARGETS
 from soak.project import AGENT
 
 PATH = PROJECT_ROOT / "results" / "soak.json"
-PARTS = ("kills", "faults", "bad_inputs", "mutations", "operations")
-SECTIONS = ("kills", "faults", "bad_inputs", "payloads", "mutations", "operations")
+PARTS = ("kills", "faults", "bad_inputs", "mutations", "operations", "records")
+SECTIONS = ("kills", "faults", "bad_inputs", "payloads", "mutations", "operations", "records")
 MUTATIONS = 500  # changed versions of each file
 INPUTS = 5  # cut versions of each file
 OPERATIONS_SECONDS = 25.0  # for each stage and kind of interruption
@@ -60,6 +60,9 @@ def main() -> None:
             figures |= change_files(project, arguments.seed, troubles)
         if "operations" in parts:
             figures |= interrupt_operations(project, arguments.seed, troubles)
+        if "records" in parts:
+            figures["records"] = records.keep(project, generator, troubles)
+            project.write_params(projects.settings())
         figures |= disturb_trainings(project, generator, deadline, parts, troubles)
     minutes = (time.monotonic() - started) / 60
     figures = {"minutes": round(minutes, 1)} | {name: figures.get(name, {}) for name in SECTIONS}

@@ -49,6 +49,16 @@ MEASURES = "minutes that need the machine for themselves; tests/test_benchmarks.
 SOAK = "half an hour; tests/test_soak.py runs a little of each part"
 VERIFY = "minutes of training; tests/test_verify.py verifies another agent"
 TUNE = "hours of training; tests/tuning/test_study.py tunes a small agent"
+SHARED = "needs servers; soak/records.py starts them"
+SERVER_ONCE = (
+    "sudo -u postgres createuser --pwprompt robots && "
+    "sudo -u postgres createdb --owner robots mlflow"
+)
+SERVER = (
+    "mlflow server --backend-store-uri postgresql://robots:PASSWORD@localhost/mlflow "
+    "--artifacts-destination /srv/mlflow --host 0.0.0.0"
+)
+SHARED_SEARCH = "make tune AGENT=sac TRIALS=40 STORAGE=postgresql://robots:PASSWORD@SERVER/trials"
 ELSEWHERE = {
     RUN: "tests/finished_project.py",
     COMMIT: "tests/finished_project.py",
@@ -61,6 +71,11 @@ ELSEWHERE = {
     "make test": "runs this test",
     "make test PYTHON=python3.12": "runs this test",
     "make install TORCH_INDEX=": "downloads gigabytes",
+    "make shared": "a part of `make test`",
+    SERVER_ONCE: SHARED,
+    SERVER: SHARED,
+    "export MLFLOW_TRACKING_URI=http://SERVER:5000": SHARED,
+    SHARED_SEARCH: "hours of training; tests/tuning/test_study.py shares a small one",
     "make lock": "asks package indexes for the newest versions",
     "make check": CHECKS,
     "make verify": VERIFY,

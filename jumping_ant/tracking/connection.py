@@ -15,6 +15,7 @@ from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
 from sqlalchemy.exc import SQLAlchemyError
 
+from jumping_ant.base import databases
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
@@ -22,7 +23,8 @@ from jumping_ant.tracking import internals
 
 EXPERIMENT = "jumping-ant"
 SIGNS_OF_CONFLICT = (
-    "UNIQUE constraint failed", "duplicate key", "already exists", "database is locked"
+    "UNIQUE constraint failed", "duplicate key", "already exists", "database is locked",
+    "deadlock detected",
 )  # fmt: skip
 LONGEST_MESSAGE = 300
 SECONDS_FOR_ANSWER = 5
@@ -58,8 +60,8 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         raise InputError(
-            f"MLflow at {_without_password(uri)}: its driver is not installed; run: pip install "
-            f"{error.name}"
+            f"MLflow at {_without_password(uri)}: its driver is not installed; run: "
+            f"{databases.installation(error)}"
         ) from error
     except (MlflowException, SQLAlchemyError, OSError) as error:
         is_conflict = any(sign in str(error) for sign in SIGNS_OF_CONFLICT)
@@ -75,6 +77,7 @@ def connect(
     internals.silence()
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
+    databases.limit_waiting(timeout_seconds)
     with failures_as_input_errors(uri), _opened_alone(uri, home(root)):
         _await_answer(uri)
         is_given = "MLFLOW_TRACKING_URI" in os.environ
@@ -100,12 +103,16 @@ def _own_uri(project: Path) -> str:
 
 @contextmanager
 def _opened_alone(uri: str, project: Path) -> Iterator[None]:
-    """Keep other processes from opening a database file meanwhile.
+    """Keep other processes from opening a database meanwhile, and see that it answers.
 
     The first one that opens it creates the tables, and MLflow leaves a broken database behind if
-    two do so at once.
+    two do so at once. Before it gives up a database, it would try for minutes.
     """
     path = _database(uri)
+    if databases.is_shared(uri):
+        with databases.held(uri, "jumping-ant opens it"):
+            yield
+        return
     if path is None:
         yield
         return
@@ -123,8 +130,16 @@ def _opened_alone(uri: str, project: Path) -> Iterator[None]:
 
 @contextmanager
 def mirrored_alone(uri: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Keep other processes from mirroring to a database file: they would replace model files."""
+    """Keep other processes from mirroring to a database: they would replace model files."""
     path = _database(uri)
+
+    def tell() -> None:
+        say("another process is bringing MLflow up to date; waiting for it")
+
+    if databases.is_shared(uri):
+        with databases.held(uri, "jumping-ant mirrors to it", tell):
+            yield
+        return
     if path is None:
         yield
         return
@@ -132,7 +147,7 @@ def mirrored_alone(uri: str, say: Callable[[str], None]) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            say("another process is bringing MLflow up to date; waiting for it")
+            tell()
             fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
@@ -199,10 +214,20 @@ def _explain(error: BaseException, uri: str) -> str:
     """Return what happened, in one line."""
     cause: BaseException | None = error
     while cause is not None:
+        if isinstance(cause, requests.exceptions.RetryError):
+            return "answers with failures only; see whether its database runs, then try again"
         if isinstance(cause, requests.ConnectionError | requests.Timeout):
-            return "cannot be reached; start it, or unset MLFLOW_TRACKING_URI to use mlflow.db"
+            is_up = isinstance(cause, requests.ReadTimeout)
+            how = (
+                "cannot be reached in time; if it is busy, try again later"
+                if is_up
+                else ("cannot be reached; start it")
+            )
+            return f"{how}, or unset MLFLOW_TRACKING_URI to use mlflow.db"
         cause = cause.__cause__ or cause.__context__
-    message = " ".join(str(error).split())
+    message = " ".join(str(error).partition("(Background on this error")[0].split())
+    if "lock timeout" in message:
+        return "in use by another program; try again later"
     secret = uri.partition("://")[2].rpartition("@")[0].partition(":")[2]
     for part in filter(None, [secret, *re.split("[/:@?]", secret)]):  # may be taken for a port
         message = message.replace(part, "...")

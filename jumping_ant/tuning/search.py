@@ -116,7 +116,9 @@ class Search:
     _started: float = field(default_factory=time.monotonic)
 
     def __post_init__(self) -> None:
-        for trial in studies.abandoned(self.study, self.storage, self.task.space.distributions):
+        with studies.taking_turns(self.storage):
+            found = studies.abandoned(self.study, self.storage, self.task.space.distributions)
+        for trial in found:
             self.say(f"trial {trial.number} resumes at seed {len(seeds_of(trial)) + 1}")
             self._open(trial)
 
@@ -126,9 +128,12 @@ class Search:
     def __next__(self) -> Key:
         """Return the next seed of a trial that runs, else the first of a new one."""
         while not self._idle:
-            if self._num_trials() >= self.task.tuning.trials:
+            with studies.taking_turns(self.storage):
+                is_last = self._num_trials() >= self.task.tuning.trials
+                new = None if is_last else studies.begin(self.study, self.task.space.distributions)
+            if new is None:
                 raise StopIteration
-            self._open(studies.begin(self.study, self.task.space.distributions))
+            self._open(new)
         chosen = self._idle.popleft()
         return chosen, len(seeds_of(self._trials[chosen]))
 

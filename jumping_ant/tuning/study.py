@@ -26,12 +26,13 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
-from jumping_ant.base import process, seeding
+from jumping_ant.base import databases, process, seeding
 from jumping_ant.base.errors import InputError
 
 SamplerName = Literal["tpe", "random"]
 OWNER, SIGN = "owner", "sign"  # of a running trial: its process, and when that was last heard of
 SILENT_SECONDS = 6 * 3600.0  # after which a trial of another machine counts as abandoned
+LONGEST_WAIT = 60  # for a connection, or for what another process has locked [s]
 FILE = "sqlite:///"
 
 
@@ -98,19 +99,35 @@ def opened(
         InputError: The storage cannot be used, or another process uses the file.
     """
     optuna.logging.set_verbosity(optuna.logging.WARNING)
+    databases.limit_waiting(LONGEST_WAIT)
     with _failures_as_input_errors(storage), _alone(storage), warnings.catch_warnings():
         warnings.simplefilter("ignore", ExperimentalWarning)
-        study = optuna.create_study(
-            storage=storage,
-            study_name=name,
-            direction="maximize",
-            load_if_exists=True,
-            sampler=PerTrial(sampler),
-            pruner=WilcoxonPruner(p_threshold=prune_level),
-        )
-        if first is not None and not study.get_trials(deepcopy=False):
-            study.enqueue_trial(dict(first))
+        with taking_turns(storage):
+            study = optuna.create_study(
+                storage=_opened(storage),
+                study_name=name,
+                direction="maximize",
+                load_if_exists=True,
+                sampler=PerTrial(sampler),
+                pruner=WilcoxonPruner(p_threshold=prune_level),
+            )
+            if first is not None and not study.get_trials(deepcopy=False):
+                study.enqueue_trial(dict(first))
         yield study
+
+
+@contextmanager
+def taking_turns(storage: str) -> Iterator[None]:
+    """Keep processes that share a database from deciding the same thing at once.
+
+    Two could create the tables, begin a study, begin its last trial, or take over a trial that was
+    abandoned. A file has one process anyhow.
+    """
+    if databases.is_shared(storage):
+        with databases.held(storage, "jumping-ant tunes"):
+            yield
+    else:
+        yield
 
 
 def begin(study: optuna.Study, distributions: Mapping[str, BaseDistribution]) -> Trial:
@@ -136,6 +153,17 @@ def give_sign(trial: Trial) -> None:
     """Note that this process runs a trial."""
     trial.set_user_attr(OWNER, process.this_process())
     trial.set_user_attr(SIGN, time.time())
+
+
+def _opened(storage: str) -> optuna.storages.BaseStorage:
+    """Open a storage; a RuntimeError of Optuna says that the tables are of something else."""
+    try:
+        return optuna.storages.get_storage(storage)
+    except RuntimeError as error:
+        raise InputError(
+            f"storage: given {shown(storage)}, whose tables are not this Optuna's ({error}); "
+            "allowed: a database of its own, not MLflow's"
+        ) from error
 
 
 def _taken(trial: Trial, distributions: Mapping[str, BaseDistribution]) -> Trial:
@@ -180,7 +208,7 @@ def _failures_as_input_errors(storage: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         raise InputError(
-            f"storage: its driver is not installed; run: pip install {error.name}"
+            f"storage: its driver is not installed; run: {databases.installation(error)}"
         ) from error
     except (SQLAlchemyError, StorageInternalError) as error:
         told = " ".join(str(error.__cause__ or error).split())[:300]

@@ -118,7 +118,8 @@ def test_a_password_is_not_shown(given: str, shown: str) -> None:
     ("uri", "line"),
     [
         ("postgresql://me:se/cret@words@127.0.0.1/db", "MLflow at postgresql://127.0.0.1/db: "),
-        ("postgresql://me:secret@127.0.0.1/db", "its driver is not installed; run: pip install"),
+        ("postgresql://me:secret@127.0.0.1/db", "its driver is not installed; run: make shared"),
+        ("mysql+pymysql://me:secret@host/db", "not installed; run: pip install pymysql"),
         ("sqlite:///", "MLFLOW_TRACKING_URI: given 'sqlite:///', allowed: "),
         ("nonsense", "MLflow at nonsense: "),
     ],
@@ -127,6 +128,7 @@ def test_an_odd_uri_ends_in_one_line(
     uri: str, line: str, untracked_project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    monkeypatch.setitem(sys.modules, "psycopg", None)  # as if it was not installed
     with pytest.raises(InputError) as caught:
         tracked(untracked_project)
     told = str(caught.value)

@@ -7,7 +7,6 @@ import sqlite3
 import subprocess
 import sys
 import time
-import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from jumping_ant.experiment import validation
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.tracking.mirror import track
+from soak import mlflow_server
 
 AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)
 
@@ -251,31 +251,8 @@ def served(folder: Path, database: Path) -> Iterator[str]:
     """Run an MLflow server in a folder, from a copy of a database, and yield its address."""
     folder.mkdir()
     shutil.copy(database, folder / "mlflow.db")
-    uri = f"http://127.0.0.1:{free_port()}"
-    command = [sys.executable, "-m", "mlflow", "server", "--workers", "1", "--host", "127.0.0.1"]
-    command += ["--port", uri.rpartition(":")[2], "--artifacts-destination", str(folder / "files")]
-    command += ["--backend-store-uri", f"sqlite:///{folder / 'mlflow.db'}"]
-    process = subprocess.Popen(
-        command,
-        cwd=folder,
-        env=os.environ | {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"},  # seven processes less
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        wait_for(lambda: answers(uri))
-        yield uri
-    finally:
-        process.terminate()
-        process.wait(30)
-
-
-def answers(uri: str) -> bool:
-    try:
-        with urllib.request.urlopen(f"{uri}/health", timeout=5) as response:
-            return bool(response.status == 200)
-    except OSError:
-        return False
+    with mlflow_server.running(folder, f"sqlite:///{folder / 'mlflow.db'}") as server:
+        yield server.uri
 
 
 def free_port() -> int:

@@ -1,6 +1,6 @@
 """A study of seconds: PGPE with hardly any budget.
 
-Usage: python tests/tuning/small_study.py FOLDER TRIALS runs one, to be killed.
+Usage: python tests/tuning/small_study.py FOLDER TRIALS [STORAGE] runs one, to be killed.
 """
 
 import sqlite3
@@ -59,7 +59,13 @@ def records(database: Path) -> list[tuple[Any, ...]]:
 
 if __name__ == "__main__":
     space.RANGES["pgpe"] = RANGES
-    root, num_trials = sys.argv[1:]
+    root, num_trials, *storage = sys.argv[1:]
     params = small_params(int(num_trials))
     with reported():
-        tune.run(Path(root), params, "pgpe", say=lambda said: print(said, flush=True))
+        tune.run(
+            Path(root),
+            params,
+            "pgpe",
+            storage=storage[0] if storage else None,
+            say=lambda said: print(said, flush=True),
+        )

@@ -8,16 +8,20 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import optuna
 import pytest
 from small_study import RANGES, project, records, small_params
 
 from jumping_ant.base import process
-from jumping_ant.base.errors import InputError
+from jumping_ant.base.errors import InputError, StoppedError
 from jumping_ant.base.paths import Paths
-from jumping_ant.tuning import space, study, tune
+from jumping_ant.tuning import search, space, study, tune
 from jumping_ant.tuning.study import SamplerName
+
+if TYPE_CHECKING:
+    from soak.postgres import Postgres
 
 PARAMETERS = 3  # place in a record
 
@@ -33,9 +37,10 @@ def run(root: Path, trials: int, sampler: SamplerName = "tpe", **more: Any) -> l
     return said
 
 
-def start(root: Path, trials: int) -> "subprocess.Popen[str]":
+def start(root: Path, trials: int, *storage: str) -> "subprocess.Popen[str]":
     command = [sys.executable, str(Path(__file__).with_name("small_study.py")), str(root)]
-    return subprocess.Popen([*command, str(trials)], stdout=subprocess.PIPE, encoding="utf-8")
+    arguments = [str(trials), *storage]
+    return subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, encoding="utf-8")
 
 
 def kill(root: Path, trials: int, after: str) -> None:
@@ -188,3 +193,55 @@ def test_in_a_shared_database_a_trial_is_left_to_a_process_that_lives(
         assert [one.number for one in found] == [0] * is_taken
         is_own = opened.trials[0].user_attrs[study.OWNER] == process.this_process()
         assert is_own == (is_taken or owner == process.this_process())
+
+
+def test_machines_that_share_a_database_run_each_trial_once(
+    postgres: "Postgres", tmp_path: Path
+) -> None:
+    """Two begin at once where nothing is; one is killed in a trial, which the other finishes.
+
+    Until the sampler learns, draws depend on the trial's number alone.
+    """
+    root, alone = project(tmp_path / "two"), project(tmp_path / "one")
+    storage = postgres.create("trials")
+    with start(root, 8, storage) as other:
+        said: list[str] = []
+
+        def say(line: str) -> None:
+            said.append(line)
+            if "trial" in line and other.poll() is None:
+                other.kill()
+
+        assert other.stdout
+        other.stdout.readline()  # it has opened the study
+        params = small_params(8)
+        for _ in range(2):  # what the other had begun is known to be abandoned when it is gone
+            try:
+                tune.run(root, params, "pgpe", storage=storage, say=say)
+                break
+            except StoppedError as error:
+                assert "1 trials run elsewhere" in str(error)
+                other.wait()
+    run(alone, 8)
+    (name,) = optuna.get_all_study_names(storage)
+    trials = optuna.load_study(study_name=name, storage=storage).trials
+    file = f"{study.FILE}{database(alone)}"
+    expected = optuna.load_study(study_name=name, storage=file).trials
+    assert [trial.params for trial in trials] == [trial.params for trial in expected]
+    assert all(trial.state.is_finished() for trial in trials) and len(trials) == 8
+    first = study_returns(trials[0])
+    assert first == study_returns(expected[0]) and len(first) == 2
+
+
+def study_returns(trial: optuna.trial.FrozenTrial) -> list[float]:
+    return [own["return"] for own in search.seeds_of(trial)]
+
+
+def test_a_database_of_mlflow_is_refused(postgres: "Postgres", tmp_path: Path) -> None:
+    """Both call a table `alembic_version`, of which a database has one."""
+    root, storage = project(tmp_path), postgres.create("mlflows")
+    postgres.query("CREATE TABLE alembic_version (version_num VARCHAR(32))", "mlflows")
+    postgres.query("INSERT INTO alembic_version VALUES ('dc11669786a5')", "mlflows")
+    with pytest.raises(InputError, match="a database of its own") as caught:
+        tune.run(root, small_params(1), "pgpe", storage=storage, say=lambda _: None)
+    assert postgres.password not in str(caught.value)
