@@ -23,7 +23,7 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install shared try repro preset article decide tune check style test test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install shared champions try repro preset article decide tune check style test test-quick test-comparison test-smoke test-soak test-training \
 	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -55,6 +55,9 @@ install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg .venv/.dvc ## install
 	@scripts/environment.sh shared
 
 shared: install .venv/.shared ## install what machines share records and files by: PostgreSQL, SSH, S3
+
+champions: install ## name each agent's best policy for DVC and GTO, in champions/
+	python -m scripts.champions
 
 repro: install ## rerun what a change to params.yaml or to the code affects
 	dvc repro

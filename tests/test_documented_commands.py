@@ -50,6 +50,9 @@ SOAK = "half an hour; tests/test_soak.py runs a little of each part"
 VERIFY = "minutes of training; tests/test_verify.py verifies another agent"
 TUNE = "hours of training; tests/tuning/test_study.py tunes a small agent"
 SHARED = "needs servers; soak/records.py starts them"
+REMOTE = "needs machines; soak/remotes.py makes some"
+GRID = "dvc exp run --queue -S agents.sac.learning_rate=0.0003,0.001,0.003"
+RELEASE = "tests/tracking/test_champions.py releases one"
 SERVER_ONCE = (
     "sudo -u postgres createuser --pwprompt robots && "
     "sudo -u postgres createdb --owner robots mlflow"
@@ -75,6 +78,19 @@ ELSEWHERE = {
     SERVER_ONCE: SHARED,
     SERVER: SHARED,
     "export MLFLOW_TRACKING_URI=http://SERVER:5000": SHARED,
+    "dvc remote add -d shared ssh://USER@SERVER/srv/robots && dvc push && git push": REMOTE,
+    "git clone USER@SERVER:robots.git && cd robots && make install shared && dvc pull": REMOTE,
+    "dvc remote modify shared endpointurl http://SERVER:9000": REMOTE,
+    "dvc remote modify --local shared keyfile ~/.ssh/id_ed25519": REMOTE,
+    **dict.fromkeys((GRID, "dvc queue start --jobs 3", "dvc exp run --temp"), REMOTE),
+    **{f"dvc exp {way} origin NAME": REMOTE for way in ("push", "pull")},
+    "make champions": RELEASE,
+    'make champions && git add champions && git commit -m "Name the champions"': RELEASE,
+    "gto register champions:sac && gto assign champions:sac --version v0.0.1 --stage release": (
+        RELEASE
+    ),
+    "git push --tags": RELEASE,
+    "dvc artifacts get URL champions:sac --stage release -o policy.zip": RELEASE,
     SHARED_SEARCH: "hours of training; tests/tuning/test_study.py shares a small one",
     "make lock": "asks package indexes for the newest versions",
     "make check": CHECKS,
