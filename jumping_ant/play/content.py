@@ -1,0 +1,205 @@
+"""What the page knows: robots, the task, agents with their policies, starts and perturbations."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from jumping_ant.agents import catalogue
+from jumping_ant.base.files import digest, read_json
+from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import episodes, validation
+from jumping_ant.experiment.models import Params
+from jumping_ant.looks import looks
+from jumping_ant.looks.naming import BASELINE
+from jumping_ant.params.blocks import PerturbationParams
+from jumping_ant.play import policies
+from jumping_ant.policies import policy_file
+from jumping_ant.sim import robot
+from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.rewards import active
+from jumping_ant.sim.task import Task
+from jumping_ant.sim.world import World
+
+STARTS = 4  # held-out starts of each seed
+ROOM = 12_000_000  # [bytes] of policies, so that the page stays below 25 MB
+
+
+Policies = dict[tuple[str, int], dict[str, Any]]
+"""The JSON of policies, by agent and seed."""
+
+
+class Slider(NamedTuple):
+    """A perturbation that one number sets: its name, and where the slider begins and ends."""
+
+    usual: float  # without perturbation
+    least: float | None = None  # the slider's other end, if it is not the usual
+    step: float | None = None
+
+
+SLIDERS = {
+    "gravity": Slider(1.0, 0.0),
+    "friction": Slider(1.0),
+    "torso_mass": Slider(np.nan, 0.0),  # [kg] the robot's own
+    "motor_strength": Slider(1.0),
+    "action_delay": Slider(0.0, step=1.0),
+    "observation_delay": Slider(0.0, step=1.0),
+    "observation_noise": Slider(0.0),
+    "damping": Slider(1.0),
+    "slope": Slider(0.0),
+    "push": Slider(0.0),
+}
+
+
+def champions(root: Path, params: Params, agent: str) -> list[int]:
+    """Return an agent's seeds, the one that did best in validation first, as in MLflow."""
+    returns = {seed: validation.published_return(root, agent, seed) for seed in params.seeds}
+    return sorted(returns, key=lambda seed: -returns[seed])
+
+
+def policy(root: Path, agent: str, seed: int) -> dict[str, Any]:
+    """Return the JSON of a seed's published policy, with its origin."""
+    path = Paths(root).agent(agent).seed(seed).policy
+    origin = {"agent": agent, "seed": seed, "file": {"sha256": digest(path)}}
+    return origin | policies.to_json(policy_file.load(path, (agent, seed)))
+
+
+def all_policies(root: Path, params: Params) -> Policies:
+    """Return policies by agent and seed: all champions, and as many others as there is room for."""
+    order = {name: champions(root, params, name) for name in params.agents}
+    found: Policies = {}
+    taken = 0
+    for rank in range(len(params.seeds)):
+        row = {(name, own[rank]): policy(root, name, own[rank]) for name, own in order.items()}
+        taken += len(json.dumps(list(row.values())))
+        if rank and taken > ROOM:
+            break
+        found |= row
+    return found
+
+
+def build(root: Path, params: Params, included: Policies) -> dict[str, Any]:
+    """Return what the page knows besides the policies.
+
+    Args:
+        root: The project's folder.
+        params: All parameters.
+        included: The policies that the page has, of each agent its champion's first.
+    """
+    kinds = sorted({params.agent(name).robot for name in params.agents})
+    worlds = {kind: World(robot.read(root, kind), params.env) for kind in kinds}
+    withstood = read_json(Paths(root).robustness, "crossings")
+    families = {name: catalogue.row(params.agent(name)).family for name in params.agents}
+    drawn = looks.looks(families)
+    return {
+        "format": policies.FORMAT,
+        "name": Path(params.robot.source).stem.replace("_", " ").capitalize(),
+        "robots": {kind: {"xml": own.xml, **_anatomy(own)} for kind, own in worlds.items()},
+        "task": _task(params) | {"dt": worlds[kinds[0]].dt},
+        "sliders": list(_sliders(params, worlds[kinds[0]])),
+        "agents": {
+            name: {
+                "label": catalogue.label(name, params.agent(name).algorithm),
+                "robot": params.agent(name).robot,
+                "colour": drawn[name].colour,
+                "learns": families[name] != BASELINE,
+                "kind": next(own["kind"] for (agent, _), own in included.items() if agent == name),
+                "crossings": _crossings(withstood["agents"].get(name, {})),
+                "seeds": [
+                    _seed(root, params, worlds, agent, seed)
+                    for agent, seed in included
+                    if agent == name
+                ],
+            }
+            for name in params.agents
+        },
+    }
+
+
+def start(world: World, episode_seed: int) -> dict[str, Any]:
+    """Return the start state of a held-out episode, as the batched environment draws it."""
+    generator, _ = gym.utils.seeding.np_random(episode_seed)
+    qpos, qvel = Task(world).start_state(generator)
+    return {"seed": episode_seed, "qpos": qpos.tolist(), "qvel": qvel.tolist()}
+
+
+def _seed(
+    root: Path, params: Params, worlds: dict[str, World], agent: str, seed: int
+) -> dict[str, Any]:
+    """Return a seed's first held-out episodes: their starts, and what the native ones returned."""
+    table = episodes.read(root, params, agent)
+    own = table["seed"] == seed
+    block = params.evaluate.block(seed)[:STARTS]
+    world = worlds[params.agent(agent).robot]
+    played = zip(block, table["return"][own], table["length"][own], strict=False)
+    return {
+        "seed": seed,
+        "starts": [
+            start(world, number) | {"return": float(total), "length": int(length)}
+            for number, total, length in played
+        ],
+    }
+
+
+def _anatomy(world: World) -> dict[str, Any]:
+    """Return where the task finds what in a robot's state (see `Anatomy`)."""
+    anatomy: Anatomy = world.anatomy
+    turned = anatomy.orientation
+    model = world.model
+    return {
+        "torso": anatomy.torso,
+        "num_horizontal": anatomy.num_horizontal,
+        "height_address": anatomy.height_address,
+        "height_offset": anatomy.height_offset,
+        "orientation": [turned.start, turned.stop],
+        "level": anatomy.level,
+        "control_limits": anatomy.control_limits.tolist(),
+        "motors": [model.actuator(index).name for index in range(model.nu)],
+    }
+
+
+def _task(params: Params) -> dict[str, Any]:
+    """Return the task: limits of episodes, the terms of the reward that count, and commands."""
+    env = params.env
+    limits = ("frame_skip", "max_episode_steps", "min_torso_height", "max_torso_height", "max_tilt")
+    return {
+        **{name: getattr(env, name) for name in limits},
+        "reward": {name: getattr(env.reward, name).model_dump() for name in active(env.reward)},
+        "commands": [list(row) for row in env.commands],
+    }
+
+
+def _sliders(params: Params, world: World) -> Iterator[dict[str, Any]]:
+    """Yield the perturbations of the robustness stage that one number sets, with their ranges."""
+    levels = params.robustness.perturbations.model_dump()
+    for name, slider in SLIDERS.items():
+        if not levels[name]:
+            continue
+        usual = slider.usual
+        if name == "torso_mass":
+            usual = float(world.model.body_mass[world.anatomy.torso])
+        ends = [*levels[name], usual] + ([] if slider.least is None else [slider.least])
+        about = PerturbationParams.model_fields[name].description or ""
+        unit, _, text = about.removeprefix("[").partition("] ")
+        yield {
+            "name": name,
+            "label": name.replace("_", " ").capitalize(),
+            "unit": "" if unit == "-" else unit,
+            "about": text,
+            "usual": usual,
+            "low": min(ends),
+            "high": max(ends),
+            "step": slider.step or (max(ends) - min(ends)) / 100,
+        }
+
+
+def _crossings(withstood: dict[str, Any]) -> dict[str, float]:
+    """Return the level of each perturbation from which on a metronome returns more."""
+    return {
+        name: own["crossing"]
+        for name, own in withstood.items()
+        if name in SLIDERS and own["crossing"] is not None
+    }
