@@ -23,19 +23,22 @@ export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install shared champions try repro preset article decide tune check style test test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install shared champions try repro preset article decide tune parity check style test test-quick test-comparison test-smoke test-soak test-training \
 	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
 
-install: .venv/.packages .venv/.rendering .venv/bin/ffmpeg .venv/.dvc ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
+install: .venv/.packages .venv/.rendering .venv/.page .venv/bin/ffmpeg .venv/.dvc ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
 
 .venv/.packages: requirements.lock pyproject.toml
 	@scripts/environment.sh packages
 
 .venv/.rendering: .venv/.packages
 	@scripts/environment.sh rendering
+
+.venv/.page: jumping_ant/play/vendor.py .venv/.packages
+	@scripts/environment.sh page
 
 # Rerun plays films with the `ffmpeg` that it finds.
 .venv/bin/ffmpeg: | .venv/.packages
@@ -130,6 +133,9 @@ verify: install ## retrain a published seed and compare its bytes (AGENT=sac SEE
 
 fingerprint: install ## compare what this machine computes with what was published, layer by layer
 	@python -m scripts.fingerprint
+
+parity: install .venv/.browser ## compare the live page with the native simulator, into results/play.json (40 minutes)
+	@nice python -m scripts.parity
 
 publish: install ## write the results into README.md and docs/ (PRESET=families after that preset)
 	python -m scripts.publish $(PRESET)

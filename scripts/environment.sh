@@ -3,7 +3,8 @@
 #
 #   scripts/environment.sh packages   install the Python packages of requirements.lock into .venv
 #   scripts/environment.sh rendering  install a rendering library, if none is found
-#   scripts/environment.sh browser    install a browser for the page tests, if none is found
+#   scripts/environment.sh page       fetch the libraries of the live page from the npm registry
+#   scripts/environment.sh browser    install browsers and node for the page tests, if they are missing
 #   scripts/environment.sh peers      install the packages of benchmarks/requirements.lock as well
 #   scripts/environment.sh shared     install the packages of shared.lock as well
 #   scripts/environment.sh lock       renew all locks from pyproject.toml
@@ -135,12 +136,25 @@ install_rendering() {
     fi
 }
 
+install_page() {
+    take_over_settings_of_pip # its certificates
+    if .venv/bin/python -m jumping_ant.play.vendor; then
+        touch .venv/.page
+    else
+        echo "install: the stage play will fail without these libraries (all else works)" >&2
+    fi
+}
+
 install_browser() {
-    if command -v chromium >/dev/null || apt_install chromium; then
+    local missing=()
+    command -v chromium >/dev/null || missing+=(chromium)
+    command -v firefox-esr >/dev/null || command -v firefox >/dev/null || missing+=(firefox-esr)
+    command -v node >/dev/null || missing+=(nodejs)
+    if [ ${#missing[@]} -eq 0 ] || apt_install "${missing[@]}"; then
         touch .venv/.browser
     else
-        echo "install: no chromium, so the page tests will fail;" \
-            "on Debian run: sudo apt-get install chromium" >&2
+        echo "install: no ${missing[*]}, so the page tests will fail;" \
+            "on Debian run: sudo apt-get install ${missing[*]}" >&2
     fi
 }
 
@@ -216,10 +230,11 @@ renew_locks() {
 case "${1:-}" in
 packages) install_packages ;;
 rendering) install_rendering ;;
+page) install_page ;;
 browser) install_browser ;;
 peers) install_more benchmarks/requirements.lock peers ;;
 shared) install_more shared.lock shared ;;
 lock) renew_locks ;;
 lock-more) renew_locks more ;;
-*) stop "given '${1:-}', allowed: packages, rendering, browser, peers, shared, lock, lock-more" ;;
+*) stop "given '${1:-}', allowed: packages, rendering, page, browser, peers, shared, lock, lock-more" ;;
 esac

@@ -14,7 +14,7 @@ BEGIN, END = "<!-- modules -->\n", "<!-- end of modules -->\n"
 # Shared ground, in the order of the data flow; then the rooms of the stages, side by side.
 GROUND = ["base", "params", "actions.py", "policies", "sim", "looks", "agents", "experiment"]
 ROOMS = ["training", "evaluation", "comparison", "recording", "report", "speed", "robustness"]
-ROOMS += ["tracking", "tuning", "watching", "article"]
+ROOMS += ["play", "tracking", "tuning", "watching", "article"]
 
 
 def text(before: str) -> str:

@@ -1,7 +1,7 @@
 """What the page knows: robots, the task, agents with their policies, starts and perturbations."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,11 +15,10 @@ from jumping_ant.experiment import episodes, validation
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import looks
 from jumping_ant.looks.naming import BASELINE
-from jumping_ant.params.blocks import PerturbationParams
+from jumping_ant.params.blocks import EnvParams, PerturbationParams
 from jumping_ant.play import policies
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
-from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.rewards import active
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World
@@ -97,8 +96,8 @@ def build(root: Path, params: Params, included: Policies) -> dict[str, Any]:
     return {
         "format": policies.FORMAT,
         "name": Path(params.robot.source).stem.replace("_", " ").capitalize(),
-        "robots": {kind: {"xml": own.xml, **_anatomy(own)} for kind, own in worlds.items()},
-        "task": _task(params) | {"dt": worlds[kinds[0]].dt},
+        "robots": {kind: robot_to_json(own) for kind, own in worlds.items()},
+        "task": task_to_json(params.env) | {"dt": worlds[kinds[0]].dt},
         "sliders": list(_sliders(params, worlds[kinds[0]])),
         "agents": {
             name: {
@@ -106,17 +105,21 @@ def build(root: Path, params: Params, included: Policies) -> dict[str, Any]:
                 "robot": params.agent(name).robot,
                 "colour": drawn[name].colour,
                 "learns": families[name] != BASELINE,
-                "kind": next(own["kind"] for (agent, _), own in included.items() if agent == name),
+                "kind": included[name, seeds[0]]["kind"],
                 "crossings": _crossings(withstood["agents"].get(name, {})),
-                "seeds": [
-                    _seed(root, params, worlds, agent, seed)
-                    for agent, seed in included
-                    if agent == name
-                ],
+                "seeds": _seeds(root, params, worlds[params.agent(name).robot], name, seeds),
             }
-            for name in params.agents
+            for name, seeds in _seeds_of(included).items()
         },
     }
+
+
+def _seeds_of(included: Policies) -> dict[str, list[int]]:
+    """Return the seeds of each agent, champions first."""
+    found: dict[str, list[int]] = {}
+    for agent, seed in included:
+        found.setdefault(agent, []).append(seed)
+    return found
 
 
 def start(world: World, episode_seed: int) -> dict[str, Any]:
@@ -126,30 +129,30 @@ def start(world: World, episode_seed: int) -> dict[str, Any]:
     return {"seed": episode_seed, "qpos": qpos.tolist(), "qvel": qvel.tolist()}
 
 
-def _seed(
-    root: Path, params: Params, worlds: dict[str, World], agent: str, seed: int
-) -> dict[str, Any]:
-    """Return a seed's first held-out episodes: their starts, and what the native ones returned."""
+def _seeds(
+    root: Path, params: Params, world: World, agent: str, seeds: Sequence[int]
+) -> list[dict[str, Any]]:
+    """Return seeds with their first held-out starts, and what was returned from them natively."""
     table = episodes.read(root, params, agent)
-    own = table["seed"] == seed
-    block = params.evaluate.block(seed)[:STARTS]
-    world = worlds[params.agent(agent).robot]
-    played = zip(block, table["return"][own], table["length"][own], strict=False)
-    return {
-        "seed": seed,
-        "starts": [
+    columns = [table[name].reshape(len(params.seeds), -1) for name in ("return", "length")]
+    found = []
+    for seed in seeds:
+        totals, lengths = (column[params.seeds.index(seed)] for column in columns)
+        played = zip(params.evaluate.block(seed)[:STARTS], totals, lengths, strict=False)
+        starts = [
             start(world, number) | {"return": float(total), "length": int(length)}
             for number, total, length in played
-        ],
-    }
+        ]
+        found.append({"seed": seed, "starts": starts})
+    return found
 
 
-def _anatomy(world: World) -> dict[str, Any]:
-    """Return where the task finds what in a robot's state (see `Anatomy`)."""
-    anatomy: Anatomy = world.anatomy
+def robot_to_json(world: World) -> dict[str, Any]:
+    """Return a robot, and where the task finds what in its state (see `Anatomy`)."""
+    anatomy, model = world.anatomy, world.model
     turned = anatomy.orientation
-    model = world.model
     return {
+        "xml": world.xml,
         "torso": anatomy.torso,
         "num_horizontal": anatomy.num_horizontal,
         "height_address": anatomy.height_address,
@@ -161,9 +164,8 @@ def _anatomy(world: World) -> dict[str, Any]:
     }
 
 
-def _task(params: Params) -> dict[str, Any]:
+def task_to_json(env: EnvParams) -> dict[str, Any]:
     """Return the task: limits of episodes, the terms of the reward that count, and commands."""
-    env = params.env
     limits = ("frame_skip", "max_episode_steps", "min_torso_height", "max_torso_height", "max_tilt")
     return {
         **{name: getattr(env, name) for name in limits},

@@ -1,4 +1,4 @@
-"""The live page: MuJoCo, the robots and their policies in one file that asks nobody for anything."""
+"""The live page: MuJoCo, robots and policies in one file, which asks nobody for anything."""
 
 import base64
 import hashlib
@@ -57,9 +57,7 @@ def build(root: Path, params: Params) -> str:
     )
 
 
-def _packed(
-    libraries: dict[str, bytes], policies: content.Policies
-) -> Iterator[tuple[str, str]]:
+def _packed(libraries: dict[str, bytes], policies: content.Policies) -> Iterator[tuple[str, str]]:
     """Yield the names of compressed parts, and what they hold."""
     for name, library in libraries.items():
         yield name, _pack(library)

@@ -12,8 +12,8 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import Archive, to_array
 from jumping_ant.policies.blind import (
     OpenLoopPolicy,
-    Oscillators,
     OscillatorPolicy,
+    Oscillators,
     UniformPolicy,
 )
 from jumping_ant.policies.linear import LinearPolicy

@@ -20,8 +20,10 @@ const SHAPES = {
 export class Stage {
   // Draws on a canvas; throws where there is no WebGL.
   constructor(canvas) {
+    const context = canvas.getContext("webgl2", { antialias: true });
+    if (!context) throw new Error("no WebGL");
     this.canvas = canvas;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas, context });
     this.renderer.shadowMap.enabled = true;
     this.renderer.setScissorTest(true);
     this.views = [];

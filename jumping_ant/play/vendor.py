@@ -26,7 +26,7 @@ from jumping_ant.base.files import write_bytes
 
 FOLDER = Path(sys.prefix) / "share" / "jumping-ant"
 REGISTRY = "https://registry.npmjs.org"
-TIMEOUT = 60  # [s] without a byte from the registry
+TIMEOUT = 20  # [s] without a byte from the registry
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,9 @@ import { Simulation } from "./simulation.js";
 const CLOSE = 1e-6; // [m, rad, m/s, rad/s] at which trajectories count as diverged
 
 // Return the errors of one agent: its policy is `policy`, and `reference` what the native one did.
-export function verify(mujoco, content, policy, reference) {
+export function verify(mujoco, content, { policy, reference }) {
   const simulation = new Simulation(mujoco, content, reference.robot);
   const acting = load(policy, simulation.num_motors);
-  simulation.perturb(reference.levels ?? {});
   try {
     return {
       one_step_error: oneStepError(simulation, reference),
@@ -22,9 +21,10 @@ export function verify(mujoco, content, policy, reference) {
   }
 }
 
-// Return the return of a policy's episode from each start.
-export function returns(mujoco, content, kind, policy, starts) {
-  const simulation = new Simulation(mujoco, content, kind);
+// Return the return of a policy's episode from each start, with perturbations by name.
+export function returns(mujoco, content, { robot, policy, starts, levels = {} }) {
+  const simulation = new Simulation(mujoco, content, robot);
+  simulation.perturb(levels);
   const acting = load(policy, simulation.num_motors);
   try {
     return starts.map((start) => {

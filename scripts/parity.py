@@ -1,0 +1,209 @@
+"""Check the live page against the native simulator, into results/play.json.
+
+Usage: python -m scripts.parity [--starts N] (`make parity`)
+
+Of each agent's champion: the largest error over some simulation steps, of one control step from
+recorded states, the simulation steps until trajectories have diverged, and the largest error of the
+policy's torques, the worst of Chromium and, if it is there, node. Of all seeds: whether the returns
+of held-out episodes are equivalent, by the comparison's own test and margin (docs/play.md).
+"""
+
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from playwright.sync_api import Page, sync_playwright
+
+from jumping_ant.base import command_line, machine, output
+from jumping_ant.base.errors import InputError, reported
+from jumping_ant.base.files import CODE_ROOT, PROJECT_ROOT, write_json
+from jumping_ant.base.paths import Paths
+from jumping_ant.comparison import step_down
+from jumping_ant.comparison.claims import findings, verdicts
+from jumping_ant.comparison.claims.findings import Finding, Sample
+from jumping_ant.experiment import episodes, params_file
+from jumping_ant.experiment.models import Params
+from jumping_ant.play import content, page, reference, vendor
+from jumping_ant.policies import policy_file
+from jumping_ant.sim import robot
+from jumping_ant.sim.world import World
+
+PATH = PROJECT_ROOT / "results" / "play.json"
+STARTS = 16  # of each seed, for returns
+REFERENCE_STARTS = 4  # of the champion, for errors
+RACE = 3.0  # [s] of simulating two robots as fast as it goes
+Job = dict[str, Any]
+
+
+@contextmanager
+def chromium(address: str, count: int = 1) -> Iterator[list[Page]]:
+    """Open a live page so many times in Chromium, without a screen."""
+    path = shutil.which("chromium")
+    if path is None:
+        raise InputError("no chromium here; run `scripts/environment.sh browser`")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        try:
+            opened = [browser.new_page() for _ in range(count)]
+            for own in opened:
+                own.goto(address)
+                own.wait_for_function("window.page?.hasMoved")
+            yield opened
+        finally:
+            browser.close()
+
+
+def ask(opened: Sequence[Page], jobs: Sequence[Job]) -> list[Any]:
+    """Return what the physics of live pages answer to jobs, some of which run side by side."""
+    start = """(job) => {
+        window.answer = null;
+        page.physics.ask(job.kind, job).then((own) => (window.answer = { own }));
+    }"""
+    answers: list[Any] = [None] * len(jobs)
+    waiting, idle = list(enumerate(jobs)), list(opened)
+    running: dict[Page, int] = {}
+    while waiting or running:
+        while waiting and idle:
+            own = idle.pop()
+            running[own], job = waiting.pop(0)
+            own.evaluate(start, job)
+        for own, number in list(running.items()):
+            if (answer := own.evaluate("window.answer")) is not None:
+                answers[number] = answer["own"]
+                idle.append(own)
+                del running[own]
+        opened[0].wait_for_timeout(20)
+    return answers
+
+
+def in_node(page_content: dict[str, Any], tasks: Sequence[Job]) -> list[Any]:
+    """Return what the page's modules answer in node (`scripts/parity.mjs`)."""
+    libraries = vendor.files()
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "mujoco.mjs").write_bytes(libraries["mujoco.js"])
+        (Path(folder) / "mujoco.wasm").write_bytes(libraries["mujoco.wasm"])
+        command = ["node", str(CODE_ROOT / "scripts" / "parity.mjs"), folder]
+        request = json.dumps({"content": page_content, "tasks": tasks})
+        done = subprocess.run(command, input=request, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    answers: list[Any] = json.loads(done.stdout)
+    return answers
+
+
+def errors(root: Path, params: Params, opened: Sequence[Page]) -> dict[str, dict[str, Any]]:
+    """Return the errors of each agent's champion."""
+    champions = {name: content.champions(root, params, name)[0] for name in params.agents}
+    jobs = []
+    for name, seed in champions.items():
+        kind = params.agent(name).robot
+        world = World(robot.read(root, kind), params.env)
+        policy = policy_file.load(Paths(root).agent(name).seed(seed).policy, (name, seed))
+        starts = params.evaluate.block(seed)[:REFERENCE_STARTS]
+        told = reference.record(world, policy, kind, starts)
+        jobs.append(
+            {"kind": "verify", "policy": content.policy(root, name, seed), "reference": told}
+        )
+    found = [ask(opened, jobs)]
+    if shutil.which("node"):
+        known = opened[0].evaluate("page.content")
+        found.append(in_node(known, jobs))
+    return {
+        name: reference.errors([answers[number] for answers in found])
+        for number, name in enumerate(champions)
+    }
+
+
+def returns(
+    root: Path, params: Params, opened: Sequence[Page], num_starts: int
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Return each seed's mean return in the page and in the native simulator, by agent."""
+    jobs: list[Job] = []
+    native = {}
+    for name in params.agents:
+        kind = params.agent(name).robot
+        world = World(robot.read(root, kind), params.env)
+        table = episodes.read(root, params, name)
+        own = table["return"].reshape(len(params.seeds), -1)
+        native[name] = own[:, :num_starts].mean(axis=1)
+        for seed in params.seeds:
+            starts = [content.start(world, own) for own in params.evaluate.block(seed)[:num_starts]]
+            policy = content.policy(root, name, seed)
+            jobs.append({"kind": "returns", "robot": kind, "policy": policy, "starts": starts})
+    answers = np.array(ask(opened, jobs)).mean(axis=1).reshape(len(params.agents), -1)
+    return {name: (answers[i], native[name]) for i, name in enumerate(params.agents)}
+
+
+def judge(params: Params, found: dict[str, Any]) -> dict[str, str]:
+    """Return the verdict on each agent's returns: those of the same starts are paired."""
+    margin = params.compare.margins.returns
+    compared: dict[str, Finding] = {
+        name: findings.paired(
+            "Return",
+            Sample("WebAssembly", own),
+            Sample("native", native),
+            params.compare,
+            (-margin, margin),
+        )
+        for name, (own, native) in found.items()
+    }
+    adjusted = step_down.adjust(
+        [(own.p, own.margin.p if own.margin else None) for own in compared.values()]
+    )
+    level = params.compare.levels[0] + verdicts.ROUNDING
+    for name, own in compared.items():
+        print(f"{name}: {own.evidence}", flush=True)
+    return {
+        name: verdicts.verdict(own.side, tested, level)
+        for (name, own), tested in zip(compared.items(), adjusted, strict=True)
+    }
+
+
+def check(root: Path, params: Params, num_starts: int = STARTS) -> dict[str, Any]:
+    """Return the content of `results/play.json`."""
+    file = page.path(root)
+    agents = list(params.agents)
+    with chromium(f"{file.as_uri()}", 1) as (first,):
+        seconds = first.evaluate("page.hasMoved") / 1000
+        for slot in ("a", "b"):
+            first.select_option(f"#agent-{slot}", agents[-1])
+        first.wait_for_function("page.frames.every((own) => own)")
+        first.evaluate("page.run(false)")
+        (speed,) = ask([first], [{"kind": "race", "seconds": RACE}])
+    with chromium(f"{file.as_uri()}#run=1", machine.num_cores()) as opened:
+        for own in opened:
+            own.evaluate("page.run(false)")
+        found = errors(root, params, opened)
+        told = judge(params, returns(root, params, opened, num_starts))
+    return {
+        "agents": {name: own | {"returns": told[name]} for name, own in found.items()},
+        "size_mb": round(file.stat().st_size / 1e6, 1),
+        "seconds_until_moving": round(seconds, 2),
+        "times_real_time": round(speed, 1),
+    }
+
+
+def main() -> None:
+    """Parse the command line, check and write."""
+    parser = command_line.parser(__doc__)
+    parser.add_argument("--starts", type=int, default=STARTS, help="of each seed, for returns")
+    options = parser.parse_args()
+    began = time.time()
+    found = check(PROJECT_ROOT, params_file.load(), options.starts)
+    write_json(PATH, found)
+    print(f"results/play.json, {time.time() - began:.0f} s")
+    print(json.dumps(found, indent=2))
+
+
+if __name__ == "__main__":
+    output.tolerate_failures()
+    with reported():
+        main()

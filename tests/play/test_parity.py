@@ -1,0 +1,153 @@
+"""The page's physics and policies against the native ones, in node."""
+
+import shutil
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from known_policies import policies
+
+from jumping_ant.params import article
+from jumping_ant.play import content, reference
+from jumping_ant.play import policies as forms
+from jumping_ant.policies.policy import Policy
+from jumping_ant.robustness import perturbations, perturbed
+from jumping_ant.robustness.perturbations import NONE, Condition
+from jumping_ant.robustness.perturbed import PerturbedVectorEnv
+from jumping_ant.sim import robot, rollout
+from jumping_ant.sim.world import World
+from scripts import parity
+
+EXACT = "commands"  # a policy that sees, and whose torques have no rounding
+START, STEPS = 7, 30  # the seed of an episode, and its control steps
+STATES = 40
+PERTURBED = [
+    NONE,
+    Condition("gravity", 1.5),
+    Condition("friction", 0.1),
+    Condition("torso_mass", 1.2),
+    Condition("motor_strength", 0.6),
+    Condition("damping", 3.0),
+    Condition("slope", 20.0),
+    Condition("push", 40.0),
+    Condition("action_delay", 2.0),
+    Condition("observation_delay", 3.0),
+]
+
+
+def world_of(kind: str) -> World:
+    """Return a short task of the article's robot, or of a planar one."""
+    env = article.ENV.model_copy(update={"max_episode_steps": STEPS})
+    if kind == "ant":
+        return World(robot.build(article.ROBOT), env)
+    source = robot.source_path(kind).read_text(encoding="utf-8")
+    reward = env.reward.model_validate(
+        env.reward.model_dump()
+        | {
+            name: {"weight": 0.5}
+            for name in ("forward_velocity", "alive", "control_cost", "upright")
+        }
+    )
+    limits = {"min_torso_height": 0.7, "max_tilt": 0.6, "commands": [[0.0] * 3], "reward": reward}
+    return World(source, env.model_copy(update=limits))
+
+
+def told(world: World) -> dict[str, Any]:
+    """Return the content of a page of one robot."""
+    return {
+        "robots": {"robot": content.robot_to_json(world)},
+        "task": content.task_to_json(world.env) | {"dt": world.dt},
+        "sliders": [],
+    }
+
+
+@pytest.fixture(scope="module")
+def worlds() -> dict[str, World]:
+    return {kind: world_of(kind) for kind in ("ant", "hopper")}
+
+
+@pytest.fixture(scope="module")
+def known(worlds: Mapping[str, World]) -> dict[str, dict[str, Policy]]:
+    return {
+        kind: policies(world.anatomy.num_observations, world.anatomy.num_motors)
+        for kind, world in worlds.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def answers(
+    worlds: Mapping[str, World], known: Mapping[str, Mapping[str, Policy]]
+) -> dict[str, list[Any]]:
+    """What node answers for each robot: errors of each policy, then returns of some episodes."""
+    assert shutil.which("node"), "no node here; run `scripts/environment.sh browser`"
+    found = {}
+    for kind, world in worlds.items():
+        tasks = [
+            {
+                "policy": forms.to_json(policy),
+                "reference": reference.record(world, policy, "robot", [START], STATES, 5 * STEPS),
+            }
+            for policy in known[kind].values()
+        ]
+        start = content.start(world, START)
+        tasks += [
+            {
+                "policy": forms.to_json(known[kind][EXACT]),
+                "robot": "robot",
+                "starts": [start],
+                "levels": {} if condition == NONE else {condition.perturbation: condition.level},
+            }
+            for condition in (PERTURBED if kind == "ant" else [NONE])
+        ]
+        found[kind] = parity.in_node(told(world), tasks)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["ant", "hopper"])
+def test_a_control_step_agrees_up_to_rounding(answers: dict[str, list[Any]], kind: str) -> None:
+    for own in answers[kind][: len(policies(2, 1))]:
+        assert own["one_step_error"] < 1e-11
+        assert own["max_error"] < 1e-10
+        assert own["horizon"] > reference.STEPS
+
+
+@pytest.mark.parametrize("kind", ["ant", "hopper"])
+@pytest.mark.parametrize("policy", policies(2, 1))
+def test_torques_agree_up_to_single_precision(
+    answers: dict[str, list[Any]], kind: str, policy: str
+) -> None:
+    own = answers[kind][list(policies(2, 1)).index(policy)]
+    exact = ("cycle", "uniform", "levels", "command")
+    assert own["policy_error"] <= (0 if any(word in policy for word in exact) else 1e-6)
+
+
+def test_every_term_of_the_reward_agrees(
+    answers: dict[str, list[Any]],
+    worlds: Mapping[str, World],
+    known: Mapping[str, Mapping[str, Policy]],
+) -> None:
+    (own,) = answers["hopper"][-1]
+    native = rollout.returns(worlds["hopper"], [(known["hopper"][EXACT], START)])
+    assert own == pytest.approx(native[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("number", range(len(PERTURBED)), ids=lambda i: PERTURBED[i].perturbation)
+def test_sliders_perturb_as_the_robustness_stage_does(
+    answers: dict[str, list[Any]],
+    worlds: Mapping[str, World],
+    known: Mapping[str, Mapping[str, Policy]],
+    number: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for module in (perturbations, perturbed):  # the page's slopes and pushes are along x
+        monkeypatch.setattr(module, "direction", lambda *_: np.array([1.0, 0.0]))
+    condition, policy = PERTURBED[number], known["ant"][EXACT]
+    envs = PerturbedVectorEnv(worlds["ant"], [(condition, START)])
+    policy.start([START])
+    steps = rollout.steps(envs, envs.begin(), policy.act, policy.actions.hold)
+    native = sum(step.rewards[0] for step in steps)
+    (own,) = answers["ant"][number - len(PERTURBED)]
+    assert own == pytest.approx(native, rel=1e-9)
+    undisturbed = answers["ant"][-len(PERTURBED)][0]
+    assert (condition == NONE) or abs(own - undisturbed) > 1e-3 * abs(undisturbed)
