@@ -37,7 +37,6 @@ from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
 PATH = PROJECT_ROOT / "results" / "play.json"
-STARTS = 16  # of each seed, for returns
 REFERENCE_STARTS = 4  # of the champion, for errors
 RACE = 3.0  # [s] of simulating two robots as fast as it goes
 Job = dict[str, Any]
@@ -123,7 +122,7 @@ def errors(root: Path, params: Params, opened: Sequence[Page]) -> dict[str, dict
 
 
 def returns(
-    root: Path, params: Params, opened: Sequence[Page], num_starts: int
+    root: Path, params: Params, opened: Sequence[Page], num_starts: int | None
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return each seed's mean return in the page and in the native simulator, by agent."""
     jobs: list[Job] = []
@@ -132,13 +131,15 @@ def returns(
         kind = params.agent(name).robot
         world = World(robot.read(root, kind), params.env)
         table = episodes.read(root, params, name)
-        own = table["return"].reshape(len(params.seeds), -1)
-        native[name] = own[:, :num_starts].mean(axis=1)
+        played = table["return"].reshape(len(params.seeds), -1)[:, :num_starts]
+        native[name] = played.mean(axis=1)
         for seed in params.seeds:
-            starts = [content.start(world, own) for own in params.evaluate.block(seed)[:num_starts]]
+            block = params.evaluate.block(seed)[: played.shape[1]]
+            starts = [content.start(world, own) for own in block]
             policy = content.policy(root, name, seed)
             jobs.append({"kind": "returns", "robot": kind, "policy": policy, "starts": starts})
-    answers = np.array(ask(opened, jobs)).mean(axis=1).reshape(len(params.agents), -1)
+    means = [np.mean(own) for own in ask(opened, jobs)]
+    answers = np.array(means).reshape(len(params.agents), -1)
     return {name: (answers[i], native[name]) for i, name in enumerate(params.agents)}
 
 
@@ -167,7 +168,7 @@ def judge(params: Params, found: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def check(root: Path, params: Params, num_starts: int = STARTS) -> dict[str, Any]:
+def check(root: Path, params: Params, num_starts: int | None = None) -> dict[str, Any]:
     """Return the content of `results/play.json`."""
     file = page.path(root)
     agents = list(params.agents)
@@ -194,7 +195,7 @@ def check(root: Path, params: Params, num_starts: int = STARTS) -> dict[str, Any
 def main() -> None:
     """Parse the command line, check and write."""
     parser = command_line.parser(__doc__)
-    parser.add_argument("--starts", type=int, default=STARTS, help="of each seed, for returns")
+    parser.add_argument("--starts", type=int, help="of each seed, for returns; default: all")
     options = parser.parse_args()
     began = time.time()
     found = check(PROJECT_ROOT, params_file.load(), options.starts)

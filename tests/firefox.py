@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -52,6 +53,13 @@ class Window:
         )
         assert answer["type"] == "success", answer
         return json.loads(answer["result"]["value"])
+
+    def wait_for(self, condition: str, seconds: float = 30.0) -> None:
+        """Wait until an expression is true."""
+        deadline = time.monotonic() + seconds
+        while not self.evaluate(condition):
+            assert time.monotonic() < deadline, condition
+            time.sleep(0.05)
 
     def screenshot(self, path: Path) -> None:
         """Write a picture of the whole page."""

@@ -1,11 +1,10 @@
 // The visitor against the metronome: two keys, a round of some seconds, and the best learner beside.
 
-const SECONDS = 20;
 
 export class Game {
   // `page` starts rounds and drives robots; `elements` are the game's.
   constructor(page, elements) {
-    Object.assign(this, { page, elements, left: 0 });
+    Object.assign(this, { page, elements, left: 0, seconds: 20 });
     const { content } = page;
     const byReturn = (names) => [...names].sort((one, other) => mean(content, other) - mean(content, one));
     const names = Object.keys(content.agents);
@@ -27,9 +26,9 @@ export class Game {
     const { page, elements } = this;
     const seed = page.content.agents[this.rival].seeds[0].seed;
     this.beats = await page.rhythm(this.metronome);
-    this.steps = Math.round(SECONDS / page.dt);
+    this.steps = Math.round(this.seconds / page.dt);
     this.left = this.steps;
-    elements.result.textContent = `Tap F and J, or the two buttons. ${SECONDS} s from now on.`;
+    elements.result.textContent = `Tap F and J, or the two buttons. ${this.seconds} s from now on.`;
     await page.choose({ a: { agent: "you", seed: null, start: 0 }, b: { agent: this.rival, seed, start: 0 } });
     page.drive(this.beats[0].map(() => 0));
     page.run(true, 1);

@@ -238,6 +238,7 @@ class Page {
   }
 
   show({ frames, share }) {
+    this.news = true;
     for (const frame of frames) {
       const before = this.frames[frame.slot];
       this.frames[frame.slot] = { ...frame, share };
@@ -254,12 +255,17 @@ class Page {
 
   draw(now) {
     requestAnimationFrame((next) => this.draw(next));
-    this.frames.forEach((frame, slot) => {
-      if (frame) this.stage?.move(slot, frame.previous, frame.current, frame.share);
-    });
+    if (this.news) {
+      this.frames.forEach((frame, slot) => {
+        if (frame) this.stage?.move(slot, frame.previous, frame.current, frame.share);
+      });
+      this.news = false;
+      this.unplotted = true;
+    }
     this.stage?.draw();
-    if (now - (this.plotted ?? 0) < PLOT_PERIOD) return;
+    if (!this.unplotted || now - (this.plotted ?? 0) < PLOT_PERIOD) return;
     this.plotted = now;
+    this.unplotted = false;
     this.plots.draw();
     this.frames.forEach((frame, slot) => {
       if (frame && this.robots[slot]) {

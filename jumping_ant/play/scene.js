@@ -30,22 +30,26 @@ export class Stage {
     this.camera = new THREE.PerspectiveCamera(45, 1, 0.1, 200);
     this.camera.up.set(0, 0, 1);
     this.orbit = { azimuth: 2.2, elevation: 0.2, distance: 6 };
+    this.changed = true; // whether the picture differs from the one drawn last
   }
 
   // Show a robot in a slot, of some parts and colour, or with null none.
   place(slot, geoms, colour) {
     this.views[slot]?.dispose();
     this.views[slot] = geoms && new View(geoms, colour);
+    this.changed = true;
   }
 
   // Move a slot's robot to a share of the way between two poses.
   move(slot, previous, current, share) {
     this.views[slot]?.move(previous, current, share);
+    this.changed = true;
   }
 
   // Show or hide what pulls a slot's torso.
   pull(slot, target) {
     this.views[slot]?.pull(target);
+    this.changed = true;
   }
 
   draw() {
@@ -55,7 +59,10 @@ export class Stage {
       Object.assign(this, { width, height, ratio });
       this.renderer.setPixelRatio(ratio);
       this.renderer.setSize(width, height, false);
+      this.changed = true;
     }
+    if (!this.changed) return;
+    this.changed = false;
     for (const { view, x, y, w, h } of this.areas()) {
       this.renderer.setViewport(x, height - y - h, w, h);
       this.renderer.setScissor(x, height - y - h, w, h);
@@ -91,11 +98,13 @@ export class Stage {
   }
 
   turn(across, up) {
+    this.changed = true;
     this.orbit.azimuth -= across;
     this.orbit.elevation = Math.min(1.5, Math.max(-0.1, this.orbit.elevation + up));
   }
 
   zoom(factor) {
+    this.changed = true;
     this.orbit.distance = Math.min(FARTHEST, Math.max(NEAREST, this.orbit.distance * factor));
   }
 
