@@ -4,7 +4,7 @@ Usage: python -m scripts.parity [--starts N] (`make parity`)
 
 Of each agent's champion: the largest error over some simulation steps, of one control step from
 recorded states, the simulation steps until trajectories have diverged, and the largest error of the
-policy's torques, the worst of Chromium and, if it is there, node. Of all seeds: whether the returns
+policy's torques, the worst of Chromium and node. Of all seeds: whether the returns
 of held-out episodes are equivalent, by the comparison's own test and margin (docs/play.md).
 """
 
@@ -13,8 +13,10 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,47 +42,29 @@ PATH = PROJECT_ROOT / "results" / "play.json"
 REFERENCE_STARTS = 4  # of the champion, for errors
 RACE = 3.0  # [s] of simulating two robots as fast as it goes
 Job = dict[str, Any]
+Array = NDArray[np.float64]
 
 
 @contextmanager
-def chromium(address: str, count: int = 1) -> Iterator[list[Page]]:
-    """Open a live page so many times in Chromium, without a screen."""
+def chromium(address: str) -> Iterator[Page]:
+    """Open a live page in Chromium, without a screen."""
     path = shutil.which("chromium")
     if path is None:
         raise InputError("no chromium here; run `scripts/environment.sh browser`")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         try:
-            opened = [browser.new_page() for _ in range(count)]
-            for own in opened:
-                own.goto(address)
-                own.wait_for_function("window.page?.hasMoved")
+            opened = browser.new_page()
+            opened.goto(address)
+            opened.wait_for_function("window.page?.hasMoved")
             yield opened
         finally:
             browser.close()
 
 
-def ask(opened: Sequence[Page], jobs: Sequence[Job]) -> list[Any]:
-    """Return what the physics of live pages answer to jobs, some of which run side by side."""
-    start = """(job) => {
-        window.answer = null;
-        page.physics.ask(job.kind, job).then((own) => (window.answer = { own }));
-    }"""
-    answers: list[Any] = [None] * len(jobs)
-    waiting, idle = list(enumerate(jobs)), list(opened)
-    running: dict[Page, int] = {}
-    while waiting or running:
-        while waiting and idle:
-            own = idle.pop()
-            running[own], job = waiting.pop(0)
-            own.evaluate(start, job)
-        for own, number in list(running.items()):
-            if (answer := own.evaluate("window.answer")) is not None:
-                answers[number] = answer["own"]
-                idle.append(own)
-                del running[own]
-        opened[0].wait_for_timeout(20)
-    return answers
+def ask(opened: Page, kind: str, job: Job) -> Any:
+    """Return what the physics of a live page answers."""
+    return opened.evaluate("([kind, job]) => page.physics.ask(kind, job)", [kind, job])
 
 
 def in_node(page_content: dict[str, Any], tasks: Sequence[Job]) -> list[Any]:
@@ -98,7 +82,7 @@ def in_node(page_content: dict[str, Any], tasks: Sequence[Job]) -> list[Any]:
     return answers
 
 
-def errors(root: Path, params: Params, opened: Sequence[Page]) -> dict[str, dict[str, Any]]:
+def errors(root: Path, params: Params, opened: Page) -> dict[str, dict[str, Any]]:
     """Return the errors of each agent's champion."""
     champions = {name: content.champions(root, params, name)[0] for name in params.agents}
     jobs = []
@@ -108,13 +92,11 @@ def errors(root: Path, params: Params, opened: Sequence[Page]) -> dict[str, dict
         policy = policy_file.load(Paths(root).agent(name).seed(seed).policy, (name, seed))
         starts = params.evaluate.block(seed)[:REFERENCE_STARTS]
         told = reference.record(world, policy, kind, starts)
-        jobs.append(
-            {"kind": "verify", "policy": content.policy(root, name, seed), "reference": told}
-        )
-    found = [ask(opened, jobs)]
-    if shutil.which("node"):
-        known = opened[0].evaluate("page.content")
-        found.append(in_node(known, jobs))
+        jobs.append({"policy": content.policy(root, name, seed), "reference": told})
+    found = [
+        [ask(opened, "verify", job) for job in jobs],
+        in_node(opened.evaluate("page.content"), jobs),
+    ]
     return {
         name: reference.errors([answers[number] for answers in found])
         for number, name in enumerate(champions)
@@ -122,28 +104,40 @@ def errors(root: Path, params: Params, opened: Sequence[Page]) -> dict[str, dict
 
 
 def returns(
-    root: Path, params: Params, opened: Sequence[Page], num_starts: int | None
-) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return each seed's mean return in the page and in the native simulator, by agent."""
-    jobs: list[Job] = []
-    native = {}
+    root: Path, params: Params, known: dict[str, Any], num_starts: int | None
+) -> dict[str, tuple[Array, Array]]:
+    """Return each seed's mean return in WebAssembly and in the native simulator, by agent.
+
+    Args:
+        root: The project's folder.
+        params: All parameters.
+        known: The page's content.
+        num_starts: How many held-out episodes of each seed are played; None: all.
+    """
+    found = {}
+    cores = machine.num_cores()
     for name in params.agents:
         kind = params.agent(name).robot
         world = World(robot.read(root, kind), params.env)
         table = episodes.read(root, params, name)
-        played = table["return"].reshape(len(params.seeds), -1)[:, :num_starts]
-        native[name] = played.mean(axis=1)
+        native = table["return"].reshape(len(params.seeds), -1)[:, :num_starts]
+        jobs = []
         for seed in params.seeds:
-            block = params.evaluate.block(seed)[: played.shape[1]]
+            block = params.evaluate.block(seed)[: native.shape[1]]
             starts = [content.start(world, own) for own in block]
             policy = content.policy(root, name, seed)
-            jobs.append({"kind": "returns", "robot": kind, "policy": policy, "starts": starts})
-    means = [np.mean(own) for own in ask(opened, jobs)]
-    answers = np.array(means).reshape(len(params.agents), -1)
-    return {name: (answers[i], native[name]) for i, name in enumerate(params.agents)}
+            jobs.append({"robot": kind, "policy": policy, "starts": starts})
+        with ThreadPoolExecutor(cores) as pool:
+            parts = list(pool.map(partial(in_node, known), (jobs[i::cores] for i in range(cores))))
+        own = np.empty(native.shape)
+        for number, part in enumerate(parts):
+            own[number::cores] = part
+        found[name] = own.mean(axis=1), native.mean(axis=1)
+        print(f"{name}: {own.mean():,.1f} here, {native.mean():,.1f} in the native simulator")
+    return found
 
 
-def judge(params: Params, found: dict[str, Any]) -> dict[str, str]:
+def judge(params: Params, found: Mapping[str, tuple[Array, Array]]) -> dict[str, str]:
     """Return the verdict on each agent's returns: those of the same starts are paired."""
     margin = params.compare.margins.returns
     compared: dict[str, Finding] = {
@@ -170,20 +164,17 @@ def judge(params: Params, found: dict[str, Any]) -> dict[str, str]:
 
 def check(root: Path, params: Params, num_starts: int | None = None) -> dict[str, Any]:
     """Return the content of `results/play.json`."""
-    file = page.path(root)
-    agents = list(params.agents)
-    with chromium(f"{file.as_uri()}", 1) as (first,):
-        seconds = first.evaluate("page.hasMoved") / 1000
+    file, last = page.path(root), list(params.agents)[-1]
+    with chromium(file.as_uri()) as opened:
+        seconds = opened.evaluate("page.hasMoved") / 1000
         for slot in ("a", "b"):
-            first.select_option(f"#agent-{slot}", agents[-1])
-        first.wait_for_function("page.frames.every((own) => own)")
-        first.evaluate("page.run(false)")
-        (speed,) = ask([first], [{"kind": "race", "seconds": RACE}])
-    with chromium(f"{file.as_uri()}#run=1", machine.num_cores()) as opened:
-        for own in opened:
-            own.evaluate("page.run(false)")
+            opened.select_option(f"#agent-{slot}", last)
+        opened.wait_for_function("page.frames.every((own) => own)")
+        opened.evaluate("page.run(false)")
+        speed = ask(opened, "race", {"seconds": RACE})
         found = errors(root, params, opened)
-        told = judge(params, returns(root, params, opened, num_starts))
+        known = opened.evaluate("page.content")
+    told = judge(params, returns(root, params, known, num_starts))
     return {
         "agents": {name: own | {"returns": told[name]} for name, own in found.items()},
         "size_mb": round(file.stat().st_size / 1e6, 1),

@@ -41,7 +41,7 @@ DVC_STAGE = "build"
 TARGETS = (
     *("digest", "check", "build", "train", "demonstrate", "evaluate", "robustness"),
     *("record", "scaling", "lineup", "compare", "crossings"),
-    *("overtaking", "speed", "report", "track"),
+    *("overtaking", "speed", "report", "track", "play"),
     "dvc",  # while it runs that stage
 )
 PRELOADED = {

@@ -26,7 +26,7 @@ NAMES = {"dvc", "mlflow", "rerun", "source"}  # alone they name a tool, or a set
 EXPERIMENT = "dvc exp run --name faster -S agents.sac.learning_rate=0.001"
 AGAIN = "dvc exp apply faster"
 TARGETS = ("evaluate@sac", "evaluate@still", "record@still")
-AFTER_ALL = ("lineup", "compare", "crossings", "overtaking", "speed", "report", "track")
+AFTER_ALL = ("lineup", "compare", "crossings", "overtaking", "speed", "report", "track", "play")
 FORTH = "git stash pop && dvc checkout"
 ON_BRANCH = "git switch main"
 CHANGES = {"dvc params diff", "dvc metrics diff", "dvc exp show --only-changed", "dvc plots diff"}
@@ -99,6 +99,7 @@ ELSEWHERE = {
     "make verify AGENT=sac SEED=30": VERIFY,
     "make fingerprint": "tests/test_fingerprint.py",
     "python -m scripts.fingerprint --publish": "writes a document; tests/test_fingerprint.py",
+    "make parity": "half an hour of episodes; tests/play/test_parity.py runs short ones",
     "mypy": CHECKS,
     "pytest -q": CHECKS,
     "pytest tests/agents tests/policies tests/training": CHECKS,
@@ -161,7 +162,7 @@ def installed(project: Project) -> Project:
     tools = Path(sys.executable).parent
     bin_folder = project.folder / ".venv" / "bin"
     bin_folder.mkdir(parents=True, exist_ok=True)
-    for name in (".packages", ".rendering", "bin/ffmpeg"):
+    for name in (".packages", ".rendering", ".page", "bin/ffmpeg"):
         (bin_folder.parent / name).touch()
     if not (bin_folder / "activate").exists():
         (bin_folder / "activate").symlink_to(tools / "activate")

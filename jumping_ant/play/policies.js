@@ -137,7 +137,7 @@ class Oscillators {
 // Random choices, from the policy's seed and the episode's.
 class Uniform {
   constructor(json, arrays, actions) {
-    Object.assign(this, { seed: json.seed, actions, hold: actions.hold });
+    Object.assign(this, { seed: json.noise_seed, actions, hold: actions.hold });
   }
 
   start(episodeSeed) {

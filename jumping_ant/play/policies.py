@@ -105,7 +105,7 @@ def _actor_critic(policy: ActorCritic) -> Body:
 
 @_body.register
 def _uniform(policy: UniformPolicy) -> Body:
-    return {"kind": "uniform", "seed": policy.seed}, {}
+    return {"kind": "uniform", "noise_seed": policy.seed}, {}
 
 
 @_body.register

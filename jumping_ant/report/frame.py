@@ -59,5 +59,6 @@ def _security_policy(*scripts: str) -> str:
     allowed = " ".join(f"'sha256-{digest.decode()}'" for digest in digests)
     return (
         f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
-        "img-src data: blob:; media-src 'self' file:; base-uri 'none'; form-action 'none'"
+        "img-src data: blob:; media-src 'self' file:; frame-src 'self' file:; base-uri 'none'; "
+        "form-action 'none'"
     )

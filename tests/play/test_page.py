@@ -25,7 +25,7 @@ STEPS = "page.frames[0]?.steps"
 def visit(live: str) -> Iterator[Visit]:
     """The page in Chromium, in a wide window."""
     with launched() as chromium:
-        visit = open_page(chromium, live, width=600, height=480)
+        visit = open_page(chromium, live, width=390, height=420)
         visit.wait_for(MOVED)
         yield visit
         assert visit.console_errors == visit.page_errors == []
@@ -184,12 +184,12 @@ def test_marks_and_sizes(visit: Visit, live: str) -> None:
     )
     own.set_viewport_size({"width": 390, "height": 800})
     assert own.evaluate("document.documentElement.scrollWidth") <= 390, "it scrolls sideways"
-    own.set_viewport_size({"width": 600, "height": 480})
+    own.set_viewport_size({"width": 390, "height": 420})
 
 
 def test_firefox_runs_all_agents_too(live: str, tmp_path: Path) -> None:
     with firefox.launched(tmp_path / "profile") as window:
-        window.open(live, 390, 800)
+        window.open(live, 1200, 700)
         window.wait_for(MOVED)
         for name in AGENTS:
             chosen = json.dumps({"a": {"agent": name, "seed": 1, "start": 0}})
@@ -198,5 +198,5 @@ def test_firefox_runs_all_agents_too(live: str, tmp_path: Path) -> None:
             window.wait_for("document.getElementById('origin-a').textContent.endsWith('here')")
         if window.evaluate("document.getElementById('no-webgl').hidden") is False:
             assert "no WebGL" in window.evaluate("document.getElementById('no-webgl').innerText")
-        assert window.evaluate("document.documentElement.scrollWidth") <= 390
+        assert window.evaluate("document.documentElement.scrollWidth") <= 1200
         assert window.errors == [] == window.requests

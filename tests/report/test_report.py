@@ -53,8 +53,8 @@ def test_every_link_stays_on_this_machine(html: str, project: Path) -> None:
     files = [link for _, link in links if link.startswith("../")]
     assert {f"../media/{name}.mp4" for name in AGENTS} <= set(files)
     for tag, link in links:
-        assert link.startswith(("../", "#", "data:", "speed.html", page.MLFLOW)), link
-        assert tag in ("a", "video", "img", "link")
+        assert link.startswith(("../", "#", "data:", "speed.html", "play.html", page.MLFLOW)), link
+        assert tag in ("a", "iframe", "video", "img", "link")
     for link in files:
         if not link.endswith(".rrd"):  # recordings take longer than this test may
             assert (project / "results" / link).resolve().is_file(), link
