@@ -57,7 +57,7 @@ class Page {
     const { content } = this;
     this.plots = new Plots(element("plots"));
     try {
-      this.stage = new Stage(element("stage"));
+      this.stage = new Stage(element("stage"), [element("label-0"), element("label-1")]);
       listen(this.stage, (slot, target) => this.pull(slot, target));
     } catch (error) {
       element("stage").hidden = true;
@@ -132,6 +132,7 @@ class Page {
     robot.motors = motors;
     this.plots.place(slot, robot);
     this.stage?.place(slot, geoms, robot.colour);
+    element(`label-${slot}`).textContent = robot.label;
   }
 
   async policy(agent, seed) {

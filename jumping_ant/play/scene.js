@@ -8,6 +8,7 @@ const TILE = 1; // [m]
 const FLOOR = 60; // [m] shown around the robot
 const NEAREST = 1.5, FARTHEST = 20; // [m] of the camera
 const SHADOWS = 1024; // [pixels]
+const LAG = 100; // [ms] of the camera behind the torso
 
 const SHAPES = {
   [SPHERE]: ([r]) => new THREE.SphereGeometry(r, 24, 16),
@@ -18,11 +19,11 @@ const SHAPES = {
 };
 
 export class Stage {
-  // Draws on a canvas; throws where there is no WebGL.
-  constructor(canvas) {
+  // Draws on a canvas, with a label for each slot's view; throws where there is no WebGL.
+  constructor(canvas, labels) {
     const context = canvas.getContext("webgl2", { antialias: true });
     if (!context) throw new Error("no WebGL");
-    this.canvas = canvas;
+    Object.assign(this, { canvas, labels });
     this.renderer = new THREE.WebGLRenderer({ canvas, context });
     this.renderer.shadowMap.enabled = true;
     this.renderer.setScissorTest(true);
@@ -63,7 +64,13 @@ export class Stage {
     }
     if (!this.changed) return;
     this.changed = false;
-    for (const { view, x, y, w, h } of this.areas()) {
+    const areas = this.areas();
+    this.labels.forEach((label, slot) => {
+      const area = areas.find((own) => own.slot === slot);
+      label.hidden = !area;
+      if (area) Object.assign(label.style, { left: `${area.x}px`, top: `${area.y}px` });
+    });
+    for (const { view, x, y, w, h } of areas) {
       this.renderer.setViewport(x, height - y - h, w, h);
       this.renderer.setScissor(x, height - y - h, w, h);
       this.look(view, w / h);
@@ -141,6 +148,7 @@ class View {
     this.scene.fog = new THREE.Fog(SKY, 12, FLOOR / 2);
     this.torso = new THREE.Vector3();
     this.centre = new THREE.Vector3(0, 0, 1); // what the camera looks at, which follows the torso
+    this.moved = -Infinity; // [ms] when it last did
     this.sun = sun();
     this.floor = floor();
     this.line = new THREE.Line(
@@ -162,8 +170,9 @@ class View {
     });
     this.torso.fromArray(previous.torso).lerp(new THREE.Vector3(...current.torso), share);
     const { x, y, z } = this.torso;
-    const isFar = this.centre.distanceTo(this.torso) > 4;
-    this.centre.lerp(new THREE.Vector3(x, y, 0.4 + 0.75 * z), isFar ? 1 : 0.2);
+    const now = performance.now(), behind = Math.exp((this.moved - now) / LAG);
+    this.moved = now;
+    this.centre.lerp(new THREE.Vector3(x, y, 0.4 + 0.75 * z), 1 - behind);
     this.floor.position.set(TILE * 2 * Math.round(x / TILE / 2), TILE * 2 * Math.round(y / TILE / 2), 0);
     this.sun.position.set(x - 3, y - 2, 10);
     this.sun.target.position.set(x, y, 0);
