@@ -164,7 +164,7 @@ class Page {
     const start = this.startOf(name);
     element(`name-${name}`).textContent = this.robots[slot].label;
     element(`native-${name}`).textContent = policy
-      ? `${start.return.toFixed(1)} in ${start.length} steps` : "drive it with the commands below";
+      ? `${start.return.toFixed(1)} in ${start.length} steps` : "nobody drives it there";
     save.hidden = !policy;
     origin.textContent = "";
     if (!policy) return;

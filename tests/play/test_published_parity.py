@@ -1,0 +1,30 @@
+"""What README.md says of the live page, against `results/play.json`, and its limits."""
+
+import json
+
+import pytest
+
+from jumping_ant.base.files import PROJECT_ROOT as ROOT
+from jumping_ant.play import reference
+
+README = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+PUBLISHED = json.loads((ROOT / "results" / "play.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("agent", PUBLISHED["agents"])
+def test_readme_states_what_was_measured(agent: str) -> None:
+    own = PUBLISHED["agents"][agent]
+    assert own["steps"] == reference.STEPS
+    assert f"a control step from {reference.STATES:,} recorded states agrees to 1e-13" in README
+    assert own["one_step_error"] < 1e-13
+    assert "trajectories to 1e-6 for more than five seconds" in README
+    assert own["horizon"] > 500 and own["max_error"] < 1e-12
+    assert "torques to 1e-6" in README
+    assert own["policy_error"] < 1e-6
+    assert own["returns"] in ("equivalent", "inconclusive")
+
+
+def test_the_page_is_small_and_quick() -> None:
+    assert PUBLISHED["size_mb"] <= 25
+    assert PUBLISHED["seconds_until_moving"] <= 3
+    assert PUBLISHED["times_real_time"] >= 1
