@@ -8,6 +8,7 @@ Writes: docs/images/play.webp.
 import io
 
 from PIL import Image
+from playwright.sync_api import ViewportSize
 
 from jumping_ant.base import command_line
 from jumping_ant.base.errors import reported
@@ -18,7 +19,7 @@ from scripts.parity import chromium
 PATH = PROJECT_ROOT / "docs" / "images" / "play.webp"
 STATE = "#a=sac.45.0&b=metronome.30.0&run=0"
 STEPS = 70  # control steps of 0.05 s
-SIZE = {"width": 900, "height": 600}
+SIZE: ViewportSize = {"width": 900, "height": 600}
 
 
 def main() -> None:
