@@ -1,6 +1,6 @@
 // The page's state in its address, after the #, so that a link carries all of it.
 //
-// #a=sac.30.0&b=you..0&speed=0.5&run=0&gravity=1.5&moment=...: agent, seed and start of each robot, then
+// #a=sac.30.0&b=you..0&speed=0.5&run=1&gravity=1.5&moment=...: agent, seed and start of each robot, then
 // speed, whether it runs, perturbations, and the robots' exact states.
 
 const EXACT = 17; // digits after which a number of double precision is the same again
@@ -13,7 +13,7 @@ export function format(state) {
     if (own) parts.set(name, [own.agent, own.seed, own.start].join("."));
   }
   if (state.speed !== 1) parts.set("speed", state.speed);
-  if (!state.running) parts.set("run", 0);
+  parts.set("run", Number(state.running));
   for (const [name, level] of Object.entries(state.levels)) parts.set(name, level);
   if (state.moment) parts.set("moment", btoa(JSON.stringify(state.moment, exactly)));
   return String(parts);
@@ -29,7 +29,7 @@ export function parse(text, content, usual) {
   }
   const speed = Number(parts.get("speed"));
   if (speed > 0 && speed <= 4) state.speed = speed;
-  if (parts.get("run") === "0") state.running = false;
+  if (parts.has("run")) state.running = parts.get("run") === "1";
   for (const { name, low, high, usual: level } of content.sliders) {
     const given = parts.has(name) ? Number(parts.get(name)) : level;
     if (given >= low && given <= high && given !== level) state.levels[name] = given;

@@ -30,7 +30,8 @@ class Page {
     Object.assign(this, { content, parts, frames: [null, null], robots: [null, null] });
     this.robot = Object.keys(content.robots)[0];
     this.dt = content.task.dt;
-    this.state = { a: this.usual(), b: null, speed: 1, running: true, levels: {}, moment: null };
+    const running = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.state = { a: this.usual(), b: null, speed: 1, running, levels: {}, moment: null };
     this.policies = new Map();
     this.physics = new Physics(parts.worker("./worker.js"), {
       ready: ({ version }) => this.begun(version),
@@ -56,12 +57,12 @@ class Page {
   build() {
     const { content } = this;
     this.plots = new Plots(element("plots"));
-    try {
-      this.stage = new Stage(element("stage"), [element("label-0"), element("label-1")]);
+    const canvas = element("stage"), context = canvas.getContext("webgl2", { antialias: true });
+    canvas.hidden = !context;
+    element("no-webgl").hidden = Boolean(context); // without, the numbers and the plots go on
+    if (context) {
+      this.stage = new Stage(canvas, context, [element("label-0"), element("label-1")]);
       listen(this.stage, (slot, target) => this.pull(slot, target));
-    } catch (error) {
-      element("stage").hidden = true;
-      element("no-webgl").hidden = false; // the numbers and the plots go on
     }
     this.choosers = SLOTS.map((name) => new Chooser(name, content, (chosen) => this.choose({ [name]: chosen })));
     this.sliders = new Sliders(element("sliders"), content.sliders, (levels) => this.perturb(levels));

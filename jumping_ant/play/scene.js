@@ -19,10 +19,8 @@ const SHAPES = {
 };
 
 export class Stage {
-  // Draws on a canvas, with a label for each slot's view; throws where there is no WebGL.
-  constructor(canvas, labels) {
-    const context = canvas.getContext("webgl2", { antialias: true });
-    if (!context) throw new Error("no WebGL");
+  // Draws on a canvas by its WebGL context, with a label for each slot's view.
+  constructor(canvas, context, labels) {
     Object.assign(this, { canvas, labels });
     this.renderer = new THREE.WebGLRenderer({ canvas, context });
     this.renderer.shadowMap.enabled = true;
