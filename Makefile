@@ -134,7 +134,7 @@ verify: install ## retrain a published seed and compare its bytes (AGENT=sac SEE
 fingerprint: install ## compare what this machine computes with what was published, layer by layer
 	@python -m scripts.fingerprint
 
-parity: install .venv/.browser ## compare the live page with the native simulator, into results/play.json (40 minutes)
+parity: install .venv/.browser ## compare the live page with the native simulator, into results/play.json (30 minutes)
 	@nice python -m scripts.parity
 
 publish: install ## write the results into README.md and docs/ (PRESET=families after that preset)
