@@ -100,6 +100,8 @@ class _Mirror:
             return self._store.pending_comparison()
         key = self._comparison.key
         found = self._store.comparisons(key)
+        for run in found[1:]:  # MLflow restores what was deleted with a deleted experiment
+            self._store.client.delete_run(run.info.run_id)
         if found:
             return found[0]
         self._say(f"comparison {key[:8]}: created")
@@ -198,19 +200,21 @@ class _Mirror:
         """Return the run that shows the policy and its curve points, and delete its duplicates.
 
         A run written during training has no digest if its writer was killed; it is chosen if
-        parameters and curve agree. MLflow cannot delete points, so a run of the policy whose points
-        contradict the files is deleted, too.
+        parameters and curve agree, and deleted if another shows the policy. MLflow cannot delete
+        points, so a run of the policy whose points contradict the files is deleted, too.
         """
         own = [run for run in candidates if stores.shows(run, record.digest)]
         own.sort(key=lambda run: (run.info.status != "FINISHED", run.info.start_time))
         chosen, points = None, {}
         for run in own + [run for run in candidates if stores.is_unclaimed(run, record.params)]:
-            stored = self._store.curve_points(run) if chosen is None else {}
-            if chosen is None and _agrees(stored, record.curve):
+            stored = self._store.curve_points(run)
+            is_right = _agrees(stored, record.curve)
+            if chosen is None and is_right:
                 chosen, points = run, stored
-            elif run in own:
+            elif run in own or is_right:
+                kind = "second run" if is_right else "run that contradicted the files"
                 self._store.client.delete_run(run.info.run_id)
-                self._say(f"{record.label}: a run that contradicted the files was deleted")
+                self._say(f"{record.label}: a {kind} was deleted")
         return chosen, points
 
     def _create(self, record: SeedRecord, parent: Run) -> Run:

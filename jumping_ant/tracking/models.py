@@ -71,7 +71,7 @@ class AgentModels:
         outputs = run.outputs.model_outputs if run.outputs else []
         if model.model_id not in {output.model_id for output in outputs}:  # show it in the run
             client.log_outputs(run.info.run_id, [LoggedModelOutput(model.model_id, step=0)])
-        found = self._find_version(model, record)
+        found = self._find_version(model, record, run)
         version = found or self._register(model, record, run)
         self._mirrored.append((record, version))
         return model, {
@@ -130,13 +130,16 @@ class AgentModels:
         champion: str | None = found[0].aliases.get(CHAMPION)
         return champion
 
-    def _find_version(self, model: LoggedModel, record: SeedRecord) -> ModelVersion | None:
-        """Return the policy's version; one whose model is gone is deleted."""
+    def _find_version(
+        self, model: LoggedModel, record: SeedRecord, run: Run
+    ) -> ModelVersion | None:
+        """Return the policy's version; one whose model or run is gone is deleted."""
         found = None
         for version in self._known:
             if not _policy_tags(record).items() <= version.tags.items():
                 continue
-            if version.source == f"models:/{model.model_id}" and found is None:
+            is_own = version.source == f"models:/{model.model_id}"
+            if is_own and version.run_id == run.info.run_id and found is None:
                 found = version
             else:
                 self._store.client.delete_model_version(self._name, version.version)

@@ -88,8 +88,8 @@ def said(uri: str) -> dict[str, Any]:
         )
     for model in client.search_registered_models():
         versions = client.search_model_versions(f"name = '{model.name}'")
-        champion = {version.version: version.tags["seed"] for version in versions}
-        said[model.name] = sorted(champion.values()), champion[model.aliases["champion"]]
+        of_runs = {version.version: names.get(version.run_id) for version in versions}
+        said[model.name] = sorted(map(str, of_runs.values())), of_runs[model.aliases["champion"]]
     return said
 
 
@@ -102,7 +102,7 @@ def test_all_is_recorded_and_what_is_deleted_by_hand_comes_back(
     whole = said(uri)
     assert whole.keys() == {*RUNS, "jumping-ant-sac", "jumping-ant-pgpe"}
     assert all(whole[run][1] == COMPARISON for run in {*SEEDS, *AGGREGATES})
-    assert whole["jumping-ant-sac"] == (["0", "1"], "1")
+    assert whole["jumping-ant-sac"] == (["sac-seed-0", "sac-seed-1"], "sac-seed-1")
     postgres.stop()
     with pytest.raises(InputError, match="Connection refused"):
         tracked(project)
@@ -117,6 +117,10 @@ def test_all_is_recorded_and_what_is_deleted_by_hand_comes_back(
     postgres.kill()
     postgres.start()
     told = tracked(project)
+    assert said(uri) == whole, told
+    assert tracked(project)[-1].endswith(": 4 unchanged")
+    client.delete_experiment(client.get_experiment_by_name("jumping-ant").experiment_id)
+    told = tracked(project)  # restores all that was ever deleted
     assert said(uri) == whole, told
     assert tracked(project)[-1].endswith(": 4 unchanged")
 

@@ -205,8 +205,13 @@ def meaning(root: Path) -> dict[str, object]:
             [tag for tag in content(root, "tags", name) if tag[0] in ("agent", "policy_digest")],
             sorted(path.name for path in artifact_dir(root, name).rglob("*") if path.is_file()),
         )
-    said["versions"] = query(root, "SELECT name, version, description FROM model_versions")
-    said["aliases"] = query(root, "SELECT name, alias, version FROM registered_model_aliases")
+    said["versions"] = query(
+        root,
+        "SELECT v.name, v.description, r.name, a.alias FROM model_versions v "
+        "LEFT JOIN runs r ON r.run_uuid = v.run_id "
+        "LEFT JOIN registered_model_aliases a ON a.name = v.name AND a.version = v.version "
+        "WHERE v.current_stage <> 'Deleted_Internal' ORDER BY v.name, v.description",
+    )
     return said
 
 
