@@ -5,6 +5,7 @@ and restarted, and tables are locked. Afterwards runs, models and an experiment 
 After each, what `track` leaves must be what the files say.
 """
 
+import os
 import random
 import subprocess
 import sys
@@ -64,6 +65,7 @@ def keep(
         mlflow_server.running(Path(name) / "server", database.create("mlflow")) as server,
     ):
         log = Path(name) / "log"
+        os.environ["MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR"] = "false"
         start = partial(projects.start, project, log=log, MLFLOW_TRACKING_URI=server.uri)
         disturbances: dict[str, Callable[[], None]] = {
             "server killed": lambda: _restart(server),

@@ -52,6 +52,7 @@ TUNE = "hours of training; tests/tuning/test_study.py tunes a small agent"
 SHARED = "needs servers; soak/records.py starts them"
 REMOTE = "needs machines; soak/remotes.py makes some"
 GRID = "dvc exp run --queue -S agents.sac.learning_rate=0.0003,0.001,0.003"
+CLUSTER = "needs machines; soak/cluster.py makes some"
 RELEASE = "tests/tracking/test_champions.py releases one"
 SERVER_ONCE = (
     "sudo -u postgres createuser --pwprompt robots && "
@@ -62,6 +63,13 @@ SERVER = (
     "--artifacts-destination /srv/mlflow --host 0.0.0.0"
 )
 SHARED_SEARCH = "make tune AGENT=sac TRIALS=40 STORAGE=postgresql://robots:PASSWORD@SERVER/trials"
+RAY = (
+    "export RAY_AUTH_MODE=token RAY_AUTH_TOKEN=TOKEN RAY_USAGE_STATS_ENABLED=0",
+    "ray start --head --port 6379 --num-cpus 0 --include-dashboard false",
+    "ray start --address HEAD:6379",
+    "ray start --address HEAD:6379 --num-cpus 0",
+    "RAY_ADDRESS=HEAD:6379 dvc repro",
+)
 ELSEWHERE = {
     RUN: "tests/finished_project.py",
     COMMIT: "tests/finished_project.py",
@@ -91,6 +99,10 @@ ELSEWHERE = {
     ),
     "git push --tags": RELEASE,
     "dvc artifacts get URL champions:sac --stage release -o policy.zip": RELEASE,
+    **dict.fromkeys(RAY, CLUSTER),
+    "python -m soak.cluster": "ten minutes, as root",
+    'python -m soak.cluster "head killed"': "minutes, as root",
+    "python -m soak.remotes": "ten minutes, as root",
     SHARED_SEARCH: "hours of training; tests/tuning/test_study.py shares a small one",
     "make lock": "asks package indexes for the newest versions",
     "make check": CHECKS,

@@ -1,0 +1,276 @@
+"""Train on a cluster of hosts of one's own, kill some, and write figures to results/cluster.json.
+
+Usage: python -m soak.cluster [PART...] [--seed SEED] (takes root, and ten minutes)
+
+A head, two workers of one core and the desk that submits are hosts of their own (see `soak.hosts`):
+no disk is shared, Ray asks for a token, and its runtime environment brings the code. The same
+trainings run inline, on the cluster, with a worker that is killed in the middle, and with a head
+that is killed in the middle; all must write the same bytes.
+"""
+
+import json
+import random
+import secrets
+import subprocess
+import sys
+import time
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jumping_ant.base import command_line
+from jumping_ant.base.files import PROJECT_ROOT, write_json
+from jumping_ant.experiment import params_file
+from jumping_ant.experiment.models import Params
+from scripts.checkout import Checkout, checkout
+from soak import hosts
+from soak import project as projects
+from soak.hosts import Host
+from soak.project import LEARNERS
+
+PATH = PROJECT_ROOT / "results" / "cluster.json"
+PARTS = ("undisturbed", "worker killed", "head killed")
+HEAD, DESK, WORKERS = "head", "desk", ("one", "two")
+DISTURBED = "sac"  # the agent in whose training a worker is killed
+BUDGETS = {
+    "dqn": {"total_steps": 8_000},
+    "sac": {"total_steps": 2_000},
+    "pgpe": {"generations": 16},
+}
+LONG = {"dqn": {"total_steps": 40_000}}  # without a head, workers train on for a while
+PORT = 6379
+STORE_BYTES = 100 * 2**20
+SECONDS_TO_JOIN = 120.0
+SECONDS_FOR_TRAINING = 900.0
+
+Figures = dict[str, Any]
+
+
+def main() -> None:
+    """Parse the command line, run, and exit with 1 if anything went wrong."""
+    parser = command_line.parser(__doc__, "python -m soak.cluster")
+    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    parts = arguments.parts or PARTS
+    if unknown := set(parts) - set(PARTS):
+        parser.error(f"given {sorted(unknown)}, allowed: {', '.join(PARTS)}")
+    if reason := hosts.missing():
+        parser.error(reason)
+    troubles: list[str] = []
+    with checkout() as project:
+        projects.prepare(project)
+        figures = run(project, parts, random.Random(arguments.seed), troubles)
+    if arguments.parts and PATH.exists():
+        figures = json.loads(PATH.read_text(encoding="utf-8")) | figures
+    write_json(PATH, figures)
+    print(json.dumps(figures, indent=2))
+    print("\n".join(troubles))
+    raise SystemExit(bool(troubles))
+
+
+def run(
+    project: Checkout, parts: Collection[str], generator: random.Random, troubles: list[str]
+) -> Figures:
+    """Return the figures of all parts; add what is wrong to the troubles."""
+    figures: Figures = {"hosts": 2 + len(WORKERS)}
+    if "undisturbed" in parts:
+        expected, seconds = inline(project, LEARNERS, BUDGETS)
+        figures |= {"trainings": len(expected), "inline": {"seconds": seconds}}
+        with cluster(project, WORKERS) as own:
+            figures["undisturbed"] = own.trained(expected, troubles)
+    if "worker killed" in parts:
+        expected, _ = inline(project, [DISTURBED], BUDGETS)
+        with cluster(project, WORKERS) as own:
+            figures["worker killed"] = own.survived(expected, troubles, generator)
+    if "head killed" in parts:
+        expected, _ = inline(project, LONG.keys(), LONG)
+        with cluster(project, WORKERS) as own:
+            figures["head killed"] = own.lost(expected, troubles, generator)
+    return figures
+
+
+def inline(
+    project: Checkout, agents: Collection[str], budgets: Mapping[str, Mapping[str, int]]
+) -> tuple[dict[str, str], float]:
+    """Train agents in one process, and leave parameters with which a cluster does the same.
+
+    Returns:
+        The digests of each seed's files, by agent and seed, and the seconds.
+    """
+    project.write_params(settings(budgets, workers=1))
+    seconds = project.seconds("dvc", "repro", *targets(agents))
+    project.write_params(settings(budgets, workers=0))
+    return digests(project, agents), round(seconds, 1)
+
+
+def settings(budgets: Mapping[str, Mapping[str, int]], workers: int) -> Params:
+    """Return parameters of trainings that last for some checkpoints."""
+    content = projects.settings(workers=workers).model_dump()
+    for agent, budget in budgets.items():
+        content["agents"][agent] |= budget
+    return params_file.check(content)
+
+
+def targets(agents: Collection[str]) -> list[str]:
+    """Return the stages that train agents."""
+    return [f"train@{agent}" for agent in agents]
+
+
+def digests(project: Checkout, agents: Collection[str]) -> dict[str, str]:
+    """Return the digests of every seed's files, by agent and seed."""
+    return {
+        f"{agent} {seed}": json.dumps(own, sort_keys=True)
+        for agent in agents
+        for seed, own in json.loads(
+            (project.folder / "results" / "agents" / agent / "training.json").read_text("utf-8")
+        ).items()
+    }
+
+
+@dataclass
+class Cluster:
+    """A Ray cluster, and a project on the desk that uses it.
+
+    Attributes:
+        project: The project.
+        desk: The host that it is on.
+        head: The host of Ray's head.
+        workers: The hosts that train.
+        variables: What names the cluster, and its token.
+    """
+
+    project: Checkout
+    desk: Host
+    head: Host
+    workers: Sequence[Host]
+    variables: dict[str, str]
+
+    def train(self, agents: Collection[str]) -> "subprocess.Popen[bytes]":
+        """Start to train agents from nothing, on the cluster."""
+        return self._start("dvc", "repro", "--force", "--single-item", *targets(agents))
+
+    def trained(self, expected: dict[str, str], troubles: list[str]) -> Figures:
+        """Train everything."""
+        before, started = self._moved(), time.monotonic()
+        status = self.train(LEARNERS).wait(SECONDS_FOR_TRAINING)
+        seconds = time.monotonic() - started
+        figures = self._judged(expected, troubles, "undisturbed", status)
+        return figures | {"seconds": round(seconds, 1), "bytes_moved": self._moved() - before}
+
+    def survived(
+        self, expected: dict[str, str], troubles: list[str], generator: random.Random
+    ) -> Figures:
+        """Kill a worker in the middle; see that its seed is trained elsewhere."""
+        process = self.train([DISTURBED])
+        self._await_middle(process, generator, DISTURBED)
+        self.workers[-1].kill()
+        status = process.wait(SECONDS_FOR_TRAINING)
+        told = self.desk.log.read_text(encoding="utf-8")
+        taken_over = told.count("and another takes over")
+        if not taken_over:
+            troubles.append(f"a worker was killed, and nothing was taken over:\n{told}")
+        figures = {"killed": 1, "taken_over": taken_over}
+        return figures | self._judged(expected, troubles, "a worker killed", status)
+
+    def lost(
+        self, expected: dict[str, str], troubles: list[str], generator: random.Random
+    ) -> Figures:
+        """Kill the head in the middle; see that it is told, and that the next run resumes."""
+        process = self.train(LONG.keys())
+        self._await_middle(process, generator, *LONG)
+        self.head.kill()
+        killed = time.monotonic()
+        status = process.wait(SECONDS_FOR_TRAINING)
+        seconds = time.monotonic() - killed
+        told = self.desk.log.read_text(encoding="utf-8")
+        is_told = status != 0 and "is lost; once it runs again, the next run resumes" in told
+        if not is_told:
+            troubles.append(f"the head was killed, and this was told:\n{told}")
+        with cluster(self.project, WORKERS) as other:
+            process = other._start("dvc", "repro", *targets(LONG.keys()))
+            status = process.wait(SECONDS_FOR_TRAINING)
+            figures = other._judged(expected, troubles, "after the head", status)
+            resumed = other.desk.log.read_text(encoding="utf-8").count("resumes from")
+        if not resumed:
+            troubles.append("nothing was resumed after the head was killed")
+        own = {"killed": 1, "told": is_told, "seconds_until_dvc_ended": round(seconds, 1)}
+        return own | {"resumed": resumed} | figures
+
+    def _start(self, *command: str) -> "subprocess.Popen[bytes]":
+        return self.desk.start(
+            str(tools() / command[0]),
+            *command[1:],
+            folder=self.project.folder,
+            **self.project.environment | self.variables | {"PATH": f"{tools()}:/usr/bin:/bin"},
+        )
+
+    def _await_middle(
+        self, process: "subprocess.Popen[bytes]", generator: random.Random, agent: str
+    ) -> None:
+        """Wait for one of the first checkpoints."""
+        after = generator.randrange(1, 5)
+        if projects.await_checkpoint(self.project, agent, process, after) is None:
+            told = self.desk.log.read_text(encoding="utf-8")
+            raise RuntimeError(f"{agent} trained without a checkpoint:\n{told}")
+
+    def _judged(
+        self, expected: dict[str, str], troubles: list[str], name: str, status: int
+    ) -> Figures:
+        if status:
+            troubles.append(f"{name}: dvc ended with {status}:\n{self.desk.log.read_text()}")
+            return {"bytes_equal": 0}
+        found = digests(self.project, {key.split()[0] for key in expected})
+        equal = sum(found[key] == own for key, own in expected.items())
+        if equal < len(expected):
+            troubles.append(f"{name}: {equal} of {len(expected)} trainings have the same bytes")
+        return {"bytes_equal": equal}
+
+    def _moved(self) -> int:
+        """Return the bytes that the desk has received and sent, those of Ray included."""
+        return sum(self.desk.bytes_moved())
+
+
+@contextmanager
+def cluster(project: Checkout, workers: Sequence[str]) -> Iterator[Cluster]:
+    """Start a cluster, and end it."""
+    environment = Path(sys.prefix)
+    shown = dict.fromkeys((HEAD, *workers), [environment])
+    shown[DESK] = [environment, project.folder]
+    token = secrets.token_hex(16)
+    with hosts.running((HEAD, DESK, *workers), shown) as found:
+        head = found[HEAD]
+        variables = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": token}
+        variables |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ADDRESS": f"{head.address}:{PORT}"}
+        for name, host in found.items():
+            cores = 1 if name in workers else 0
+            as_head = ("--head", "--port", str(PORT), "--include-dashboard", "false")
+            place = as_head if host is head else ("--address", variables["RAY_ADDRESS"])
+            started = host.start(
+                *(str(tools() / "ray"), "start", "--block", *place),
+                *("--node-ip-address", host.address, "--num-cpus", str(cores)),
+                *("--object-store-memory", str(STORE_BYTES)),
+                folder=Path("/"),
+                **variables | {"RAY_worker_niceness": "0"},  # by default 15: others come first here
+            )
+            _await(host, started, "Ray runtime started.")
+        yield Cluster(project, found[DESK], head, [found[name] for name in workers], variables)
+
+
+def tools() -> Path:
+    """Return the folder of this environment's programs."""
+    return Path(sys.executable).parent
+
+
+def _await(host: Host, started: "subprocess.Popen[bytes]", line: str) -> None:
+    deadline = time.monotonic() + SECONDS_TO_JOIN
+    while line not in host.log.read_text(encoding="utf-8"):
+        if started.poll() is not None or time.monotonic() > deadline:
+            raise RuntimeError(f"{host.name}: {host.log.read_text(encoding='utf-8')}")
+        time.sleep(0.1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,233 @@
+"""A project that machines share: git and DVC over SSH, and experiments from one to another.
+
+Usage: python -m soak.remotes (takes root, and ten minutes)
+
+The store, the desk and another machine are hosts of their own (see `soak.hosts`) that share no
+disk. The desk runs a comparison, and pushes it to the store by git and DVC, over SSH. The other
+machine clones and pulls: all must be there, nothing may be stale, and MLflow must be whole. There a
+grid of experiments runs, three at a time, and one in a folder of its own; the desk pulls one.
+"""
+
+import json
+import shlex
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jumping_ant.base import command_line
+from jumping_ant.base.files import digest
+from jumping_ant.experiment import params_file, presets
+from scripts.checkout import Checkout, checkout
+from soak import hosts, ssh_server
+from soak.hosts import Host
+
+STORE, DESK, OTHER = "store", "desk", "other"
+GIT, FILES = "/tmp/git/project.git", "/tmp/dvc"
+RATES = (0.001, 0.002, 0.003)
+STAGE = "evaluate@sac"
+JOBS = 3
+MEDIA = ("media/sac.mp4", "media/lineup.rrd", "results/report.html", "models/sac/seed-0/policy.zip")
+SECONDS = 1200.0
+
+Figures = dict[str, Any]
+
+
+def main() -> None:
+    """Run, print the figures, and exit with 1 if anything went wrong."""
+    parser = command_line.parser(__doc__, "python -m soak.remotes")
+    parser.parse_args()
+    if reason := hosts.missing() or (None if ssh_server.PROGRAM else ssh_server.MISSING):
+        parser.error(reason)
+    with checkout() as project:
+        figures = share(prepared(project))
+    print(json.dumps(figures, indent=2))
+
+
+def prepared(project: Checkout) -> Checkout:
+    """Run a whole comparison in a project, and commit it."""
+    content = presets.load("smoke").model_dump()
+    content["compute"] |= {"live_after_seconds": 0}
+    (project.folder / "dvc.lock").unlink()  # DVC reads and writes all of it after each stage
+    project.write_params(params_file.check(content))
+    project.seconds("dvc", "repro")
+    commit = "-c user.name=Test -c user.email=test@example.org commit -qm Run"
+    project.seconds("git", "add", "-A")
+    project.seconds("git", *commit.split())
+    project.seconds("git", "branch", "-M", "main")
+    return project
+
+
+@dataclass
+class Machine:
+    """A host with a clone of the project.
+
+    Attributes:
+        host: The host.
+        folder: The clone's folder there.
+        variables: Of its commands.
+    """
+
+    host: Host
+    folder: Path
+    variables: Mapping[str, str]
+
+    def run(self, line: str, folder: Path | None = None) -> str:
+        """Run a line as a person types it, and return what it prints.
+
+        Raises:
+            RuntimeError: It failed.
+        """
+        begun = self.host.log.stat().st_size if self.host.log.exists() else 0
+        command = self.host.start(
+            "bash", "-c", line, folder=folder or self.folder, **self.variables
+        )
+        status = command.wait(SECONDS)
+        told = self.host.log.read_bytes()[begun:].decode()
+        if status:
+            raise RuntimeError(f"{self.host.name}: {line}\n{told}")
+        return told
+
+
+def share(project: Checkout) -> Figures:
+    """Push a project, pull it elsewhere, run experiments there and take one back."""
+    environment = Path(sys.prefix)
+    with tempfile.TemporaryDirectory() as name:
+        keys = ssh_server.Keys(Path(name))
+        keys.make()
+        shown = {
+            STORE: [keys.folder],
+            DESK: [environment, keys.folder, project.folder],
+            OTHER: [environment, keys.folder],
+        }
+        with hosts.running((STORE, DESK, OTHER), shown) as found:
+            store = found[STORE]
+            ssh_server.start(store, keys)
+            store.start("git", "init", "-q", "--bare", "-b", "main", GIT).wait()
+            address = f"ssh://root@{store.address}:{ssh_server.PORT}"
+            variables = _variables(keys)
+            desk = Machine(found[DESK], project.folder, variables)
+            other = Machine(found[OTHER], Path("/tmp/project"), variables)
+            figures = _pushed(desk, address, keys)
+            figures |= _pulled(other, address, keys, project)
+            figures |= _experimented(other, desk)
+    return figures
+
+
+def _variables(keys: ssh_server.Keys) -> dict[str, str]:
+    tools = Path(sys.executable).parent
+    own = {"GIT_SSH_COMMAND": keys.command(), "PATH": f"{tools}:/usr/local/bin:/usr/bin:/bin"}
+    names = ("AUTHOR", "COMMITTER")
+    own |= {f"GIT_{name}_NAME": "Test" for name in names}
+    own |= {f"GIT_{name}_EMAIL": "test@example.org" for name in names}
+    switches = ("DVC_NO_ANALYTICS", "MLFLOW_DISABLE_TELEMETRY")
+    return own | dict.fromkeys(switches, "true") | {"RAY_USAGE_STATS_ENABLED": "0"}
+
+
+def _pushed(desk: Machine, address: str, keys: ssh_server.Keys) -> Figures:
+    desk.run(f"git remote add origin {address}{GIT}")
+    desk.run(f"dvc remote add -d shared {address}{FILES}")
+    desk.run(f"dvc remote modify --local shared keyfile {keys.user}")
+    desk.run("git commit -qam Remote && git push -q origin main")
+    before, began = desk.host.bytes_moved()[1], time.monotonic()
+    desk.run("dvc push")
+    seconds = time.monotonic() - began
+    sent = desk.host.bytes_moved()[1] - before
+    told = desk.run("dvc push")
+    if "Everything is up to date." not in told:
+        raise RuntimeError(f"pushed again: {told}")
+    return {"pushed_bytes": sent, "push_seconds": round(seconds, 1)}
+
+
+def _pulled(other: Machine, address: str, keys: ssh_server.Keys, project: Checkout) -> Figures:
+    other.run(f"git clone -q {address}{GIT} {other.folder}", Path("/tmp"))
+    other.run(f"dvc remote modify --local shared keyfile {keys.user}")
+    began = time.monotonic()
+    other.run("dvc pull")
+    seconds = time.monotonic() - began
+    sums = other.run(f"sha256sum {' '.join(MEDIA)}").splitlines()
+    own = [digest(project.folder / name) for name in MEDIA]
+    if [line.split()[0] for line in sums] != own:
+        raise RuntimeError(f"other bytes: {sums}")
+    stale = other.run("dvc status --json").strip()
+    if stale != "{}":
+        raise RuntimeError(f"stale after a pull: {stale}")
+    told = other.run("dvc repro")
+    if "Data and pipelines are up to date." not in told:
+        raise RuntimeError(f"run again after a pull: {told}")
+    tracked = other.run("python -m stages.track").splitlines()[-1]
+    if not tracked.endswith(" created"):
+        raise RuntimeError(f"tracked: {tracked}")
+    other.run("CI=1 rerun rrd verify media/lineup.rrd")
+    other.run(f"python -c {shlex.quote(_PAGE)}")
+    return {"pull_seconds": round(seconds, 1), "stale": 0, "tracked": tracked.rpartition(": ")[2]}
+
+
+def _experimented(other: Machine, desk: Machine) -> Figures:
+    """Run a grid in a queue, and one experiment in a folder of its own; exchange one."""
+    rates = ",".join(map(str, RATES))
+    other.run(f"dvc exp run --queue -S agents.sac.learning_rate={rates} {STAGE}")
+    began = time.monotonic()
+    other.run(f"dvc queue start --jobs {JOBS}")
+    other.run(
+        "while dvc queue status | grep -qE 'Queued|Running'; do sleep 5; done; dvc queue status"
+    )
+    seconds = time.monotonic() - began
+    other.run(f"dvc exp run --temp --name apart -S agents.sac.learning_rate=0.004 {STAGE}")
+    shown = json.loads(other.run("dvc exp show --json"))
+    ended = [
+        branch["revs"][0]["name"] for entry in shown for branch in entry.get("experiments") or ()
+    ]
+    if len(ended) != len(RATES) + 1:
+        raise RuntimeError(f"experiments: {ended}\n{other.run('dvc queue status')}")
+    checkpoints = other.run("ls -d .checkpoints/sac/*").split()
+    live = other.run("python -c " + shlex.quote(_LIVE)).split()
+    other.run("dvc exp push origin apart")
+    desk.run("dvc exp pull origin apart && dvc exp apply apart")
+    moved = [machine.run("dvc exp show --json --no-pager") for machine in (other, desk)]
+    metrics = [_metrics(told) for told in moved]
+    if metrics[0] != metrics[1]:
+        raise RuntimeError(f"the experiment differs: {metrics}")
+    return {
+        "experiments": len(ended),
+        "queue_seconds": round(seconds, 1),
+        "checkpoint_folders": len(checkpoints),
+        "live_runs": int(live[-1]),
+    }
+
+
+_PAGE = """
+import subprocess, sys, urllib.request
+command = [sys.executable, "-m", "jumping_ant.tracking.ui", "--port", "0"]
+ui = subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8")
+for line in ui.stdout:
+    if line.startswith("Look at "):
+        address = line.split()[2]
+    if line.startswith("Ctrl-C"):
+        break
+with urllib.request.urlopen(address, timeout=120) as page:
+    assert page.status == 200 and b"MLflow" in page.read()
+ui.terminate()
+"""
+_LIVE = """
+import mlflow
+client = mlflow.MlflowClient("sqlite:///mlflow.db")
+experiment = client.get_experiment_by_name("jumping-ant")
+print(len(client.search_runs([experiment.experiment_id], "tags.live = 'true'")))
+"""
+
+
+def _metrics(told: str) -> Any:
+    """Return the metrics of the experiment `apart`."""
+    for entry in json.loads(told):
+        for branch in entry.get("experiments") or ():
+            if branch["revs"][0]["name"] == "apart":
+                return branch["revs"][0]["data"]["metrics"]
+    raise RuntimeError("no experiment apart")
+
+
+if __name__ == "__main__":
+    main()
