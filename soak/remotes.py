@@ -208,7 +208,9 @@ for line in ui.stdout:
         address = line.split()[2]
     if line.startswith("Ctrl-C"):
         break
-with urllib.request.urlopen(address, timeout=120) as page:
+place, _, token = address.partition("#")[0].partition("?token=")
+request = urllib.request.Request(place, headers={"Authorization": f"Bearer {token}"})
+with urllib.request.urlopen(request, timeout=120) as page:
     assert page.status == 200 and b"MLflow" in page.read()
 ui.terminate()
 """
