@@ -115,7 +115,7 @@ install_packages() {
     find_uv
     take_over_settings_of_pip
     .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null ||
-        "$UV" venv --quiet --clear --python "$(find_python)" .venv
+        "$UV" venv --quiet --clear --seed --python "$(find_python)" .venv
     echo "install: the packages of requirements.lock, into .venv"
     grep -v '^torch==' requirements.lock | uv_install --require-hashes -r -
     install_torch "$(grep '^torch==' requirements.lock)"

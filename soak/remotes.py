@@ -108,7 +108,9 @@ def share(project: Checkout) -> Figures:
             ssh_server.start(store, keys)
             store.start("git", "init", "-q", "--bare", "-b", "main", GIT).wait()
             address = f"ssh://root@{store.address}:{ssh_server.PORT}"
-            variables = _variables(keys)
+            for client in (DESK, OTHER):
+                keys.use(found[client])
+            variables = _variables()
             desk = Machine(found[DESK], project.folder, variables)
             other = Machine(found[OTHER], Path("/tmp/project"), variables)
             figures = _pushed(desk, address, keys)
@@ -117,9 +119,9 @@ def share(project: Checkout) -> Figures:
     return figures
 
 
-def _variables(keys: ssh_server.Keys) -> dict[str, str]:
+def _variables() -> dict[str, str]:
     tools = Path(sys.executable).parent
-    own = {"GIT_SSH_COMMAND": keys.command(), "PATH": f"{tools}:/usr/local/bin:/usr/bin:/bin"}
+    own = {"PATH": f"{tools}:/usr/local/bin:/usr/bin:/bin"}
     names = ("AUTHOR", "COMMITTER")
     own |= {f"GIT_{name}_NAME": "Test" for name in names}
     own |= {f"GIT_{name}_EMAIL": "test@example.org" for name in names}

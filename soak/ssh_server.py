@@ -3,6 +3,8 @@
 It is the one that Debian and Ubuntu install (`sudo apt-get install openssh-server`).
 """
 
+import os
+import pwd
 import shutil
 import subprocess
 from dataclasses import dataclass
@@ -45,10 +47,25 @@ class Keys:
             command = ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(self.folder / name)]
             subprocess.run(command, check=True)
 
-    def command(self) -> str:
-        """Return the client's command that uses them, as for GIT_SSH_COMMAND."""
-        known = f"-o UserKnownHostsFile={self.folder / 'known'} -o StrictHostKeyChecking=accept-new"
-        return f"ssh -i {self.user} {known}"
+    def use(self, host: Host) -> None:
+        """Let clients on a host use them, from the settings that git, DVC and their libraries read.
+
+        OpenSSH looks for these in the user's home, whatever HOME says, DVC in HOME.
+        """
+        path = self.folder / "client"
+        lines = [
+            f"IdentityFile {self.user}",
+            f"UserKnownHostsFile {self.folder / 'known'}",
+            "StrictHostKeyChecking accept-new",
+        ]
+        path.write_text("\n".join(["Host *", *lines, ""]), encoding="ascii")
+        home = f"{pwd.getpwuid(os.getuid()).pw_dir}/.ssh"
+        line = (
+            f"mkdir -p {home} $HOME/.ssh && mount -t tmpfs tmpfs {home} && "
+            f"cp {path} {home}/config && cp {path} $HOME/.ssh/config"
+        )
+        if host.start("sh", "-c", line).wait():
+            raise RuntimeError(host.log.read_text(encoding="utf-8"))
 
 
 def start(host: Host, keys: Keys) -> None:
