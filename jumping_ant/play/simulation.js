@@ -129,11 +129,11 @@ export class Simulation {
     return { steps, total, substep, state, torques: [...this.torques] };
   }
 
-  // Go on from what `save` returned, after a `reset` with the same policy and start.
+  // Resume from what `save` returned, after a `reset` with the same policy and start.
   restore({ steps, total, substep, state, torques }) {
     const { data, model, mujoco } = this;
     for (let step = 0; step < steps + (substep > 0); step += this.policy.hold) {
-      this.choice = this.policy.act(this.observation); // a policy that counts or draws goes on from there
+      this.choice = this.policy.act(this.observation); // for policies that count or draw
     }
     data.qpos.set(state.slice(0, model.nq));
     data.qvel.set(state.slice(model.nq, model.nq + model.nv));
