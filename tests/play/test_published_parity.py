@@ -17,7 +17,7 @@ def test_readme_states_what_was_measured(agent: str) -> None:
     assert own["steps"] == reference.STEPS
     assert f"a control step from {reference.STATES:,} recorded states agrees to 1e-13" in README
     assert own["one_step_error"] < 1e-13
-    assert "trajectories to 1e-6 for more than five seconds" in README
+    assert "trajectories under the same torques to 1e-6 for more than five seconds" in README
     assert own["horizon"] > 500 and own["max_error"] < 1e-12
     assert "torques to 1e-6" in README
     assert own["policy_error"] < 1e-6
