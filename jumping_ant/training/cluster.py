@@ -3,18 +3,22 @@
 This module starts none of Ray's servers.
 """
 
+import importlib.metadata
 import logging
 import os
+import pickle
+import platform
 import socket
 import threading
 import time
 from collections.abc import Hashable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import jumping_ant
-from jumping_ant.base import portable
+from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.training.workers import Died, Ended, Item, News, Work
 
@@ -84,16 +88,17 @@ class Cluster:
         self._ray = ray
         actor: Any = ray.remote(_Worker)
         self._worker = actor.options(num_cpus=1, max_concurrency=2)  # a second thread for `stop`
+        self._wanted = kind()
         self._running: dict[Any, tuple[Any, Any]] = {}
         self._last_look = self._last_seen = time.monotonic()
 
     def run(self, key: Hashable, work: Work) -> None:
         """Start a job."""
-        worker = self._worker.remote()
-        self._running[worker.run.remote(work)] = key, worker
+        worker = self._worker.remote(self._wanted)
+        self._running[worker.run.remote(pickle.dumps(work))] = key, worker
 
     def news(self, timeout: float) -> Iterator[tuple[Any, News]]:
-        """Wait for news of running jobs."""
+        """Wait for news of running jobs; raise an InputError if a machine computes otherwise."""
         ready, _ = self._ray.wait(list(self._running), num_returns=1, timeout=timeout)
         if time.monotonic() - self._last_look > SECONDS_BETWEEN_LOOKS:
             self._look()
@@ -108,7 +113,10 @@ class Cluster:
     def _next(self, generator: Any) -> News:
         errors = self._ray.exceptions
         try:
-            return Item(self._ray.get(next(generator)))
+            item = self._ray.get(next(generator))
+            if isinstance(item, _Unlike):
+                raise InputError(item.told())
+            return Item(item)
         except StopIteration:
             return Ended()
         except (errors.RayActorError, errors.OutOfMemoryError) as error:
@@ -138,15 +146,51 @@ class Cluster:
         self._ray.shutdown()
 
 
+def kind() -> dict[str, str]:
+    """Return what the bytes that this machine computes depend on."""
+    installed = {own.metadata["Name"].lower(): own.version for own in importlib.metadata.distributions()}
+    return {
+        **{name: installed.get(name, "missing") for name in machine.PACKAGES},
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": "any with AVX2 and FMA" if portable.is_supported() else machine.processor(),
+    }
+
+
+@dataclass(frozen=True)
+class _Unlike:
+    """A machine that would compute other bytes than the one that asks for them."""
+
+    host: str
+    given: dict[str, str]
+    wanted: dict[str, str]
+
+    def told(self) -> str:
+        """Return what differs, in words."""
+        names = [name for name, value in self.wanted.items() if self.given[name] != value]
+        given, allowed = (
+            ", ".join(f"{name} {kind[name]}" for name in names)
+            for kind in (self.given, self.wanted)
+        )
+        return (
+            f"RAY_ADDRESS: given a cluster whose machine {self.host} has {given}; allowed: {allowed}, "
+            "as here (`make install` of the same commit), so that every machine computes the same bytes"
+        )
+
+
 class _Worker:
     """A process that runs one job at a time, and can be told to stop while it runs."""
 
-    def __init__(self) -> None:
+    def __init__(self, wanted: dict[str, str]) -> None:
+        self._wanted = wanted
         self._stop = threading.Event()
 
-    def run(self, work: Work) -> Iterator[Any]:
-        """Yield the job's items."""
-        yield from work(self._stop)
+    def run(self, work: bytes) -> Iterator[Any]:
+        """Yield the items of a pickled job, or what is wrong with this machine."""
+        if (own := kind()) != self._wanted:
+            yield _Unlike(socket.gethostname(), own, self._wanted)
+            return
+        # Not before: where a package is missing, it cannot be read.
+        yield from pickle.loads(work)(self._stop)
 
     def stop(self) -> None:
         """Ask the job to stop."""

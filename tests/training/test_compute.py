@@ -1,5 +1,6 @@
 """Jobs in other processes: of this machine, and of a Ray cluster that is started for the tests."""
 
+import importlib.metadata
 import os
 import shutil
 import signal
@@ -353,6 +354,27 @@ def test_a_cluster_gives_the_same(on_cluster: str) -> None:
 def test_an_error_on_a_cluster_arrives_as_itself(on_cluster: str) -> None:
     with pytest.raises(InputError, match="a clear line"):
         collect({"good": partial(count, "x", 2), "bad": fail}, 2)
+
+
+@pytest.mark.parametrize(
+    ("name", "here"), [("mujoco", "3.0.0"), ("system", "Darwin arm64"), ("processor", "another")]
+)
+def test_a_machine_that_computes_otherwise_trains_nothing(
+    on_cluster: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, here: str
+) -> None:
+    there = cluster.kind()
+    monkeypatch.setattr(cluster, "kind", lambda: there | {name: here})
+    told = rf"^RAY_ADDRESS: given .* has {name} {there[name]}; allowed: {name} {here}, as here .*$"
+    with pytest.raises(InputError, match=told):
+        collect({"trains": partial(wait_for_the_end, tmp_path, "trains")}, 2)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_machine_without_a_package_computes_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "PACKAGES", ("mujoco", "no-such-package"))
+    told = cluster.kind()
+    assert told["mujoco"] == importlib.metadata.version("mujoco")
+    assert told["no-such-package"] == "missing"
 
 
 def test_a_worker_of_a_cluster_is_replaced(
