@@ -148,7 +148,9 @@ class Cluster:
 
 def kind() -> dict[str, str]:
     """Return what the bytes that this machine computes depend on."""
-    installed = {own.metadata["Name"].lower(): own.version for own in importlib.metadata.distributions()}
+    installed = {
+        own.metadata["Name"].lower(): own.version for own in importlib.metadata.distributions()
+    }
     return {
         **{name: installed.get(name, "missing") for name in machine.PACKAGES},
         "system": f"{platform.system()} {platform.machine()}",
@@ -172,8 +174,8 @@ class _Unlike:
             for kind in (self.given, self.wanted)
         )
         return (
-            f"RAY_ADDRESS: given a cluster whose machine {self.host} has {given}; allowed: {allowed}, "
-            "as here (`make install` of the same commit), so that every machine computes the same bytes"
+            f"RAY_ADDRESS: given a cluster whose machine {self.host} has {given}; "
+            f"allowed: {allowed}, as here, so that every machine computes the same bytes"
         )
 
 

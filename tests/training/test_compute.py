@@ -19,6 +19,7 @@ from typing import Any
 import psutil
 import pytest
 
+from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.training import cluster, compute
 from jumping_ant.training.workers import Work
