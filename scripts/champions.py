@@ -19,6 +19,7 @@ from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file, validation
 from jumping_ant.experiment.models import Params
+from jumping_ant.play import content
 
 FILE = Path("champions") / "dvc.yaml"
 HEADER = "# The seeds that did best in validation. Made by `make champions`.\n"
@@ -32,7 +33,7 @@ def main() -> None:
 
 
 def text(root: Path, params: Params) -> str:
-    """Return the content of `champions/dvc.yaml`; agents without validation have no champion.
+    """Return the content of `champions/dvc.yaml`.
 
     Raises:
         InputError: An agent is not trained, or its name is none for DVC's artifacts.
@@ -42,17 +43,14 @@ def text(root: Path, params: Params) -> str:
         own = Paths(root).agent(agent)
         if not own.models.is_dir():
             raise InputError(f"{agent}: not trained yet; run `dvc repro`, or `dvc pull`")
-        returns = {
-            seed: validation.published_return(root, agent, seed)
-            for seed in params.seeds
-            if own.seed(seed).validation.exists()
-        }
-        if returns:
-            seed = max(returns, key=lambda seed: returns[seed])
-            policy = own.seed(seed).policy.relative_to(root)
-            artifacts[_checked(agent)] = _artifact(
-                Path("..") / policy, block.algorithm, seed, returns[seed]
-            )
+        seed = content.champions(root, params, agent)[0]
+        policy = own.seed(seed).policy.relative_to(root)
+        artifacts[_checked(agent)] = _artifact(
+            Path("..") / policy,
+            block.algorithm,
+            seed,
+            validation.published_return(root, agent, seed),
+        )
     stream = io.StringIO()
     YAML().dump({"artifacts": artifacts}, stream)
     return HEADER + stream.getvalue()
