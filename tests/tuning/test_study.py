@@ -3,10 +3,12 @@
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,9 +28,22 @@ if TYPE_CHECKING:
 PARAMETERS = 3  # place in a record
 
 
-@pytest.fixture(autouse=True)
-def small_ranges(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(space.RANGES, "pgpe", RANGES)
+@pytest.fixture(autouse=True, scope="module")
+def small_ranges() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setitem(space.RANGES, "pgpe", RANGES)
+        yield
+
+
+@pytest.fixture(scope="module")
+def whole(small_ranges: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with a finished study, whose last two of twelve trials follow from the others.
+
+    Until the sampler learns, draws depend on the trial's number alone.
+    """
+    root = project(tmp_path_factory.mktemp("whole"))
+    run(root, 12)
+    return root
 
 
 def run(root: Path, trials: int, sampler: SamplerName = "tpe", **more: Any) -> list[str]:
@@ -61,10 +76,11 @@ def table(root: Path, sampler: SamplerName = "tpe") -> list[dict[str, str]]:
     return list(csv.DictReader(text.splitlines()))
 
 
-def test_a_killed_study_ends_with_the_trials_of_one_that_was_not(tmp_path: Path) -> None:
-    """And so does its verdict; of the twelve trials the last two are drawn by what was learned."""
-    whole, torn = project(tmp_path / "whole"), project(tmp_path / "torn")
-    run(whole, 12)
+def test_a_killed_study_ends_with_the_trials_of_one_that_was_not(
+    whole: Path, tmp_path: Path
+) -> None:
+    """And so does its verdict."""
+    torn = project(tmp_path)
     kill(torn, 12, "trial 10")
     before = records(database(torn))
     finished = [row for row in before if row[1] in ("COMPLETE", "PRUNED")]
@@ -85,7 +101,9 @@ def test_a_killed_study_ends_with_the_trials_of_one_that_was_not(tmp_path: Path)
     assert one | {"seconds": 0} == other | {"seconds": 0}
 
 
-def test_a_trial_that_was_running_keeps_its_number_and_its_seeds(tmp_path: Path) -> None:
+def test_a_trial_that_was_running_keeps_its_number_and_its_seeds(
+    whole: Path, tmp_path: Path
+) -> None:
     root = project(tmp_path)
     run(root, 1)
     (own,) = records(database(root))
@@ -98,30 +116,25 @@ def test_a_trial_that_was_running_keeps_its_number_and_its_seeds(tmp_path: Path)
     assert running[0] == own and running[1][1 : PARAMETERS + 1] == ("RUNNING", None, None)
     said = run(root, 2)
     assert "trial 1 resumes at seed 1" in said
-    fresh = project(tmp_path / "fresh")
-    run(fresh, 2)
-    assert records(database(root)) == records(database(fresh))
+    assert records(database(root)) == records(database(whole))[:2]
 
 
-def test_trials_side_by_side_are_all_run_once(tmp_path: Path) -> None:
+def test_trials_side_by_side_are_all_run_once(whole: Path, tmp_path: Path) -> None:
     root = project(tmp_path)
-    run(root, 8, workers=2)
+    run(root, 5, workers=2)
     found = records(database(root))
-    assert [number for number, *_ in found] == list(range(8))
+    assert [number for number, *_ in found] == list(range(5))
     assert {state for _, state, *_ in found} <= {"COMPLETE", "PRUNED"}
-    one = project(tmp_path / "one")
-    run(one, 8)
-    # Until the sampler learns, draws depend on the trial's number alone, and so do returns.
-    assert {row[0]: row[PARAMETERS] for row in found} == {
-        row[0]: row[PARAMETERS] for row in records(database(one))
-    }
-    both = [{row["trial"]: row["returns"].split()[0] for row in table(own)} for own in (root, one)]
-    assert both[0] == both[1]
+    first = records(database(whole))[:5]
+    assert [row[PARAMETERS] for row in found] == [row[PARAMETERS] for row in first]
+    returns, expected = (
+        {row["trial"]: row["returns"].split()[0] for row in table(own)} for own in (root, whole)
+    )
+    assert len(returns) == 5 and returns.items() < expected.items()
 
 
-def test_the_control_draws_at_random_and_judges_nothing(tmp_path: Path) -> None:
-    root = project(tmp_path)
-    run(root, 12)
+def test_the_control_draws_at_random_and_judges_nothing(whole: Path, tmp_path: Path) -> None:
+    root = shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
     run(root, 12, sampler="random")
     learned, drawn = (records(database(root, sampler)) for sampler in ("tpe", "random"))
     assert drawn[0][PARAMETERS] == learned[0][PARAMETERS], "the agent's own settings"
@@ -196,13 +209,10 @@ def test_in_a_shared_database_a_trial_is_left_to_a_process_that_lives(
 
 
 def test_machines_that_share_a_database_run_each_trial_once(
-    postgres: "Postgres", tmp_path: Path
+    postgres: "Postgres", whole: Path, tmp_path: Path
 ) -> None:
-    """Two begin at once where nothing is; one is killed in a trial, which the other finishes.
-
-    Until the sampler learns, draws depend on the trial's number alone.
-    """
-    root, alone = project(tmp_path / "two"), project(tmp_path / "one")
+    """Two begin at once where nothing is; one is killed in a trial, which the other finishes."""
+    root = project(tmp_path)
     storage = postgres.create("trials")
     with start(root, 8, storage) as other:
         said: list[str] = []
@@ -222,11 +232,10 @@ def test_machines_that_share_a_database_run_each_trial_once(
             except StoppedError as error:
                 assert "1 trials run elsewhere" in str(error)
                 other.wait()
-    run(alone, 8)
     (name,) = optuna.get_all_study_names(storage)
     trials = optuna.load_study(study_name=name, storage=storage).trials
-    file = f"{study.FILE}{database(alone)}"
-    expected = optuna.load_study(study_name=name, storage=file).trials
+    file = f"{study.FILE}{database(whole)}"
+    expected = optuna.load_study(study_name=name, storage=file).trials[:8]
     assert [trial.params for trial in trials] == [trial.params for trial in expected]
     assert all(trial.state.is_finished() for trial in trials) and len(trials) == 8
     first = study_returns(trials[0])
