@@ -60,9 +60,9 @@ class Faults:
         shutil.rmtree(self._project.folder / ".checkpoints", ignore_errors=True)
         self._log.unlink(missing_ok=True)
         self.counts[name].injected += 1
-        follows = {} if name == "interrupt" else {"live_after_seconds": 0}
+        after = 600 if name == "interrupt" else 0
         # Workers are for `soak.kills` to disturb.
-        self._project.write_params(projects.settings(workers=1, **follows))
+        self._project.write_params(projects.settings(workers=1, live_after_seconds=after))
         is_done = self._kinds[name]()
         is_told_clearly = "Traceback" not in self._log.read_text(encoding="utf-8")
         is_same = self._digest() == self._expected
