@@ -5,7 +5,8 @@ Usage: python -m soak.cluster [PART...] [--seed SEED] (takes root, and ten minut
 A head, two workers of one core and the desk that submits are hosts of their own (see `soak.hosts`):
 no disk is shared, Ray asks for a token, and its runtime environment brings the code. The same
 trainings run inline, on the cluster, with a worker that is killed in the middle, and with a head
-that is killed in the middle; all must write the same bytes.
+that is killed in the middle; all must write the same bytes. A worker that has a package in another
+version must be refused before it trains.
 """
 
 import json
@@ -13,6 +14,7 @@ import random
 import secrets
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from jumping_ant.base import command_line
-from jumping_ant.base.files import PROJECT_ROOT, write_json
+from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from scripts.checkout import Checkout, checkout
@@ -31,7 +33,7 @@ from soak.hosts import Host
 from soak.project import LEARNERS
 
 PATH = PROJECT_ROOT / "results" / "cluster.json"
-PARTS = ("undisturbed", "worker killed", "head killed")
+PARTS = ("undisturbed", "worker killed", "head killed", "worker unlike")
 HEAD, DESK, WORKERS = "head", "desk", ("one", "two")
 DISTURBED = "sac"  # the agent in whose training a worker is killed
 BUDGETS = {
@@ -40,6 +42,7 @@ BUDGETS = {
     "pgpe": {"generations": 16},
 }
 LONG = {"dqn": {"total_steps": 40_000}}  # without a head, workers train on for a while
+OTHER = ("evotorch", "0.0.1")  # a package, and a version that is not the locked one
 PORT = 6379
 STORE_BYTES = 100 * 2**20
 SECONDS_TO_JOIN = 120.0
@@ -89,6 +92,12 @@ def run(
         expected, _ = inline(project, LONG.keys(), LONG)
         with cluster(project, WORKERS) as own:
             figures["head killed"] = own.lost(expected, troubles, generator)
+    if "worker unlike" in parts:
+        with tempfile.TemporaryDirectory() as folder:
+            package = Path(folder) / f"{OTHER[0]}-{OTHER[1]}.dist-info"
+            write_text(package / "METADATA", "Name: {}\nVersion: {}\n".format(*OTHER))
+            with cluster(project, WORKERS, unlike=Path(folder)) as own:
+                figures["worker unlike"] = own.refused(troubles)
     return figures
 
 
@@ -199,6 +208,15 @@ class Cluster:
         own = {"killed": 1, "told": is_told, "seconds_until_dvc_ended": round(seconds, 1)}
         return own | {"resumed": resumed} | figures
 
+    def refused(self, troubles: list[str]) -> Figures:
+        """Train on a worker with a package in another version; see that it is refused."""
+        status = self.train([DISTURBED]).wait(SECONDS_FOR_TRAINING)
+        told = self.desk.log.read_text(encoding="utf-8")
+        is_told = status != 0 and f"has {OTHER[0]} {OTHER[1]}; allowed: {OTHER[0]} " in told
+        if not is_told:
+            troubles.append(f"a worker has another {OTHER[0]}, and this was told:\n{told}")
+        return {"told": is_told}
+
     def _start(self, *command: str) -> "subprocess.Popen[bytes]":
         return self.desk.start(
             str(tools() / command[0]),
@@ -234,10 +252,13 @@ class Cluster:
 
 
 @contextmanager
-def cluster(project: Checkout, workers: Sequence[str]) -> Iterator[Cluster]:
-    """Start a cluster, and end it."""
+def cluster(
+    project: Checkout, workers: Sequence[str], unlike: Path | None = None
+) -> Iterator[Cluster]:
+    """Start a cluster, and end it; its last worker finds other packages first, if told where."""
     environment = Path(sys.prefix)
-    shown = dict.fromkeys((HEAD, *workers), [environment])
+    others = {workers[-1]: unlike} if unlike else {}
+    shown = {name: [environment, *others.values()] for name in (HEAD, *workers)}
     shown[DESK] = [environment, project.folder]
     token = secrets.token_hex(16)
     with hosts.running((HEAD, DESK, *workers), shown) as found:
@@ -246,6 +267,7 @@ def cluster(project: Checkout, workers: Sequence[str]) -> Iterator[Cluster]:
         variables |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ADDRESS": f"{head.address}:{PORT}"}
         for name, host in found.items():
             cores = 1 if name in workers else 0
+            first = {"PYTHONPATH": str(others[name])} if name in others else {}
             as_head = ("--head", "--port", str(PORT), "--include-dashboard", "false")
             place = as_head if host is head else ("--address", variables["RAY_ADDRESS"])
             started = host.start(
@@ -253,7 +275,8 @@ def cluster(project: Checkout, workers: Sequence[str]) -> Iterator[Cluster]:
                 *("--node-ip-address", host.address, "--num-cpus", str(cores)),
                 *("--object-store-memory", str(STORE_BYTES)),
                 folder=Path("/"),
-                **variables | {"RAY_worker_niceness": "0"},  # by default 15: others come first here
+                # Workers' niceness is 15 by default: others come first here.
+                **variables | {"RAY_worker_niceness": "0"} | first,
             )
             _await(host, started, "Ray runtime started.")
         yield Cluster(project, found[DESK], head, [found[name] for name in workers], variables)

@@ -148,14 +148,18 @@ class Cluster:
 
 def kind() -> dict[str, str]:
     """Return what the bytes that this machine computes depend on."""
-    installed = {
-        own.metadata["Name"].lower(): own.version for own in importlib.metadata.distributions()
-    }
     return {
-        **{name: installed.get(name, "missing") for name in machine.PACKAGES},
+        **{name: _version(name) for name in machine.PACKAGES},
         "system": f"{platform.system()} {platform.machine()}",
         "processor": "any with AVX2 and FMA" if portable.is_supported() else machine.processor(),
     }
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "missing"
 
 
 @dataclass(frozen=True)
