@@ -84,7 +84,7 @@ def in_node(page_content: dict[str, Any], tasks: Sequence[Job]) -> list[Any]:
 
 def errors(root: Path, params: Params, opened: Page) -> dict[str, dict[str, Any]]:
     """Return the errors of each agent's champion."""
-    champions = {name: content.champions(root, params, name)[0] for name in params.agents}
+    champions = {name: content.champions(root, name, params.seeds)[0] for name in params.agents}
     jobs = []
     for name, seed in champions.items():
         kind = params.agent(name).robot

@@ -24,17 +24,19 @@
       return JSON.parse(await parts.text(name));
     },
 
-    // Start a worker that runs a module's `hear` for each message. It makes its own addresses: those of a
-    // page from disk are none of its.
-    worker(name) {
+    // Start a worker that runs `hear` of `worker.js` for each message, and have it begin with the page's
+    // content. It makes its own addresses: those of a page from disk are none of its.
+    simulator(content) {
       const source = `const link = ${linked};
         let module = null;
         onmessage = async ({ data }) => {
           if (module) (await module).hear(data);
-          else module = import(link(data)("${name}"));
+          else module = import(link(data)("./worker.js"));
         };`;
       const worker = new Worker(address(source)); // from disk, Chromium starts no worker that is a module itself
       worker.postMessage(sources);
+      parts.bytes("mujoco.wasm").then((binary) => worker.postMessage(
+        { kind: "begin", binary, content }, [binary.buffer]));
       return worker;
     },
   };
@@ -68,11 +70,15 @@
     for (const script of document.querySelectorAll("script[data-module]")) {
       sources.set(script.dataset.module, script.textContent);
     }
-    const libraries = { "mujoco.js": "mujoco", "three.core.js": "./three.core.js", "three.module.js": "three" };
-    await Promise.all(Object.entries(libraries).map(async ([file, name]) => sources.set(name, await parts.text(file))));
     const content = JSON.parse(document.getElementById("content").textContent);
-    const { begin: start } = await import(linked(sources)("./main.js"));
-    window.page = await start(content, parts, said);
+    const isNative = sources.has("./native.js"); // then what simulates is elsewhere, and has the policies
+    const libraries = { "three.core.js": "./three.core.js", "three.module.js": "three" };
+    if (!isNative) libraries["mujoco.js"] = "mujoco";
+    await Promise.all(Object.entries(libraries).map(async ([file, name]) => sources.set(name, await parts.text(file))));
+    const link = linked(sources);
+    const { begin: start } = await import(link("./main.js"));
+    const given = isNative ? await import(link("./native.js")) : parts;
+    window.page = await start(content, given, said);
     progress.hidden = true;
   }
 

@@ -1,7 +1,8 @@
 """What the page knows: robots, the task, agents with their policies, starts and perturbations."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,8 +10,10 @@ import gymnasium as gym
 import numpy as np
 
 from jumping_ant.agents import catalogue
+from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import Paths
+from jumping_ant.base.tables import Table
 from jumping_ant.experiment import episodes, validation
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import looks
@@ -53,9 +56,9 @@ SLIDERS = {
 }
 
 
-def champions(root: Path, params: Params, agent: str) -> list[int]:
-    """Return an agent's seeds, the one that did best in validation first, as in MLflow."""
-    returns = {seed: validation.published_return(root, agent, seed) for seed in params.seeds}
+def champions(root: Path, agent: str, seeds: Sequence[int]) -> list[int]:
+    """Return some seeds of an agent, the one that did best in validation first, as in MLflow."""
+    returns = {seed: validation.published_return(root, agent, seed) for seed in seeds}
     return sorted(returns, key=lambda seed: -returns[seed])
 
 
@@ -68,7 +71,7 @@ def policy(root: Path, agent: str, seed: int) -> dict[str, Any]:
 
 def all_policies(root: Path, params: Params) -> Policies:
     """Return policies by agent and seed: all champions, and as many others as there is room for."""
-    order = {name: champions(root, params, name) for name in params.agents}
+    order = {name: champions(root, name, params.seeds) for name in params.agents}
     found: Policies = {}
     taken = 0
     for rank in range(len(params.seeds)):
@@ -80,17 +83,27 @@ def all_policies(root: Path, params: Params) -> Policies:
     return found
 
 
-def build(root: Path, params: Params, included: Policies) -> dict[str, Any]:
+def build(
+    root: Path, params: Params, seeds: Mapping[str, Sequence[int]], is_complete: bool = True
+) -> dict[str, Any]:
     """Return what the page knows besides the policies.
 
     Args:
         root: The project's folder.
         params: All parameters.
-        included: The policies that the page has, of each agent its champion's first.
+        seeds: The seeds of each agent whose policies there are, its champion's first.
+        is_complete: Whether all stages before the page have run; else, their results may be absent.
     """
+    absent = () if is_complete else (InputError,)
     kinds = sorted({params.agent(name).robot for name in params.agents})
     worlds = {kind: World(robot.read(root, kind), params.env) for kind in kinds}
-    withstood = read_json(Paths(root).robustness, "crossings")
+    withstood: dict[str, Any] = {}
+    with suppress(*absent):
+        withstood = read_json(Paths(root).robustness, "crossings")["agents"]
+    played: dict[str, Table] = {}
+    for name in seeds:
+        with suppress(*absent):
+            played[name] = episodes.read(root, params, name)
     families = {name: catalogue.row(params.agent(name)).family for name in params.agents}
     drawn = looks.looks(families)
     return {
@@ -105,21 +118,13 @@ def build(root: Path, params: Params, included: Policies) -> dict[str, Any]:
                 "robot": params.agent(name).robot,
                 "colour": drawn[name].colour,
                 "learns": families[name] != BASELINE,
-                "kind": included[name, seeds[0]]["kind"],
-                "crossings": _crossings(withstood["agents"].get(name, {})),
-                "seeds": _seeds(root, params, worlds[params.agent(name).robot], name, seeds),
+                "kind": policy(root, name, own[0])["kind"],
+                "crossings": _crossings(withstood.get(name, {})),
+                "seeds": _seeds(params, worlds[params.agent(name).robot], own, played.get(name)),
             }
-            for name, seeds in _seeds_of(included).items()
+            for name, own in seeds.items()
         },
     }
-
-
-def _seeds_of(included: Policies) -> dict[str, list[int]]:
-    """Return the seeds of each agent, champions first."""
-    found: dict[str, list[int]] = {}
-    for agent, seed in included:
-        found.setdefault(agent, []).append(seed)
-    return found
 
 
 def start(world: World, episode_seed: int) -> dict[str, Any]:
@@ -130,19 +135,18 @@ def start(world: World, episode_seed: int) -> dict[str, Any]:
 
 
 def _seeds(
-    root: Path, params: Params, world: World, agent: str, seeds: Sequence[int]
+    params: Params, world: World, seeds: Sequence[int], table: Table | None
 ) -> list[dict[str, Any]]:
-    """Return seeds with their first held-out starts, and what was returned from them natively."""
-    table = episodes.read(root, params, agent)
-    columns = [table[name].reshape(len(params.seeds), -1) for name in ("return", "length")]
+    """Return seeds with their first held-out starts, and what was returned from them, if known."""
     found = []
     for seed in seeds:
-        totals, lengths = (column[params.seeds.index(seed)] for column in columns)
-        played = zip(params.evaluate.block(seed)[:STARTS], totals, lengths, strict=False)
-        starts = [
-            start(world, number) | {"return": float(total), "length": int(length)}
-            for number, total, length in played
-        ]
+        starts = [start(world, number) for number in params.evaluate.block(seed)[:STARTS]]
+        if table is not None:
+            rows = np.flatnonzero(table["seed"] == seed)
+            starts = [
+                own | {"return": float(table["return"][row]), "length": int(table["length"][row])}
+                for own, row in zip(starts, rows, strict=False)
+            ]
         found.append({"seed": seed, "starts": starts})
     return found
 

@@ -1,4 +1,4 @@
-// The page: robots in a worker, drawn, plotted and controlled.
+// The page: robots that a worker or the native simulator moves, drawn, plotted and controlled.
 
 import { Chooser, Commands, element, Sliders } from "./controls.js";
 import { Game } from "./game.js";
@@ -16,7 +16,8 @@ const PUSHES = { left: [0, 1, 0], right: [0, -1, 0], forward: [1, 0, 0], back: [
 const ARROWS = { ArrowLeft: "left", ArrowRight: "right", ArrowUp: "forward", ArrowDown: "back", PageUp: "up" };
 const BEATS = ["f", "j"];
 
-// Begin, with the page's content, what unpacks its parts, and `said(text)` that tells of progress.
+// Begin, with the page's content, what has its policies and its simulator, and `said(text)` that tells of
+// progress.
 export async function begin(content, parts, said) {
   const page = new Page(content, parts);
   said("starting MuJoCo");
@@ -33,15 +34,13 @@ class Page {
     const running = !matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.state = { a: this.usual(), b: null, speed: 1, running, levels: {}, moment: null };
     this.policies = new Map();
-    this.physics = new Physics(parts.worker("./worker.js"), {
+    this.physics = new Physics(parts.simulator(content), {
       ready: ({ version }) => this.begun(version),
       robot: (message) => this.placed(message),
       frame: (message) => this.show(message),
       failure: (text) => fail(text),
     });
     this.ready = new Promise((resolve) => (this.begun = resolve));
-    parts.bytes("mujoco.wasm").then((binary) => this.physics.tell(
-      "begin", { binary, content }, [binary.buffer]));
     this.build();
   }
 
@@ -164,8 +163,8 @@ class Page {
     const name = SLOTS[slot], origin = element(`origin-${name}`), save = element(`save-${name}`);
     const start = this.startOf(name);
     element(`name-${name}`).textContent = this.robots[slot].label;
-    element(`native-${name}`).textContent = policy
-      ? `${start.return.toFixed(1)} in ${start.length} steps` : "nobody drives it there";
+    const before = start.length ? `${start.return.toFixed(1)} in ${start.length} steps` : "not evaluated";
+    element(`native-${name}`).textContent = policy ? before : "nobody drives it there";
     save.hidden = !policy;
     origin.textContent = "";
     if (!policy) return;

@@ -1,11 +1,15 @@
-"""The live page: MuJoCo, robots and policies in one file, which asks nobody for anything."""
+"""The live page: MuJoCo, robots and policies in one file, which asks nobody for anything.
+
+`make watch` serves it with the native simulator in their place (`jumping_ant.watching`).
+"""
 
 import base64
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import distribution, version
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import pyarrow as pa
@@ -29,8 +33,30 @@ def build(root: Path, params: Params) -> str:
     Raises:
         InputError: The page's libraries are not there.
     """
-    libraries = vendor.files()
-    policies = content.all_policies(root, params)
+    included = content.all_policies(root, params)
+    policies = {
+        f"{agent}/{seed}": json.dumps(policy).encode() for (agent, seed), policy in included.items()
+    }
+    seeds: dict[str, list[int]] = {}
+    for agent, seed in included:
+        seeds.setdefault(agent, []).append(seed)
+    return render(content.build(root, params, seeds), vendor.files() | policies)
+
+
+def render(
+    known: Mapping[str, Any],
+    parts: Mapping[str, bytes],
+    native: Mapping[str, str] | None = None,
+    servers: str = "'none'",
+) -> str:
+    """Return the HTML of a page.
+
+    Args:
+        known: What it knows (`jumping_ant.play.content`).
+        parts: What it holds compressed, by name: libraries and policies.
+        native: Modules that stand for the native simulator, if that is used.
+        servers: What the page may ask, as a source list of content security policies.
+    """
     boot = (FOLDER / BOOT).read_text(encoding="utf-8")
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER),
@@ -39,30 +65,21 @@ def build(root: Path, params: Params) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    licence = distribution("mujoco").read_text(LICENCE)
-    own = content.build(root, params, policies)
     return environment.get_template("play.html").render(
-        name=own["name"],
-        security_policy=_security_policy(boot),
+        name=known["name"],
+        is_native=native is not None,
+        security_policy=_security_policy(boot, servers),
         style=(FOLDER / "play.css").read_text(encoding="utf-8"),
-        num_commands=len(params.env.commands),
+        num_commands=len(known["task"]["commands"]),
         native=version("mujoco"),
         ported=vendor.PACKAGES[0].version,
-        apache=licence,
-        mit=libraries.pop("LICENSE").decode(),
-        packed=list(_packed(libraries, policies)),
-        modules=list(_modules()),
-        content=own,
+        apache=distribution("mujoco").read_text(LICENCE),
+        mit=parts["LICENSE"].decode(),
+        packed=[(name, _pack(part)) for name, part in parts.items() if name != "LICENSE"],
+        modules=[*_modules(), *(native or {}).items()],
+        content=known,
         boot=boot,
     )
-
-
-def _packed(libraries: dict[str, bytes], policies: content.Policies) -> Iterator[tuple[str, str]]:
-    """Yield the names of compressed parts, and what they hold."""
-    for name, library in libraries.items():
-        yield name, _pack(library)
-    for (agent, seed), policy in policies.items():
-        yield f"{agent}/{seed}", _pack(json.dumps(policy).encode())
 
 
 def _pack(data: bytes) -> str:
@@ -77,13 +94,14 @@ def _modules() -> Iterator[tuple[str, str]]:
             yield file.name, file.read_text(encoding="utf-8")
 
 
-def _security_policy(boot: str) -> str:
-    """Return what browsers may do with the page: run what is in it, and ask nobody for anything.
+def _security_policy(boot: str, servers: str) -> str:
+    """Return what browsers may do with the page: run what is in it, and ask no other servers.
 
     MuJoCo's bindings make functions from text.
     """
     digest = base64.b64encode(hashlib.sha256(boot.encode()).digest()).decode()
     return (
         f"default-src 'none'; script-src 'sha256-{digest}' blob: 'unsafe-eval'; worker-src blob:; "
-        "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'"
+        f"style-src 'unsafe-inline'; img-src data: blob:; connect-src {servers}; "
+        "base-uri 'none'; form-action 'none'"
     )

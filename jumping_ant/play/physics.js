@@ -1,4 +1,4 @@
-// The page's end of the worker that simulates.
+// The page's end of what simulates: a worker, or what is used like one.
 
 export class Physics {
   // `listeners` get the worker's messages by their kind.
@@ -17,8 +17,8 @@ export class Physics {
     this.worker.onerror = (event) => listeners.failure(event.message ?? "the worker does not start");
   }
 
-  tell(kind, message = {}, transferred = []) {
-    this.worker.postMessage({ kind, ...message }, transferred);
+  tell(kind, message = {}) {
+    this.worker.postMessage({ kind, ...message });
   }
 
   // Ask for something; answers come in the order of the questions.

@@ -231,6 +231,6 @@ function floor() {
 }
 
 function rotation(turns, i) {
-  const m = turns.subarray(9 * i, 9 * i + 9);
+  const m = turns.slice(9 * i, 9 * i + 9);
   return new THREE.Matrix4().set(m[0], m[1], m[2], 0, m[3], m[4], m[5], 0, m[6], m[7], m[8], 0, 0, 0, 0, 1);
 }
