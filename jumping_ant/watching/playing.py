@@ -1,4 +1,4 @@
-"""Play a policy in real time, for someone to watch."""
+"""Play a policy in real time, in a window."""
 
 import itertools
 import time
@@ -8,29 +8,27 @@ import numpy as np
 
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim.env import RobotEnv
-from jumping_ant.sim.rewards import PREFIX, active
-from jumping_ant.watching.live import Step
 
 
 def play(
     env: RobotEnv, policy: Policy, first_seed: int, num_episodes: int | None
-) -> Iterator[Step]:
-    """Play episodes, endlessly if `num_episodes` is None; yield control steps in real time.
+) -> Iterator[float]:
+    """Play episodes, endlessly if `num_episodes` is None; yield rewards in real time.
 
     The seeds of the episodes count up from `first_seed`.
     """
     numbers = itertools.count() if num_episodes is None else range(num_episodes)
     for number in numbers:
         earned, due = 0.0, time.monotonic()
-        for step in _play_episode(env, policy, first_seed + number):
-            yield step
-            earned += step.reward
+        for reward in _play_episode(env, policy, first_seed + number):
+            yield reward
+            earned += reward
             due = max(due + env.dt, time.monotonic() - env.dt)  # lost time is not made up for
             time.sleep(max(0.0, due - time.monotonic()))
         print(f"episode {number}: return {earned:,.0f}", flush=True)
 
 
-def _play_episode(env: RobotEnv, policy: Policy, seed: int) -> Iterator[Step]:
+def _play_episode(env: RobotEnv, policy: Policy, seed: int) -> Iterator[float]:
     observation, _ = env.reset(seed=seed)
     policy.start([seed])
     has_ended = False
@@ -39,8 +37,6 @@ def _play_episode(env: RobotEnv, policy: Policy, seed: int) -> Iterator[Step]:
             return
         if number % policy.actions.hold == 0:
             torques = policy.act(observation[None])[0]
-        qpos, qvel = env.data.qpos.copy(), env.data.qvel.copy()
-        observation, reward, terminated, truncated, info = env.step(torques.astype(np.float32))
+        observation, reward, terminated, truncated, _ = env.step(torques.astype(np.float32))
         has_ended = terminated or truncated
-        terms = {name: info[PREFIX + name] for name in active(env.world.env.reward)}
-        yield Step(qpos, qvel, torques, reward, terms)
+        yield reward

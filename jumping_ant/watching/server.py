@@ -1,123 +1,149 @@
-"""A Rerun viewer for the browser of the user who starts it: other users are refused.
+"""The live page over the native simulator, for the user who starts it: other users are refused.
 
-Rerun's own server takes data from, and gives it to, whoever can connect. Here the browser loads a
-growing recording over HTTP instead, from the server that has the viewer's page. That would send
-telemetry and fetch fonts from elsewhere, so a content security policy lets it reach only this one.
+A page gets simulations of its own. Its security policy lets it reach only this server.
 """
 
 import hmac
-import http.server
+import json
 import secrets
-import sys
+import socket
 import threading
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from http import HTTPStatus
+from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
-import rerun as rr
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+from websockets.sync import server as websockets
+from websockets.typing import Origin
 
 from jumping_ant.base import peers
-from jumping_ant.recording.file import APPLICATION_ID
-from jumping_ant.watching import viewer
-from jumping_ant.watching.feed import Feed
+from jumping_ant.experiment.models import Params
+from jumping_ant.play import content, page, vendor
+from jumping_ant.watching import trained
+from jumping_ant.watching.session import Session
+from jumping_ant.watching.simulation import Json
 
 HOST = "127.0.0.1"
-RECORDING = "live.rrd"
-POLICY = "default-src 'self' blob: data: 'unsafe-inline' 'unsafe-eval'"
-MOST_CONNECTIONS = 64  # at a time
-SECONDS_FOR_REQUEST = 30
+MODULE = "native.js"
+PERIOD = 1 / 60  # [s] from frame to frame
+MOST_THREADS = 192  # a connection has up to three
+SECONDS_FOR_REQUEST = 2.0
 TOKEN_BYTES = 16
 
 
 @contextmanager
-def serve(name: str) -> Iterator[tuple[rr.RecordingStream, Feed, str]]:
-    """Serve a recording; yield it, the feed that publishes its content, and the address to open."""
-    files = viewer.read_files()
-    with rr.RecordingStream(APPLICATION_ID) as stream:
-        feed = Feed(stream)
-        stream.send_recording_name(name)
-        stream.set_log_time_enabled(False)
-        with _Server(files, feed) as server:
-            threading.Thread(target=server.serve_forever, daemon=True).start()
-            try:
-                yield stream, feed, server.address
-            finally:
-                feed.end()
-                server.shutdown()
+def listen(root: Path, params: Params) -> Iterator[tuple[websockets.Server, str]]:
+    """Listen for the user's browser; yield a server, and the address of its page."""
+    with _Listener.create() as listener:
+        site = _Site(root, params, listener.getsockname()[1])
+        serving = websockets.serve(
+            site.converse,
+            sock=listener,
+            origins=[Origin(f"http://{name}") for name in site.names],
+            process_request=site.answer,
+            compression=None,
+            open_timeout=SECONDS_FOR_REQUEST,
+        )
+        with serving:
+            yield serving, f"http://{HOST}:{site.port}/{site.token}/"
 
 
-class _Server(http.server.ThreadingHTTPServer):
-    """A server of the viewer and a recording, with a thread for each of a number of connections."""
+class _Listener(socket.socket):
+    """A socket that hangs up on other users of the machine, and if there are too many threads."""
 
-    request_queue_size = MOST_CONNECTIONS
+    @classmethod
+    def create(cls) -> "_Listener":
+        return cls(fileno=socket.create_server((HOST, 0)).detach())
 
-    def __init__(self, files: dict[str, bytes], feed: Feed) -> None:
-        super().__init__((HOST, 0), _Handler)
-        self.files, self.feed, self.token = files, feed, secrets.token_hex(TOKEN_BYTES)
-        self.names = {f"{name}:{self.server_port}" for name in (HOST, "localhost")}
-        self._free = threading.BoundedSemaphore(MOST_CONNECTIONS)
-
-    @property
-    def address(self) -> str:
-        """The address of the viewer, which shows the recording."""
-        root = f"http://{HOST}:{self.server_port}/{self.token}/"
-        return f"{root}?url={quote(root + RECORDING, safe='')}&hide_welcome_screen&theme=dark"
-
-    def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Hang up on other users of the machine, before they take a place."""
-        return peers.is_own(client_address, (HOST, self.server_port))
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread of its own, or close it if there are too many."""
-        if self._free.acquire(blocking=False):
-            super().process_request(request, client_address)
-        else:
-            self.shutdown_request(request)
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Serve a connection, in its thread."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Report an error, unless the browser has disconnected or fallen silent."""
-        if not isinstance(sys.exception(), OSError):
-            super().handle_error(request, client_address)
+    def accept(self) -> tuple[socket.socket, Any]:
+        connection, client = super().accept()
+        is_own = peers.is_own(client, self.getsockname())
+        if not is_own or threading.active_count() > MOST_THREADS:
+            connection.close()
+        return connection, client
 
 
-class _Handler(http.server.BaseHTTPRequestHandler):
-    server: _Server
-    timeout = SECONDS_FOR_REQUEST
+class _Site:
+    """What the server's addresses show: the page, policies as JSON, and the simulator."""
 
-    def do_GET(self) -> None:  # noqa: N802  (the base class's name)
-        path = self.path.partition("?")[0]
-        token, slash, name = path.removeprefix("/").partition("/")
+    def __init__(self, root: Path, params: Params, port: int) -> None:
+        self.port, self.token = port, secrets.token_hex(TOKEN_BYTES)
+        self.names = [f"{name}:{port}" for name in (HOST, "localhost")]
+        self._root, self._params = root, params
+        found = {name: trained.seeds(root, params, name) for name in params.agents}
+        seeds = {name: own for name, own in found.items() if own}
+        self._policies = {
+            f"policies/{agent}/{seed}.json": (agent, seed)
+            for agent, own in seeds.items()
+            for seed in own
+        }
+        module = Path(__file__).with_name(MODULE).read_text(encoding="utf-8")
+        self._page = page.render(
+            content.build(root, params, seeds, is_complete=False),
+            {name: own for name, own in vendor.files().items() if not name.startswith("mujoco.")},
+            native={MODULE: module},
+            servers=" ".join(["'self'", *(f"ws://{name}" for name in self.names)]),
+        )
+
+    def answer(self, connection: websockets.ServerConnection, request: Request) -> Response | None:
+        """Answer a request, unless it is to open the conversation."""
+        token, slash, name = request.path.partition("?")[0].removeprefix("/").partition("/")
         # A page elsewhere could give its own name this machine's address.
-        if self.headers["Host"] not in self.server.names:
-            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
-        elif not hmac.compare_digest(token.encode(), self.server.token.encode()):
-            self.send_error(HTTPStatus.FORBIDDEN, explain="Open the address that was printed.")
-        elif name == RECORDING:
-            self._send("application/octet-stream", self.server.feed.follow())
-        elif slash and name in self.server.files:
-            self._send(viewer.CONTENT_TYPES[name], [self.server.files[name]])
-        else:
-            self.send_error(HTTPStatus.NOT_FOUND)
+        if request.headers.get_all("Host") not in [[name] for name in self.names]:
+            return connection.respond(HTTPStatus.MISDIRECTED_REQUEST, "")
+        if not hmac.compare_digest(token.encode(errors="replace"), self.token.encode()):
+            return connection.respond(HTTPStatus.FORBIDDEN, "Open the address that was printed.\n")
+        if name == "live":
+            return None
+        if slash and not name:
+            return _response("text/html; charset=utf-8", self._page)
+        if name in self._policies:
+            policy = content.policy(self._root, *self._policies[name])
+            return _response("application/json", json.dumps(policy))
+        return connection.respond(HTTPStatus.NOT_FOUND, "")
 
-    def _send(self, content_type: str, parts: Iterable[bytes]) -> None:
-        """Send content up to the end of the connection."""
-        self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", content_type)
-        self.send_header("Content-Security-Policy", POLICY)
-        self.send_header("Referrer-Policy", "no-referrer")
-        self.send_header("Cache-Control", "no-store")
-        self.end_headers()
-        for part in parts:
-            self.wfile.write(part)
+    def converse(self, connection: websockets.ServerConnection) -> None:
+        """Simulate for a page until it is closed, or says what none says."""
+        with suppress(ConnectionClosed):
+            try:
+                self._simulate(connection)
+            except (AttributeError, LookupError, TypeError, ValueError) as error:
+                _send(connection, {"kind": "failure", "text": str(error)})
 
-    def log_message(self, format: str, *args: object) -> None:
-        """Log nothing."""
+    def _simulate(self, connection: websockets.ServerConnection) -> None:
+        session = Session(self._root, self._params)
+        answers, due = session.begin(), time.monotonic()
+        while True:
+            for answer in answers:
+                _send(connection, answer)
+            try:
+                message = connection.recv(timeout=max(0.0, due - time.monotonic()))
+                answers = session.hear(json.loads(message))
+            except TimeoutError:
+                answers = []
+            if time.monotonic() >= due:
+                answers += session.tick()
+                due = time.monotonic() + PERIOD
+
+
+def _send(connection: websockets.ServerConnection, message: Json) -> None:
+    connection.send(json.dumps(message, allow_nan=False, separators=(",", ":")))
+
+
+def _response(content_type: str, text: str) -> Response:
+    body = text.encode()
+    headers = Headers(
+        {
+            "Content-Type": content_type,
+            "Content-Length": str(len(body)),
+            "Connection": "close",
+            "Referrer-Policy": "no-referrer",
+            "Cache-Control": "no-store",
+        }
+    )
+    return Response(HTTPStatus.OK, HTTPStatus.OK.phrase, headers, body)
