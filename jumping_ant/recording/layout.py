@@ -42,18 +42,6 @@ def episode_layout(world: World, moment: Moment, film_end: int) -> rrb.Blueprint
     )
 
 
-def live_layout(world: World) -> rrb.Blueprint:
-    """Arrange a live episode: the robot beside the last seconds of the series."""
-    recent = rrb.TimeAxis(view_range=_around(before=10.0))
-    plots = rrb.Vertical(*_plots(world, recent), row_shares=[4, 3, 3, 7])
-    panel = rrb.TimePanel(timeline=TIMELINE, state="collapsed", play_state="following")
-    return rrb.Blueprint(
-        rrb.Horizontal(scene_view(world, "Robot"), plots, column_shares=[3, 2]),
-        panel,
-        collapse_panels=True,
-    )
-
-
 def lineup_layout(
     worlds: Mapping[str, World],
     labels: Mapping[str, str],
@@ -113,8 +101,8 @@ def scene_view(world: World, name: str, root: str = "") -> rrb.Spatial3DView:
     )
 
 
-def _plots(world: World, axis: rrb.TimeAxis | None = None) -> list[rrb.View | rrb.Container]:
-    """Return the views of the series; `axis` narrows those that show the whole episode."""
+def _plots(world: World) -> list[rrb.View | rrb.Container]:
+    """Return the views of the series."""
     no_legend = rrb.PlotLegend(visible=False)
     motors = [world.model.actuator(motor).name for motor in range(world.anatomy.num_motors)]
     kinds = dict.fromkeys(sorted((name.partition("_")[0] for name in motors), reverse=True))
@@ -126,16 +114,12 @@ def _plots(world: World, axis: rrb.TimeAxis | None = None) -> list[rrb.View | rr
         for kind in kinds
     ]
     return [
-        rrb.TimeSeriesView(
-            origin="height", name="Torso height [m]", plot_legend=no_legend, axis_x=axis
-        ),
-        rrb.TimeSeriesView(
-            origin="reward", name="Reward per control step", plot_legend=no_legend, axis_x=axis
-        ),
+        rrb.TimeSeriesView(origin="height", name="Torso height [m]", plot_legend=no_legend),
+        rrb.TimeSeriesView(origin="reward", name="Reward per control step", plot_legend=no_legend),
         rrb.StateTimelineView(
             origin="phase",
             name="Phase",
-            time_view=axis or rrb.TimeAxis(view_range=_around(before=3.0, after=7.0)),
+            time_view=rrb.TimeAxis(view_range=_around(before=3.0, after=7.0)),
         ),
         rrb.Tabs(*close_ups, active_tab=1),
     ]

@@ -68,20 +68,15 @@ def log_control(
     world: World,
     trajectory: Trajectory,
     num_rows: int,
-    first_step: int = 0,
 ) -> None:
     """Log the series with a value per control step: torques at its start, reward at its end.
 
-    The trajectory is an episode, or a part from `first_step` on. A step that the `num_rows`
-    recorded states do not complete has no reward.
+    A step that the `num_rows` recorded states do not complete has no reward.
     """
     skip, last = trajectory.frame_skip, num_rows - 1
     begun, ended = -(-last // skip), last // skip
-    steps = first_step + np.arange(begun)
-    times = np.rint(
-        np.arange(first_step, first_step + begun + 1) * skip * trajectory.timestep * 1e9
-    )
-    times = times.astype(np.int64)
+    steps = np.arange(begun)
+    times = np.rint(np.arange(begun + 1) * skip * trajectory.timestep * 1e9).astype(np.int64)
     torques = trajectory.torques[:begun] * world.anatomy.peak_torques
     columns = indexes(times[:-1], steps)
     for motor in range(world.anatomy.num_motors):

@@ -30,10 +30,8 @@ class States:
     contacts: NDArray[np.int64]  # their number on the whole robot, (num_rows,)
 
 
-def derive(
-    world: World, trajectory: Trajectory, rows: NDArray[np.int64], first_step: int = 0
-) -> States:
-    """Compute poses and contacts in some rows of an episode, or of a part from `first_step` on."""
+def derive(world: World, trajectory: Trajectory, rows: NDArray[np.int64]) -> States:
+    """Compute poses and contacts in some rows of an episode."""
     model = world.model
     trajectory.check(model)
     skip, num_rows = trajectory.frame_skip, len(rows)
@@ -41,8 +39,8 @@ def derive(
     steps = np.minimum(rows // skip, len(trajectory.torques) - 1)
     states = States(
         rows=rows,
-        times=np.rint((rows + first_step * skip) * trajectory.timestep * 1e9).astype(np.int64),
-        steps=steps + first_step,
+        times=np.rint(rows * trajectory.timestep * 1e9).astype(np.int64),
+        steps=steps,
         positions=np.empty((num_rows, model.nbody, 3)),
         quaternions=np.empty((num_rows, model.nbody, 4)),
         normal_forces=np.zeros((num_rows, num_limbs)),
