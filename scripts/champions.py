@@ -43,7 +43,7 @@ def text(root: Path, params: Params) -> str:
         own = Paths(root).agent(agent)
         if not own.models.is_dir():
             raise InputError(f"{agent}: not trained yet; run `dvc repro`, or `dvc pull`")
-        seed = content.champions(root, params, agent)[0]
+        seed = content.champions(root, agent, params.seeds)[0]
         policy = own.seed(seed).policy.relative_to(root)
         artifacts[_checked(agent)] = _artifact(
             Path("..") / policy,
