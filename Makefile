@@ -11,6 +11,7 @@ SEED ?=
 TRIALS ?=
 SAMPLER ?=
 STORAGE ?=
+SET ?=
 ALL ?=
 
 # Disable the telemetry of all tools.
@@ -27,7 +28,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help install shared champions try repro preset article decide tune parity check style test test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install shared champions try cost repro preset article decide tune parity check style test test-quick test-comparison test-smoke test-soak test-training \
 	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -66,8 +67,11 @@ shared: install .venv/.shared ## install what machines share records and files b
 champions: install ## name each agent's best policy for DVC and GTO, in champions/
 	python -m scripts.champions
 
+cost: install ## estimate what a run will take, before it runs (PRESET=families, SET=agents.sac.total_steps=90000)
+	@python -m scripts.cost $(if $(PRESET:default=),--preset $(PRESET)) $(if $(SET),--set $(SET))
+
 repro: install ## rerun what a change to params.yaml or to the code affects
-	dvc repro
+	@python -m scripts.repro
 
 try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (4 to 5 minutes)
 	python -m scripts.preset quick

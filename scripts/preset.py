@@ -63,13 +63,13 @@ def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
     copy = Checkout(folder)
     copy.write_params(params)
     with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
-        called = ["dvc", "repro", *targets]
+        called = ["python", "-m", "scripts.repro", *targets]
         status = subprocess.run(called, cwd=folder, env=copy.environment).returncode
     if interrupts:
         raise StoppedError("the same command resumes from the last checkpoints")
     if status:
         raise WorkerError(
-            f"`dvc repro` in {folder} ended with status {status}; see its output above; "
+            f"`make repro` in {folder} ended with status {status}; see its output above; "
             "the same command resumes from there"
         )
 

@@ -126,6 +126,7 @@ ELSEWHERE = {
     f"{PUBLISH} PRESET=run": "needs its budget; tests/test_publish.py writes this table",
     PUBLISH: "needs films of 13 s; tests/test_publish.py makes its table and pictures",
     "make try": "minutes of training; tests/test_preset.py runs it without",
+    "make cost PRESET=families": "asks as the others do; tests/test_cost.py",
     **{f"make preset PRESET={name}": HOURS for name in ("ablations", "families", "hopper", "run")},
     "dvc exp run $(cat presets/NAME)": "stands for the presets",
     "python -m scripts.ceiling": "minutes of planning; tests/test_ceiling.py plans less",
@@ -206,6 +207,15 @@ def test_the_viewer_opens(installed: Project, command: str) -> None:
     done = installed.type(command, check=False)
     assert (installed.folder / "media" / f"{VIEWS[command]}.rrd").is_file()
     assert "neither WAYLAND_DISPLAY nor WAYLAND_SOCKET nor DISPLAY is set" in done.stderr
+
+
+def test_the_cost_of_other_values_is_told_before_they_are_tried(
+    installed: Project,
+) -> None:
+    told = installed.type("make cost SET='evaluate.episodes=3 evaluate.baseline_episodes=3'")
+    stages = {line.split()[0] for line in told.stdout.splitlines() if " core-hours, " in line}
+    assert stages >= {"evaluate@sac", "record@sac", *AFTER_ALL}
+    assert not any(stage.startswith(("train@", "scaling@")) for stage in stages)
 
 
 def test_an_experiment_comes_and_goes(project: Project) -> None:

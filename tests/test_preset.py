@@ -11,25 +11,25 @@ from scripts import preset
 from scripts.checkout import Checkout
 
 
-def replace_dvc(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
-    """Have copies find a shell script in place of DVC."""
-    (folder / "dvc").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
-    (folder / "dvc").chmod(0o755)
+def replace_python(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
+    """Have copies find a shell script in place of Python."""
+    (folder / "python").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    (folder / "python").chmod(0o755)
     monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
 
 
 def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    replace_dvc(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
+    replace_python(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
     params, copy = presets.load("quick"), tmp_path / "copy"
     preset.run(copy, params)
-    assert (copy / "called").read_text(encoding="utf-8") == f"{copy} repro\n"
+    assert (copy / "called").read_text(encoding="utf-8") == f"{copy} -m scripts.repro\n"
     assert params_file.load(copy / "params.yaml") == params
 
 
 def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    replace_dvc(monkeypatch, tmp_path, "exit 3")
+    replace_python(monkeypatch, tmp_path, "exit 3")
     with pytest.raises(WorkerError, match="ended with status 3; .* the same command resumes"):
         preset.run(tmp_path / "copy", presets.load("quick"))
 
@@ -37,7 +37,7 @@ def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.M
 def test_an_interrupt_waits_for_the_pipeline_to_save(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    replace_dvc(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
+    replace_python(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
     with pytest.raises(StoppedError, match="resumes from the last checkpoints"):
         preset.run(tmp_path / "copy", presets.load("quick"))
     assert (tmp_path / "copy" / "saved").exists()
@@ -46,7 +46,7 @@ def test_an_interrupt_waits_for_the_pipeline_to_save(
 def test_what_is_made_is_told_and_that_few_seeds_prove_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    replace_dvc(monkeypatch, tmp_path, "exit 0")
+    replace_python(monkeypatch, tmp_path, "exit 0")
     copy = tmp_path / ".presets" / "quick"
     monkeypatch.setattr(preset, "folder_of", lambda name: copy)
     monkeypatch.setattr("sys.argv", ["preset", "quick"])

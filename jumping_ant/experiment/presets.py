@@ -5,6 +5,7 @@ makes of it.
 """
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -25,21 +26,35 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
         InputError: There is no such preset, it does not hold overrides of what there is, the result
             does not fit the models, or DVC is not installed.
     """
-    try:
-        from dvc.exceptions import InvalidArgumentError  # type: ignore[import-untyped]
-        from dvc.utils.hydra import apply_overrides  # type: ignore[import-untyped]
-    except ImportError as error:
-        raise InputError("presets: DVC reads them; install the package's extra `track`") from error
     path = root / "presets" / name
     if not path.is_file():
         names = sorted(preset.name for preset in path.parent.iterdir())
         raise InputError(f"preset: given {name!r}, allowed: {', '.join(names)}")
     with TemporaryDirectory() as folder:
         params = Path(shutil.copy(root / "params.yaml", folder))
-        try:
-            words = path.read_text(encoding="utf-8").split()  # as a shell splits them
-            apply_overrides(params, [word for word in words if word != "-S"])
-        except (InvalidArgumentError, ValueError) as error:  # the second: encoding, keys of lists
-            told = " ".join(str(error.__cause__ or error).split())
-            raise InputError(f"presets/{name}: not overrides of params.yaml: {told}") from error
+        words = path.read_text(encoding="utf-8").split()  # as a shell splits them
+        override(params, [word for word in words if word != "-S"], f"presets/{name}")
         return params_file.check(params_file.read(params), f"presets/{name}")
+
+
+def override(params: Path, overrides: Sequence[str], where: str) -> None:
+    """Change values of a params file, as `dvc exp run -S` does.
+
+    Args:
+        params: The file.
+        overrides: What to change, as in `agents.sac.total_steps=60000`.
+        where: Where the overrides come from, for errors.
+
+    Raises:
+        InputError: They are no overrides of what there is, or DVC is not installed.
+    """
+    try:
+        from dvc.exceptions import InvalidArgumentError  # type: ignore[import-untyped]
+        from dvc.utils.hydra import apply_overrides  # type: ignore[import-untyped]
+    except ImportError as error:
+        raise InputError("presets: DVC reads them; install the package's extra `track`") from error
+    try:
+        apply_overrides(params, list(overrides))
+    except (InvalidArgumentError, ValueError) as error:  # the second: encoding, keys of lists
+        told = " ".join(str(error.__cause__ or error).split())
+        raise InputError(f"{where}: not overrides of params.yaml: {told}") from error
