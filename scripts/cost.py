@@ -7,6 +7,7 @@ Names the stages that DVC would run again, with all that depends on them, and wh
 first stages, in a copy.
 """
 
+import logging
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from scripts import rates, stale, workload
 from scripts.preset import folder_of
 
 COPIES = 3  # of what stages write: in the project, in DVC's cache, and in MLflow's store
+MOST_MINUTES = 120
 ANT = ("ant", 5)  # robot and frame skip of `workload.STEP`
 
 
@@ -105,10 +107,11 @@ class Estimate:
 
 
 def told(costs: Sequence[Cost | Ran]) -> str:
-    """Return minutes and core-hours as text."""
-    seconds = sum(cost.seconds for cost in costs)
-    core_seconds = sum(cost.core_seconds for cost in costs)
-    return f"{seconds / 60:.1f} minutes, {core_seconds / 3600:.2f} core-hours"
+    """Return minutes, of long runs hours, and core-hours as text."""
+    minutes = sum(cost.seconds for cost in costs) / 60
+    core_hours = sum(cost.core_seconds for cost in costs) / 3600
+    time = f"{minutes / 60:.1f} hours" if minutes > MOST_MINUTES else f"{minutes:.1f} minutes"
+    return f"{time}, {core_hours:.2f} core-hours"
 
 
 def estimate(
@@ -178,6 +181,7 @@ def main() -> None:
 
 def show(source: Path, params: Params | None, overrides: Sequence[str]) -> None:
     """Print the estimate of a run whose results would be added to a folder's."""
+    logging.getLogger("dvc").setLevel(logging.WARNING)  # else it tells of the copy's stages
     with stale.shadow(source, params, overrides) as folder:
         asked, own = params_file.load(folder / "params.yaml"), rates.Rates()
         found = estimate(folder, source, asked, own)

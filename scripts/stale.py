@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -39,7 +39,7 @@ def look(folder: Path, targets: Sequence[str] = ()) -> list[str]:
     from dvc.exceptions import ReproductionError  # type: ignore[import-untyped]
     from dvc.repo import Repo  # type: ignore[import-untyped]
 
-    with Repo(str(folder)) as repo:
+    with chdir(folder), Repo() as repo:  # DVC reads and prints paths from the current folder
         with repo.lock:
             is_new = any(stage.status() for stage in repo.index.stages if stage.name in FIRST)
         try:

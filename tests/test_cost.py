@@ -12,7 +12,7 @@ from jumping_ant.params import article
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 from jumping_ant.training.checkpoint_key import checkpoint_key
-from scripts import rates, stale, workload
+from scripts import cost, rates, stale, workload
 from scripts.rates import Rates, Took
 from scripts.repro import Watch
 
@@ -120,3 +120,19 @@ def test_seeds_that_are_trained_do_not_count(tmp_path: Path, smoke: Params) -> N
     (kept / "seed-7.finished").touch()  # of which nobody asks
     assert stale.trained(tmp_path, tmp_path, smoke, "sac") == (1, True)
     assert stale.trained(tmp_path, tmp_path, smoke, "dqn") == (0, False)
+
+
+def test_an_estimate_is_compared_with_what_ran() -> None:
+    seconds = {"train@sac": 3 * 3600.0, "report": 60.0, "track": 600.0}
+    known = [
+        cost.Cost(stage, "", (20, 40), own, 2 * own, 1e9, True, is_whole=stage != "report")
+        for stage, own in seconds.items()
+    ]
+    found = cost.Estimate(known, has_rates=True, speed=1.0)
+    assert found.total == "3.2 hours, 6.37 core-hours, 3.00 GB written"
+    ran = [cost.Ran("report", 90, 90), cost.Ran("train@sac", 1800, 3600)]
+    assert found.compared(ran) == (
+        "Estimated 3.0 hours, 6.03 core-hours; took 31.5 minutes, 1.02 core-hours."
+    )
+    assert found.told_by(ran) == {"train@sac": Took("", 1800, 3600, 20, 40)}
+    assert cost.summary(["train@sac", "train@dqn", "report"]) == "train (2), report"

@@ -51,6 +51,7 @@ VERIFY = "minutes of training; tests/test_verify.py verifies another agent"
 TUNE = "hours of training; tests/tuning/test_study.py tunes a small agent"
 SHARED = "needs servers; soak/records.py starts them"
 REMOTE = "needs machines; soak/remotes.py makes some"
+COST = "a test below asks for other values; tests/test_cost.py"
 GRID = "dvc exp run --queue -S agents.sac.learning_rate=0.0003,0.001,0.003"
 CLUSTER = "needs machines; soak/cluster.py makes some"
 RELEASE = "tests/tracking/test_champions.py releases one"
@@ -126,7 +127,9 @@ ELSEWHERE = {
     f"{PUBLISH} PRESET=run": "needs its budget; tests/test_publish.py writes this table",
     PUBLISH: "needs films of 13 s; tests/test_publish.py makes its table and pictures",
     "make try": "minutes of training; tests/test_preset.py runs it without",
-    "make cost PRESET=families": "asks as the others do; tests/test_cost.py",
+    "make cost PRESET=families": COST,
+    "make cost SET=agents.sac.learning_rate=0.001": COST,
+    'make cost SET="evaluate.episodes=64 seeds=[30,31]"': COST,
     **{f"make preset PRESET={name}": HOURS for name in ("ablations", "families", "hopper", "run")},
     "dvc exp run $(cat presets/NAME)": "stands for the presets",
     "python -m scripts.ceiling": "minutes of planning; tests/test_ceiling.py plans less",
@@ -209,9 +212,7 @@ def test_the_viewer_opens(installed: Project, command: str) -> None:
     assert "neither WAYLAND_DISPLAY nor WAYLAND_SOCKET nor DISPLAY is set" in done.stderr
 
 
-def test_the_cost_of_other_values_is_told_before_they_are_tried(
-    installed: Project,
-) -> None:
+def test_the_cost_of_other_values_is_told_beforehand(installed: Project) -> None:
     told = installed.type("make cost SET='evaluate.episodes=3 evaluate.baseline_episodes=3'")
     stages = {line.split()[0] for line in told.stdout.splitlines() if " core-hours, " in line}
     assert stages >= {"evaluate@sac", "record@sac", *AFTER_ALL}
