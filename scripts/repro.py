@@ -79,7 +79,10 @@ def main() -> int:
     own, found = rates.Rates(), None
     with suppress(DvcException, WorkerError):  # `dvc repro` fails, too, and says why
         found = cost.estimate(PROJECT_ROOT, PROJECT_ROOT, params, own, targets)
-    if found and found.costs:
+    if found and not found.costs:
+        print("Data and pipelines are up to date.")
+        return 0
+    if found:
         print(f"To run: {cost.summary(one.stage for one in found.costs)}")
         print(
             f"Estimate: {found.total}, on {machine.num_cores()} cores. {found.whose}\n", flush=True
@@ -87,10 +90,10 @@ def main() -> int:
     watch = Watch()
     watch.start()
     status = int(dvc(["repro", *targets]))
-    ran = watch.end()
+    ran = watch.end() if status == 0 else watch.end()[:-1]  # the last one has failed
     if found and ran:
         print(found.compared(ran))
-        own.keep(found.told_by(ran if status == 0 else ran[:-1]))
+        own.keep(found.told_by(ran))
     return status
 
 
