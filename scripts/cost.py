@@ -181,8 +181,8 @@ def main() -> None:
 
 def show(source: Path, params: Params | None, overrides: Sequence[str]) -> None:
     """Print the estimate of a run whose results would be added to a folder's."""
-    logging.getLogger("dvc").setLevel(logging.WARNING)  # else it tells of the copy's stages
-    with stale.shadow(source, params, overrides) as folder:
+    with stale.shadow(source, params, overrides) as folder:  # imports DVC, which sets its level
+        logging.getLogger("dvc").setLevel(logging.WARNING)  # else it tells of the copy's stages
         asked, own = params_file.load(folder / "params.yaml"), rates.Rates()
         found = estimate(folder, source, asked, own)
     for cost in found.costs:
