@@ -365,7 +365,7 @@ def test_a_machine_that_computes_otherwise_trains_nothing(
 ) -> None:
     there = cluster.kind()
     monkeypatch.setattr(cluster, "kind", lambda: there | {name: here})
-    told = rf"^RAY_ADDRESS: given .* has {name} {there[name]}; allowed: {name} {here}, as here .*$"
+    told = rf"^RAY_ADDRESS: given .* has {name} {there[name]}; allowed: {name} {here}, as here, .*$"
     with pytest.raises(InputError, match=told):
         collect({"trains": partial(wait_for_the_end, tmp_path, "trains")}, 2)
     assert not list(tmp_path.iterdir())
