@@ -29,7 +29,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help install shared champions try cost repro preset article decide tune parity check style test test-quick test-comparison test-smoke test-soak test-training \
-	test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
+	test-pages test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -98,8 +98,8 @@ style:
 	mypy
 
 test: install .venv/.browser .venv/.shared ## check style, types and behaviour
-	@$(MAKE) --no-print-directory --jobs=5 --keep-going \
-		test-smoke test-soak test-training test-rest style
+	@$(MAKE) --no-print-directory --jobs=6 --keep-going \
+		test-smoke test-soak test-training test-pages test-rest style
 
 QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers.py \
 	tests/looks/test_looks.py tests/looks/test_naming.py tests/looks/test_wording.py \
@@ -110,6 +110,7 @@ QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers
 SMOKE_TESTS = tests/test_smoke.py tests/test_documented_commands.py tests/tracking
 SOAK_TESTS = tests/test_soak.py tests/training/test_compute.py
 TRAINING_TESTS = tests/training tests/agents tests/article tests/test_notebook.py tests/test_verify.py
+PAGES_TESTS = tests/play tests/report tests/tuning tests/watching
 GIVE_WAY = CI=1 nice -n 15
 
 test-quick:
@@ -127,8 +128,12 @@ test-soak:
 test-training:
 	$(GIVE_WAY) pytest -q $(TRAINING_TESTS) --ignore=tests/training/test_compute.py
 
+test-pages:
+	$(GIVE_WAY) pytest -q $(PAGES_TESTS)
+
 test-rest:
-	$(GIVE_WAY) pytest -q $(addprefix --ignore=,$(SMOKE_TESTS) $(SOAK_TESTS) $(TRAINING_TESTS))
+	$(GIVE_WAY) pytest -q \
+		$(addprefix --ignore=,$(SMOKE_TESTS) $(SOAK_TESTS) $(TRAINING_TESTS) $(PAGES_TESTS))
 
 bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (20 minutes)
 	python -m benchmarks
