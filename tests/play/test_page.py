@@ -8,7 +8,6 @@ from typing import Any
 import firefox
 import pytest
 from browser import Visit, launched, open_page
-from conftest import AGENTS
 
 from jumping_ant.experiment.models import Params
 from jumping_ant.play import content, reference
@@ -36,8 +35,8 @@ def ask(visit: Visit, kind: str, **job: Any) -> Any:
     return visit.page.evaluate(f"(job) => page.physics.ask('{kind}', job)", job)
 
 
-def test_every_agent_runs_with_a_checked_policy(visit: Visit) -> None:
-    for name in AGENTS:
+def test_every_agent_runs_with_a_checked_policy(visit: Visit, settings: Params) -> None:
+    for name in settings.agents:
         visit.page.select_option("#agent-a", name)
         visit.wait_for(f"page.state.a.agent === '{name}' && {STEPS} > 2 && {STEPS} < 60")
         visit.wait_for(
@@ -187,11 +186,11 @@ def test_marks_and_sizes(visit: Visit, live: str) -> None:
     own.set_viewport_size({"width": 390, "height": 420})
 
 
-def test_firefox_runs_all_agents_too(live: str, tmp_path: Path) -> None:
+def test_firefox_runs_all_agents_too(live: str, settings: Params, tmp_path: Path) -> None:
     with firefox.launched(tmp_path / "profile") as window:
         window.open(live, 1200, 700)
         window.wait_for(MOVED)
-        for name in AGENTS:
+        for name in settings.agents:
             chosen = json.dumps({"a": {"agent": name, "seed": 1, "start": 0}})
             window.evaluate(f"page.choose({chosen}).then(() => null)")
             window.wait_for(f"{STEPS} > 2 && {STEPS} < 60")
