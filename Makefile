@@ -138,7 +138,7 @@ test-rest:
 bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (20 minutes)
 	python -m benchmarks
 
-soak: install ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
+soak: install .venv/.shared ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
 	python -m soak --minutes $(MINUTES)
 
 verify: install ## retrain a published seed and compare its bytes (AGENT=sac SEED=30, or ALL=1)

@@ -71,7 +71,7 @@ def test_changed_bytes_are_read_or_refused_and_no_code_runs(
     pickle.loads(pickle.dumps(Payload(mark)))
     assert mark.exists(), "the payload would work"
     troubles: list[str] = []
-    figures = change_files(project, 1, troubles, each=15)
+    figures = change_files(project, 1, troubles, each=6)
     assert troubles == []
     counts = figures["mutations"]
     assert len(counts) > 10 and all(own["tried"] == own["clear"] >= 3 for own in counts.values())
