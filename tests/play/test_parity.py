@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 from known_policies import policies
+from slider_conditions import CONDITIONS
 
 from jumping_ant.params import article
 from jumping_ant.play import content, reference
 from jumping_ant.play import policies as forms
 from jumping_ant.policies.policy import Policy
 from jumping_ant.robustness import perturbations, perturbed
-from jumping_ant.robustness.perturbations import NONE, Condition
+from jumping_ant.robustness.perturbations import NONE
 from jumping_ant.robustness.perturbed import PerturbedVectorEnv
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.world import World
@@ -22,18 +23,6 @@ from scripts import parity
 EXACT = "commands"  # a policy that sees, and whose torques have no rounding
 START, STEPS = 7, 30  # the seed of an episode, and its control steps
 STATES = 40
-PERTURBED = [
-    NONE,
-    Condition("gravity", 1.5),
-    Condition("friction", 0.1),
-    Condition("torso_mass", 1.2),
-    Condition("motor_strength", 0.6),
-    Condition("damping", 3.0),
-    Condition("slope", 20.0),
-    Condition("push", 40.0),
-    Condition("action_delay", 2.0),
-    Condition("observation_delay", 3.0),
-]
 
 
 def world_of(kind: str) -> World:
@@ -98,7 +87,7 @@ def answers(
                 "starts": [start],
                 "levels": {} if condition == NONE else {condition.perturbation: condition.level},
             }
-            for condition in (PERTURBED if kind == "ant" else [NONE])
+            for condition in (CONDITIONS if kind == "ant" else [NONE])
         ]
         found[kind] = parity.in_node(told(world), tasks)
     return found
@@ -132,7 +121,7 @@ def test_every_term_of_the_reward_agrees(
     assert own == pytest.approx(native[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("number", range(len(PERTURBED)), ids=lambda i: PERTURBED[i].perturbation)
+@pytest.mark.parametrize("number", range(len(CONDITIONS)), ids=lambda i: CONDITIONS[i].perturbation)
 def test_sliders_perturb_as_the_robustness_stage_does(
     answers: dict[str, list[Any]],
     worlds: Mapping[str, World],
@@ -142,12 +131,12 @@ def test_sliders_perturb_as_the_robustness_stage_does(
 ) -> None:
     for module in (perturbations, perturbed):  # the page's slopes and pushes are along x
         monkeypatch.setattr(module, "direction", lambda *_: np.array([1.0, 0.0]))
-    condition, policy = PERTURBED[number], known["ant"][EXACT]
+    condition, policy = CONDITIONS[number], known["ant"][EXACT]
     envs = PerturbedVectorEnv(worlds["ant"], [(condition, START)])
     policy.start([START])
     steps = rollout.steps(envs, envs.begin(), policy.act, policy.actions.hold)
     native = sum(step.rewards[0] for step in steps)
-    (own,) = answers["ant"][number - len(PERTURBED)]
+    (own,) = answers["ant"][number - len(CONDITIONS)]
     assert own == pytest.approx(native, rel=1e-9)
-    undisturbed = answers["ant"][-len(PERTURBED)][0]
+    undisturbed = answers["ant"][-len(CONDITIONS)][0]
     assert (condition == NONE) or abs(own - undisturbed) > 1e-3 * abs(undisturbed)
