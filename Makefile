@@ -23,8 +23,8 @@ export RAY_USAGE_STATS_ENABLED := 0
 export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-# Containers often set it. But uv installs packages without byte code, so that each of a run's many
-# processes would compile what it imports anew, in two thirds of its time.
+# Containers often set it. But uv installs packages without byte code, so each of a run's many
+# processes would compile what it imports anew: almost half of the CPU time of the smoke preset.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help

@@ -131,7 +131,7 @@ def estimate(
     if (params.robot.source, params.env.frame_skip) != ANT and stages:
         other = World(robot.read(folder, "edited"), params.env)
         step *= rates.step_seconds(other) / rates.step_seconds(rates.ant())
-    costs, written = [], stale.written(rates.home(PROJECT_ROOT) / "dvc.lock")
+    costs, written = [], stale.written(rates.project_of(PROJECT_ROOT) / "dvc.lock")
     for stage in stages:
         kind, _, name = stage.partition("@")
         agent = params.agents.get(name)

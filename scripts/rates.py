@@ -42,7 +42,7 @@ class Rates:
     """Ratios of what stages take here to what `scripts.workload` says of them."""
 
     def __init__(self, root: Path = PROJECT_ROOT) -> None:
-        self._path = home(root) / FILE
+        self._path = project_of(root) / FILE
         self._took: dict[str, Took] = {}
         with suppress(OSError, ValueError, TypeError, KeyError):  # none yet, or damaged
             content = json.loads(self._path.read_text(encoding="utf-8"))
@@ -88,7 +88,7 @@ def _machine() -> list[Any]:
     return [machine.processor(), machine.num_cores()]
 
 
-def home(root: Path) -> Path:
+def project_of(root: Path) -> Path:
     """Return the project's folder, also from the copy of a preset."""
     return root.parents[1] if root.parent.name == ".presets" else root
 

@@ -174,8 +174,7 @@ class _Unlike:
         """Return what differs, in words."""
         names = [name for name, value in self.wanted.items() if self.given[name] != value]
         given, allowed = (
-            ", ".join(f"{name} {kind[name]}" for name in names)
-            for kind in (self.given, self.wanted)
+            ", ".join(f"{name} {own[name]}" for name in names) for own in (self.given, self.wanted)
         )
         return (
             f"RAY_ADDRESS: given a cluster whose machine {self.host} has {given}; "
