@@ -12,7 +12,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves, params_file
-from scripts import publish
+from scripts import animation, markdown, publish
 
 CLAIM = {
     "text": "A leads",
@@ -68,12 +68,12 @@ def test_the_documents_agree_with_the_results() -> None:
 
 
 def test_claims_are_a_table_with_or_without_evidence() -> None:
-    assert publish.claim_table([CLAIM], with_evidence=False).splitlines() == [
+    assert markdown.claim_table([CLAIM], with_evidence=False).splitlines() == [
         "| claim | verdict | adjusted p |",
         "| --- | --- | --- |",
         "| A leads | refuted | 0.012 |",
     ]
-    last = publish.claim_table([CLAIM], with_evidence=True).splitlines()[-1]
+    last = markdown.claim_table([CLAIM], with_evidence=True).splitlines()[-1]
     assert last == "| A leads | refuted | 0.012 | Much (8 seeds). |"
 
 
@@ -87,7 +87,7 @@ def test_what_agents_keep_stands_with_the_crossing() -> None:
             "beat": {"torso_mass": none, "push": own | {"crossing": None}},
         },
     }
-    assert publish.kept_table(withstood).splitlines() == [
+    assert markdown.kept_table(withstood).splitlines() == [
         "| perturbation | sac | beat |",
         "|---|---|---|",
         "| torso mass | 26 (from 2 on) | – |",
@@ -101,7 +101,7 @@ def test_searches_stand_beside_their_controls() -> None:
     judged = {"before": 7000.0, "after": 7600.0, "verdict": "better", "p": 0.00312}
     judged |= {"difference": 590.0, "low": 200.0, "high": 900.0}
     control = own | {"expected_best": {"1": 3000.0, "7": 6000.0}}
-    table = publish.tuning_table([own | judged, control])
+    table = markdown.tuning_table([own | judged, control])
     assert table.splitlines()[2:] == [
         "| sac | 40 x 2 | 15 | 7,000 | 7,600 | 590 [200, 900] | better | 0.0031 | 5,000, 6,500 | "
         "3,000, 6,000 |"
@@ -129,7 +129,7 @@ def write_curve(root: Path, seed: int, *rows: tuple[str, object]) -> None:
 
 
 def test_returns_stand_beside_published_ones(validated: Path) -> None:
-    rows = publish.published_table(validated).splitlines()[2:]
+    rows = markdown.published_table(validated).splitlines()[2:]
     assert rows[0].startswith("| 100,000 | **4** (0, 1, 2, 3, 4, 5, 6, 7) | **533** (357, 359, ")
     assert rows[1].startswith("| 200,000 | **350** (0, 100, ")
     assert rows[1].endswith(", 2,256) |")
@@ -139,7 +139,7 @@ def test_a_budget_without_these_steps_is_refused(validated: Path) -> None:
     seed = params_file.load().seeds[0]
     write_curve(validated, seed, ("100000", 1), ("200010", 2))
     with pytest.raises(InputError, match="given no validation at 200,000 control steps"):
-        publish.published_table(validated)
+        markdown.published_table(validated)
 
 
 def test_the_learners_films_play_side_by_side(
@@ -153,9 +153,9 @@ def test_the_learners_films_play_side_by_side(
         seconds = np.arange(10, dtype=np.uint8)[:, None, None, None]
         film = np.broadcast_to(20 * seconds + 10 * number, (10, 64, 64, 3))
         iio.imwrite(tmp_path / "media" / f"{name}.mp4", film, fps=1)
-    monkeypatch.setattr(publish, "PROJECT_ROOT", tmp_path)
-    monkeypatch.setattr(publish, "SECONDS", 2.0)
-    picture = Image.open(io.BytesIO(publish.animation()))
+    monkeypatch.setattr(animation, "PROJECT_ROOT", tmp_path)
+    monkeypatch.setattr(animation, "SECONDS", 2.0)
+    picture = Image.open(io.BytesIO(animation.picture()))
     assert picture.size == (300 * len(learners), 300)
     for frame, second in enumerate((7, 8, 9)):  # equal pictures in a row are one
         picture.seek(frame)

@@ -20,7 +20,7 @@ from jumping_ant.looks.looks import looks
 from jumping_ant.sim import robot
 from jumping_ant.training.driver import train
 from scripts import article as command
-from scripts import article_runs, publish
+from scripts import article_runs, markdown, publish
 from scripts.checkout import renew_project
 
 TINY: dict[str, dict[str, Any]] = {
@@ -131,7 +131,7 @@ def test_the_table_of_printed_values_tells_what_came_out() -> None:
     beyond = reproduction.place(9.0, np.arange(8.0)[:, None])
     among = reproduction.place(200.0, np.repeat([[100.0, 300.0]], 10, axis=0))
     printed = {"dqn": beyond, "sac": among, "pgpe": beyond | {"film": among}}
-    *_, dqn, sac, _, film = publish.printed_table(printed).splitlines()
+    *_, dqn, sac, _, film = markdown.printed_table(printed).splitlines()
     assert dqn == (
         "| DQN's test, total of 1,000 steps | 9 | 3.5 [0, 7] | 0 of 8: 6 [0–26] % | 0.11 | open |"
     )

@@ -16,7 +16,7 @@ from jumping_ant.params import article
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.world import World
-from scripts import article_original, article_runs, publish
+from scripts import article_original, article_runs, markdown
 
 NUM_TESTS = 3
 
@@ -126,6 +126,6 @@ def test_runs_are_compared_by_their_policies(tmp_path: Path) -> None:
     assert alike["p"] > 0.05 and alike["low"] < 0.5 < alike["high"]
     assert apart["probability"] == 1 and apart["p"] == pytest.approx(2 / 12870)  # 16 over 8
     assert summary["runs"]["wide-margin"]["reproduced"] is True
-    table = publish.runs_table(summary)
+    table = markdown.runs_table(summary)
     assert "| `wide-margin` against `preset` | 100 [100–100] % | 0.00016 |" in table
     assert "| `original` | 8 | " in table and " 0 of 24: " in table

@@ -1,0 +1,197 @@
+"""Results as the Markdown tables of the documents."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jumping_ant.base import tables
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import curves, params_file, summaries
+from jumping_ant.looks import wording
+from jumping_ant.looks.wording import p_value
+
+VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
+PUBLISHED = PROJECT_ROOT / "docs" / "published" / "ant_sac.csv"
+PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": tables.Column()}
+PUBLISHED_STEPS = (100_000, 200_000)
+
+
+def claim_table(claims: Sequence[dict[str, Any]], with_evidence: bool) -> str:
+    """Return the claims, their verdicts and adjusted p values as Markdown."""
+    headings = ["claim", "verdict", "adjusted p", *(["evidence"] if with_evidence else [])]
+    rows = [
+        [claim["text"], claim["verdict"], p_value(summaries.deciding_p(claim)), claim["evidence"]]
+        for claim in claims
+    ]
+    lines = [headings, ["---"] * len(headings), *(row[: len(headings)] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def printed_table(printed: dict[str, Any]) -> str:
+    """Return the article's printed values beside ours, as Markdown.
+
+    Args:
+        printed: The value of that key in `results/article.json`.
+    """
+    values = {
+        "DQN's test, total of 1,000 steps": printed["dqn"],
+        "SAC's test, total of 1,000 steps": printed["sac"],
+        "PGPE, mean fitness at generation 100": printed["pgpe"],
+        "PGPE's film, return of 1,000 steps": printed["pgpe"]["film"],
+    }
+    rows = [
+        f"| {name} | {wording.number(own['value'])} | "
+        f"{wording.estimate(own['median'], own['low'], own['high'], len(own['ours']))} | "
+        f"{_judgement(own)} |"
+        for name, own in values.items()
+    ]
+    head = (
+        "| value | printed | ours, median of the seeds | tests as far out | p | reproduced |\n"
+        "|---|---|---|---|---|---|"
+    )
+    if control := printed["dqn"].get("control"):
+        share = {name: wording.percent(own) for name, own in control["probability"].items()}
+        reached, every = sum(control["tests"]["reached"]), control["tests"]["each"]
+        rows.append(
+            f"| always command {control['command']}, tested as DQN | "
+            f"{wording.number(printed['dqn']['value'])} | mean {wording.number(control['mean'])} | "
+            f"{reached} of {every:,}: {share['value']} [{share['low']}–{share['high']}] % | | |"
+        )
+    return "\n".join([head, *rows])
+
+
+def runs_table(summary: dict[str, Any]) -> str:
+    """Return DQN's runs with other versions and contacts, and their differences, as Markdown.
+
+    Args:
+        summary: What `article_runs.summary` returns.
+    """
+    runs = [
+        f"| `{name}` | {len(own['means'])} | "
+        f"{wording.estimate(np.median(own['means']), min(own['means']), max(own['means']), 2)} | "
+        f"{_judgement(own)} |"
+        for name, own in summary["runs"].items()
+    ]
+    pairs = [
+        f"| `{pair['first']}` against `{pair['second']}` | {wording.percent(pair['probability'])} "
+        f"[{wording.percents(pair['low'], pair['high'])}] % | {wording.p_value(pair['p'])} |"
+        for pair in summary["pairs"]
+    ]
+    lines = [
+        "| run | policies | their mean returns: median [all] | tests as far out | p | reproduced |",
+        "|---|---|---|---|---|---|",
+        *runs,
+        "",
+        "| runs | a policy of the first returns more than one of the second | p, exact rank test |",
+        "|---|---|---|",
+        *pairs,
+    ]
+    return "\n".join(lines)
+
+
+def _judgement(own: dict[str, Any]) -> str:
+    """Return three cells of a printed value: how many tests lay as far out, p, and the verdict."""
+    tests, found = own["tests"], own["probability"]
+    share = wording.percent(found["value"])
+    interval = wording.percents(found["low"], found["high"])
+    shares = f"{sum(tests['reached'])} of {len(tests['reached']) * tests['each']:,}"
+    p, verdict = wording.p_value(found["p"]), VERDICTS[own["reproduced"]]
+    return f"{shares}: {share} [{interval}] % | {p} | {verdict}"
+
+
+def tuning_table(found: Sequence[dict[str, Any]]) -> str:
+    """Return what searches found, as Markdown.
+
+    Args:
+        found: Summaries of `results/tuning/`, with those of controls.
+    """
+    lines = [
+        "| agent | trials x seeds | ended early | before | after | difference | verdict | p | "
+        "best after 1, 7, 30 trials | expected of random draws |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    controls = {own["agent"]: own["expected_best"] for own in found if "expected_best" in own}
+    for own in found:
+        if "verdict" not in own:
+            continue
+        num_trials = f"{own['trials']} x {own['seeds_per_trial']}"
+        returns = [_number(own["before"]), _number(own["after"])]
+        interval = f"[{wording.number(own['low'])}, {wording.number(own['high'])}]"
+        cells = [
+            *(own["agent"], num_trials, str(own["pruned"]), *returns),
+            f"{wording.number(own['difference'])} {interval}",
+            *(own["verdict"], wording.p_value(own["p"])),
+            ", ".join(map(_number, own["best_after"].values())),
+            ", ".join(map(_number, controls.get(own["agent"], {}).values())),
+        ]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else wording.number(value)
+
+
+def published_table(root: Path) -> str:
+    """Return SAC's returns in validation beside published ones, as Markdown.
+
+    Args:
+        root: The project's folder, with the models of `presets/run`.
+
+    Raises:
+        InputError: SAC was not validated at these numbers of control steps.
+    """
+    params = params_file.load(Paths(root).params)
+    ours = [curves.evaluations(curves.read(root, params, "sac", seed)) for seed in params.seeds]
+    published = tables.read(PUBLISHED, "train@sac", {}, PUBLISHED_COLUMNS)
+    lines = ["| control steps | SAC here | published |", "|---|---|---|"]
+    for steps in PUBLISHED_STEPS:
+        here = [returns[places == steps] for places, returns in ours]
+        if not all(map(len, here)):
+            raise InputError(
+                f"{Paths(root).agent('sac').models}: given no validation at {steps:,} control "
+                "steps; run `make preset PRESET=run` first"
+            )
+        theirs = published["return"][published["env_steps"] == steps]
+        cells = [_median_of(np.concatenate(here)), _median_of(theirs)]
+        lines.append(f"| {steps:,} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def kept_table(withstood: dict[str, Any]) -> str:
+    """Return what agents keep of their return under each perturbation, as Markdown.
+
+    Of each agent the share at the most severe level, in per cent, and the level from which on a
+    metronome is ahead.
+    """
+    agents = withstood["agents"]
+    lines = [f"| perturbation | {' | '.join(agents)} |", f"|---{'|---' * len(agents)}|"]
+    for name in withstood["perturbations"]:
+        cells = []
+        for own in (agent[name] for agent in agents.values()):
+            share = own["retention"][-1]
+            kept = "–" if share is None else wording.percent(share)
+            ahead = own["crossing"]
+            cells.append(kept if ahead is None else f"{kept} (from {ahead:g} on)")
+        lines.append(f"| {name.replace('_', ' ')} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def finals_table(rows: Sequence[dict[str, str]]) -> str:
+    """Return published methods by their mean return over seeds, as Markdown."""
+    lines = ["| method | seeds | mean return | all |", "|---|---|---|---|"]
+    for method in dict.fromkeys(row["method"] for row in rows):
+        own = sorted(float(row["return"]) for row in rows if row["method"] == method)
+        every = ", ".join(f"{value:,.0f}" for value in own)
+        lines.append(f"| {method} | {len(own)} | {np.mean(own):,.0f} | {every} |")
+    return "\n".join(lines)
+
+
+def _median_of(returns: np.ndarray) -> str:
+    """Return the median of seeds' returns, and all of them in order."""
+    every = ", ".join(f"{value:,.0f}" for value in sorted(returns))
+    return f"**{np.median(returns):,.0f}** ({every})"
