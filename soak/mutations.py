@@ -80,9 +80,7 @@ def main() -> None:
             payloads.plant(path, read, Path(folder) / "executed", planted)
     for path, stage in drawn(arguments.folder):
         content, few = path.read_bytes(), -(-arguments.each // FEWER)
-        changes = itertools.chain(
-            flips(content, generator, few), extremes(content, generator, 2 * few)
-        )
+        changes = itertools.chain(flips(content, generator, few), extremes(content, generator, few))
         draw = partial(run_stage, stage)
         read_changed(path, draw, changes, _count(counts, arguments.folder, path))
     found = {name: asdict(count) for name, count in counts.items()}

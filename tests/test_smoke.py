@@ -17,17 +17,14 @@ from scripts.checkout import RESULTS
 
 AGENTS = list(presets.load("smoke").agents)
 APART = ("results/timing", "results/speed")  # what a clock tells
-COMPUTE = params_file.load().compute.model_dump()
+COMPUTE = presets.load("smoke").compute.model_dump()
 # Stages that measure no times, and a training, which keeps them apart; of the stages that treat all
-# agents alike, those of one. That each algorithm trains alike in any process is for
-# tests/training/test_driver.py to say.
+# agents alike, those of one. That each family of algorithms trains alike in any process is for
+# tests/training/test_driver.py to say, and that text is the same for tests/test_surroundings.py.
 UNTIMED = (
-    "digest",
-    "build",
     "train@sac",
     "evaluate@sac",
     "record@sac",
-    "lineup",
     "compare",
     "report",
 )

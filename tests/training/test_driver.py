@@ -14,7 +14,6 @@ import small_agents
 from small_project import read_csv
 from small_training import (
     ONE_OF_EACH,
-    SMALL_OF_ALL,
     KillError,
     small_params,
 )
@@ -36,8 +35,8 @@ from jumping_ant.training.seed_run import Report
 from jumping_ant.training.workers import Work
 
 
-def test_every_agent_reports_the_same_from_workers(robot_xml: str) -> None:
-    """Inline and on Ray, where each of two processes trains one agent after another."""
+def test_an_agent_reports_the_same_from_workers(robot_xml: str) -> None:
+    """Inline and in workers, where each of two processes trains one agent after another."""
     params, demonstrations = small_params(2), small_agents.demonstrations(robot_xml)
 
     def start(name: str) -> Work:
@@ -48,8 +47,8 @@ def test_every_agent_reports_the_same_from_workers(robot_xml: str) -> None:
 
     runs = []
     for workers in (1, 2):
-        reports: dict[str, list[Report]] = {name: [] for name in SMALL_OF_ALL}
-        for name, report in compute.stream(start, SMALL_OF_ALL, workers):
+        reports: dict[str, list[Report]] = {name: [] for name in ONE_OF_EACH}
+        for name, report in compute.stream(start, ONE_OF_EACH, workers):
             reports[name].append(replace(report, seconds=0.0))
         runs.append(reports)
     assert repr(runs[0]) == repr(runs[1])  # rows hold NaN, which equals nothing
