@@ -14,8 +14,8 @@ from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy import trainer
 from jumping_ant.agents.off_policy.algorithms import DQNParams
+from jumping_ant.compute import jobs
 from jumping_ant.experiment import params_file
-from jumping_ant.training import compute
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 
 AGENT = "dqn"  # has the largest state
@@ -37,8 +37,7 @@ def checkpoint_overhead() -> Row:
     with tempfile.TemporaryDirectory() as folder:
         checkpoints = Checkpoints(Path(folder), AGENT, "benchmark", print)
         Path(folder, ".checkpoints", AGENT, "benchmark").mkdir(parents=True)
-        jobs = compute.stream(lambda seed: partial(_train, full, seed), list(seconds), CORES)
-        for seed, item in jobs:
+        for seed, item in jobs.stream(lambda seed: partial(_train, full, seed), [*seconds], CORES):
             if isinstance(item, float):
                 seconds[seed].append(item)
                 continue

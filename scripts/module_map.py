@@ -12,7 +12,8 @@ PATH = PROJECT_ROOT / "docs" / "map.md"
 LIBRARY = PROJECT_ROOT / "jumping_ant"
 BEGIN, END = "<!-- modules -->\n", "<!-- end of modules -->\n"
 # Shared ground, in the order of the data flow; then the rooms of the stages, side by side.
-GROUND = ["base", "params", "actions.py", "policies", "sim", "looks", "agents", "experiment"]
+GROUND = ["base", "compute", "params", "actions.py", "policies", "sim", "looks", "agents"]
+GROUND += ["experiment"]
 ROOMS = ["training", "evaluation", "comparison", "recording", "report", "speed", "robustness"]
 ROOMS += ["play", "tracking", "tuning", "watching", "article"]
 

@@ -17,17 +17,18 @@ from jumping_ant.base import portable, tables
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import read_bytes, to_json, write_all
 from jumping_ant.base.paths import Paths
+from jumping_ant.compute import cluster, jobs
+from jumping_ant.compute.workers import Work
 from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
-from jumping_ant.training import cluster, compute, memory, seed_run
+from jumping_ant.training import memory, seed_run
 from jumping_ant.training.checkpoint_key import checkpoint_key
 from jumping_ant.training.checkpoints import Checkpoints
 from jumping_ant.training.forced import is_forced
 from jumping_ant.training.progress import TrainingProgress
 from jumping_ant.training.seed_files import SeedFiles
-from jumping_ant.training.workers import Work
 
 SHARED_SEED = 0  # of a search whose result every seed of an agent shares
 
@@ -99,14 +100,14 @@ def _run(
     """
     requested, agent = params.compute.workers, params.agent(display.agent)
     untrained = [number for number, seed in seeds.items() if not seed.is_finished]
-    workers = 1 if agent.is_baseline else compute.num_workers(requested, len(untrained))
+    workers = 1 if agent.is_baseline else jobs.num_workers(requested, len(untrained))
     if untrained and not agent.is_baseline and not cluster.address():
         memory.check(world, display.agent, agent, workers, display.say)
     while untrained:  # once, unless a checkpoint is rejected
         if agent.is_baseline:
-            threads = compute.num_threads(requested, 1) * len(untrained)
+            threads = jobs.num_threads(requested, 1) * len(untrained)
         else:
-            threads = compute.num_threads(requested, len(untrained))
+            threads = jobs.num_threads(requested, len(untrained))
         num_threads = dict(zip(untrained, threads, strict=True))
         shared = [] if agent.depends_on_seed else untrained[1:]
 
@@ -132,9 +133,7 @@ def _run(
 
         rejected = []
         running = [number for number in untrained if number not in shared]
-        for number, report in compute.stream(
-            start, running, workers, display.say, "seed {}".format
-        ):
+        for number, report in jobs.stream(start, running, workers, display.say, "seed {}".format):
             if not all(seeds[each].take(report) for each in (number, *shared)):
                 rejected.append(number)
         untrained = rejected

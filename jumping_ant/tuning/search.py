@@ -27,11 +27,11 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.job import Job
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.comparison.estimates import estimate_iqm
+from jumping_ant.compute import jobs
+from jumping_ant.compute.workers import Work
 from jumping_ant.looks.wording import number
 from jumping_ant.params.blocks import TrainingParams, TuningParams
 from jumping_ant.sim.world import World
-from jumping_ant.training import compute
-from jumping_ant.training.workers import Work
 from jumping_ant.tuning import objective
 from jumping_ant.tuning import study as studies
 from jumping_ant.tuning.objective import SEARCH, Fault, Measured
@@ -245,7 +245,7 @@ def run(search: Search, workers: int) -> None:
         WorkerError: The workers of a seed died repeatedly.
     """
     name = "trial {0[0]}, seed {0[1]}".format
-    for key, found in compute.stream(search.work, search, workers, search.say, name):
+    for key, found in jobs.stream(search.work, search, workers, search.say, name):
         search.take(key, found)
     if search.num_left:
         raise StoppedError(f"the same command resumes; {search.num_left} trials are left")
@@ -257,7 +257,7 @@ def run(search: Search, workers: int) -> None:
 
 def num_workers(requested: int, trials: int) -> int:
     """Return how many trials run at a time."""
-    return compute.num_workers(requested, max(1, trials // ROUNDS))
+    return jobs.num_workers(requested, max(1, trials // ROUNDS))
 
 
 def seeds_of(trial: Trial | FrozenTrial) -> list[dict[str, Any]]:

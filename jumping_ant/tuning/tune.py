@@ -12,11 +12,12 @@ from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import effective_code
 from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths, StudyPaths
+from jumping_ant.compute import jobs
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
-from jumping_ant.training import compute, memory, seed_run
+from jumping_ant.training import memory, seed_run
 from jumping_ant.tuning import outcome, page, search, space
 from jumping_ant.tuning import study as studies
 from jumping_ant.tuning.search import Search, Task
@@ -63,7 +64,7 @@ def run(
     memory.check(task.world, name, own.agent, workers, say)
     with studies.opened(address, key, sampler, params.tuning.prune_level, first) as study:
         say(f"{name}: study {key} in {studies.shown(address)}, {params.tuning.trials} trials")
-        threads = compute.num_threads(params.compute.workers, workers)[0]
+        threads = jobs.num_threads(params.compute.workers, workers)[0]
         search.run(Search(study, address, task, threads, say), workers)
         found = outcome.summary(name, sampler, study, own, params.tuning)
         if sampler == "tpe":
@@ -107,7 +108,7 @@ def _verdict(
     best = search.best_of(study)
     if best is None or not task.space.chosen(best.params):
         return without_training("open" if best is None else "equivalent")
-    num_workers = compute.num_workers(params.compute.workers, 2 * params.tuning.fresh_seeds)
+    num_workers = jobs.num_workers(params.compute.workers, 2 * params.tuning.fresh_seeds)
     agent = task.space.agent_with(best.params)
     episodes = params.evaluate.episodes
     fresh = Fresh(study, task, params.compare, episodes, best.number, agent)

@@ -21,10 +21,10 @@ from jumping_ant.comparison import estimates
 from jumping_ant.comparison.claims import findings, verdicts
 from jumping_ant.comparison.claims.findings import Efforts, Finding, Sample
 from jumping_ant.comparison.step_down import adjust
+from jumping_ant.compute import jobs
+from jumping_ant.compute.workers import Work
 from jumping_ant.looks.wording import number
 from jumping_ant.params.blocks import CompareParams
-from jumping_ant.training import compute
-from jumping_ant.training.workers import Work
 from jumping_ant.tuning.objective import FRESH, Fault, Measured
 from jumping_ant.tuning.search import Task
 
@@ -87,7 +87,7 @@ class Fresh:
         """
         noted = self.study.user_attrs
         left = [key for key in self.keys if self._name(key) not in noted]
-        for key, found in compute.stream(self.work, left, workers, say, "{0[0]}, {0[1]}".format):
+        for key, found in jobs.stream(self.work, left, workers, say, "{0[0]}, {0[1]}".format):
             if isinstance(found, Fault):
                 say(f"fresh seed {key[1] + 1}, {key[0]}: {found.reason}")
                 found = NOTHING

@@ -23,16 +23,17 @@ from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
+from jumping_ant.compute import jobs
+from jumping_ant.compute.workers import Work
 from jumping_ant.experiment import curves, validation
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
-from jumping_ant.training import compute, driver, seed_run
+from jumping_ant.training import driver, seed_run
 from jumping_ant.training.seed_files import SeedFiles
 from jumping_ant.training.seed_run import Report
-from jumping_ant.training.workers import Work
 
 
 def test_an_agent_reports_the_same_from_workers(robot_xml: str) -> None:
@@ -48,7 +49,7 @@ def test_an_agent_reports_the_same_from_workers(robot_xml: str) -> None:
     runs = []
     for workers in (1, 2):
         reports: dict[str, list[Report]] = {name: [] for name in ONE_OF_EACH}
-        for name, report in compute.stream(start, ONE_OF_EACH, workers):
+        for name, report in jobs.stream(start, ONE_OF_EACH, workers):
             reports[name].append(replace(report, seconds=0.0))
         runs.append(reports)
     assert repr(runs[0]) == repr(runs[1])  # rows hold NaN, which equals nothing

@@ -39,7 +39,7 @@ def trained(monkeypatch: pytest.MonkeyPatch, gain: float, seconds: float = 1.0) 
             onset = (seconds if gained else 10.0) + noise / 100
             yield key, Measured(tuple(returns), 12.0, (onset - 0.1, onset))
 
-    monkeypatch.setattr("jumping_ant.training.compute.stream", stream)
+    monkeypatch.setattr("jumping_ant.compute.jobs.stream", stream)
 
 
 def run(root: Path, **tuning: Any) -> dict[str, Any]:
@@ -148,7 +148,7 @@ def test_a_study_in_which_nothing_is_complete_is_told(
     def stream(start: Any, keys: Any, *_: Any) -> Any:
         return ((key, Fault("diverged")) for key in keys)
 
-    monkeypatch.setattr("jumping_ant.training.compute.stream", stream)
+    monkeypatch.setattr("jumping_ant.compute.jobs.stream", stream)
     root = project(tmp_path)
     found = run(root)
     assert (found["verdict"], found["best_trial"], found["pruned"]) == ("open", None, 12)

@@ -13,10 +13,10 @@ from typing import Any, TypeVar
 
 from jumping_ant.base import machine
 from jumping_ant.base.errors import WorkerError
-from jumping_ant.training import cluster
-from jumping_ant.training.cluster import Cluster
-from jumping_ant.training.processes import Processes
-from jumping_ant.training.workers import Died, Item, Work, Workers
+from jumping_ant.compute import cluster
+from jumping_ant.compute.cluster import Cluster
+from jumping_ant.compute.processes import Processes
+from jumping_ant.compute.workers import Died, Item, Work, Workers
 
 Key = TypeVar("Key", bound=Hashable)
 Say = Callable[[str], None]

@@ -20,7 +20,7 @@ from typing import Any, cast
 
 from jumping_ant.base import machine, output
 from jumping_ant.base.errors import WorkerError
-from jumping_ant.training.workers import Died, Ended, Item, News, Work
+from jumping_ant.compute.workers import Died, Ended, Item, News, Work
 
 SECONDS_TO_END = 5.0
 _STOP = b""  # in place of a pickled job

@@ -20,7 +20,7 @@ from typing import Any
 import jumping_ant
 from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError, WorkerError
-from jumping_ant.training.workers import Died, Ended, Item, News, Work
+from jumping_ant.compute.workers import Died, Ended, Item, News, Work
 
 NO_CLUSTER = ("", "local")  # with these values of RAY_ADDRESS, Ray itself joins none
 SECONDS_FOR_ANSWER = 2.0

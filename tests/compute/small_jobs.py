@@ -1,0 +1,50 @@
+"""Jobs that all workers can import: `PYTHONPATH` names this folder (see `conftest.py`)."""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from jumping_ant.base.errors import InputError
+from jumping_ant.compute import jobs
+from jumping_ant.compute.workers import Work
+
+
+def count(key: str, length: int, stop: threading.Event) -> Iterator[str]:
+    for number in range(length):
+        yield f"{key}{number}"
+
+
+def fail(stop: threading.Event) -> Iterator[str]:
+    yield "a start"
+    raise InputError("a clear line")
+
+
+def die(folder: Path, stop: threading.Event) -> Iterator[str]:
+    """Kill this process with its first item on the way."""
+    (folder / str(os.getpid())).touch()
+    yield "a start"
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def wait_for_the_end(folder: Path, key: str, stop: threading.Event) -> Iterator[str]:
+    yield "begun"
+    (folder / key).touch()
+    assert stop.wait(60)
+    yield "stopped"
+
+
+def collect(started: Mapping[str, Work], workers: int) -> dict[str, list[Any]]:
+    items: dict[str, list[Any]] = {key: [] for key in started}
+    for key, item in jobs.stream(started.__getitem__, list(started), workers, name="job {}".format):
+        items[key].append(item)
+    return items
+
+
+COUNTS: dict[str, Work] = {
+    key: partial(count, key, length) for key, length in (("a", 3), ("b", 0), ("c", 5))
+}
+EXPECTED = {key: list(job(threading.Event())) for key, job in COUNTS.items()}
