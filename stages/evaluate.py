@@ -7,12 +7,13 @@ Writes: results/agents/AGENT/ (episodes.csv, metrics.json, trajectory.npz, seeds
 """
 
 import filecmp
+from functools import partial
+from itertools import chain
 
-from jumping_ant.base import machine
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths, SeedPaths
-from jumping_ant.evaluation import evaluation, variants
-from jumping_ant.experiment import variant_names
+from jumping_ant.compute import jobs
+from jumping_ant.evaluation import evaluation
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
@@ -21,39 +22,25 @@ from jumping_ant.sim.world import World
 from . import parse_agent, run
 
 
-def final_policy(paths: SeedPaths, published: Policy) -> Policy:
-    """Return a seed's final policy, or the published object itself if the two are equal."""
-    final = policy_file.load(paths.final_policy, paths.owner)
+def load(paths: SeedPaths) -> tuple[Policy, Policy]:
+    """Return a seed's published policy and its final one, as one object if the two are equal."""
+    published, final = (
+        policy_file.load(path, paths.owner) for path in (paths.policy, paths.final_policy)
+    )
     is_same = filecmp.cmp(paths.final_policy, paths.policy, shallow=False)
-    return published if is_same else final
+    return published, published if is_same else final
 
 
 def main() -> None:
     """Run the stage."""
     name, settings = parse_agent(__doc__)
-    paths, agent = Paths().agent(name), settings.agent(name)
-    world = World(robot.read(PROJECT_ROOT, agent.robot), settings.env)
-    trained = {
-        seed: policy_file.load(paths.seed(seed).policy, (name, seed)) for seed in settings.seeds
-    }
-    final = {seed: final_policy(paths.seed(seed), policy) for seed, policy in trained.items()}
-    num_threads = machine.num_cores()
-    others = variants.make(
-        world,
-        agent.algorithm,
-        trained,
-        final,
-        settings.training.evaluation_seed,
-        num_threads,
-    )
-    evaluated = evaluation.evaluate(
-        world,
-        settings.evaluate,
-        name,
-        {seed: {variant_names.PUBLISHED: trained[seed]} | others[seed] for seed in trained},
-        variant_names.num_episodes(agent, settings.evaluate),
-        num_threads,
-    )
+    paths = Paths().agent(name)
+    world = World(robot.read(PROJECT_ROOT, settings.agent(name).robot), settings.env)
+    policies = {seed: load(paths.seed(seed)) for seed in settings.seeds}
+    play = partial(evaluation.play, world, settings, name)
+    rows = chain(*jobs.by_seed(play, policies, settings.compute.workers, name))
+    published = {seed: policy for seed, (policy, _) in policies.items()}
+    evaluated = evaluation.evaluate(world, settings.evaluate, name, published, rows)
     episodes = evaluated.episodes
     write_all(
         {

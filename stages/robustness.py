@@ -6,9 +6,12 @@ Reads: params `seeds`, `env`, `evaluate`, `robustness`, the agent's `robot` and 
 Writes: results/robustness/AGENT.csv.
 """
 
-from jumping_ant.base import machine
+from collections import ChainMap
+from functools import partial
+
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.compute import jobs
 from jumping_ant.policies import policy_file
 from jumping_ant.robustness import playing, table
 from jumping_ant.sim import robot
@@ -22,13 +25,15 @@ def main() -> None:
     name, settings = parse_agent(__doc__)
     paths = Paths().agent(name)
     world = World(robot.read(PROJECT_ROOT, settings.agent(name).robot), settings.env)
-    policies = {
-        seed: policy_file.load(paths.seed(seed).policy, (name, seed)) for seed in settings.seeds
-    }
     played = list(playing.cases(settings, name))
-    steps = settings.robustness.episode_steps
-    returns = playing.returns(world, steps, policies, played, machine.num_cores())
-    write_text(Paths().perturbed(name), table.to_csv(name, played, returns))
+    policies = {
+        seed: policy_file.load(paths.seed(seed).policy, (name, seed))
+        for seed in dict.fromkeys(case.seed for case in played)
+    }
+    play = partial(playing.play, world, settings, name)
+    returns = ChainMap(*jobs.by_seed(play, policies, settings.compute.workers, name))
+    content = table.to_csv(name, played, [returns[case] for case in played])
+    write_text(Paths().perturbed(name), content)
 
 
 if __name__ == "__main__":

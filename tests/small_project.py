@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import small_agents
 
 from jumping_ant.agents.algorithm import AgentBlock
@@ -94,7 +93,7 @@ def write_perturbed(
         returns = [
             1000 * kept(name, case.condition, params.seeds.index(case.seed)) for case in played
         ]
-        content = robustness_table.to_csv(name, played, np.array(returns))
+        content = robustness_table.to_csv(name, played, returns)
         write_text(Paths(root).perturbed(name), content)
 
 

@@ -6,19 +6,22 @@ These are processes of this machine, or those of a Ray cluster (see `processes` 
 import signal
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from typing import Any, TypeVar
 
 from jumping_ant.base import machine
-from jumping_ant.base.errors import WorkerError
+from jumping_ant.base.errors import StoppedError, WorkerError
 from jumping_ant.compute import cluster
 from jumping_ant.compute.cluster import Cluster
 from jumping_ant.compute.processes import Processes
 from jumping_ant.compute.workers import Died, Item, Work, Workers
 
 Key = TypeVar("Key", bound=Hashable)
+Given = TypeVar("Given")
+Result = TypeVar("Result")
 Say = Callable[[str], None]
 
 MAX_DEATHS = 3  # of a job's workers before the job is given up
@@ -66,6 +69,44 @@ def stream(
     return _inline(start, keys) if workers == 1 else _apart(start, keys, workers, say, name)
 
 
+def by_seed(
+    compute: Callable[[Mapping[int, Given], int], Result],
+    given: Mapping[int, Given],
+    requested: int,
+    owner: str,
+) -> list[Result]:
+    """Compute something of all seeds: here in one go, on a cluster with a job for each seed.
+
+    A signal ends it at once, as no part of it could be resumed.
+
+    Args:
+        compute: Computes it of what is given of some seeds, with a number of threads. On a cluster
+            it must be picklable.
+        given: What is given of each seed.
+        requested: How many workers to use; 0 requests one for each seed.
+        owner: Whose seeds they are, in messages.
+
+    Returns:
+        The one result here, and on a cluster each seed's, in their order.
+    """
+    workers = num_workers(requested, len(given)) if cluster.address() else 1
+    if workers == 1:
+        return [compute(given, machine.num_cores())]
+
+    def start(seed: int) -> Work:
+        return partial(_once, partial(compute, {seed: given[seed]}, 1))
+
+    def name(seed: int) -> str:
+        return f"{owner}: seed {seed}"
+
+    found = dict(_apart(start, given, workers, print, name, is_resumed=False))
+    return [found[seed] for seed in given]
+
+
+def _once(compute: Callable[[], Result], stop: threading.Event) -> Iterator[Result]:
+    yield compute()
+
+
 def _inline(start: Callable[[Key], Work], keys: Iterable[Key]) -> Iterator[tuple[Key, Any]]:
     with _stopped_by_signals() as stop:
         for key in keys:
@@ -81,6 +122,7 @@ def _apart(
     workers: int,
     say: Say,
     name: Callable[[Key], str],
+    is_resumed: bool = True,
 ) -> Iterator[tuple[Key, Any]]:
     """Run jobs in workers; a key waits until one of them is free."""
     address = cluster.address()
@@ -101,6 +143,8 @@ def _apart(
                 if not num_running:
                     return
                 if stop.is_set() and not is_told:
+                    if not is_resumed:
+                        raise StoppedError("the next run begins anew; nothing else is lost")
                     others.stop()
                     is_told = True
                 for key, news in others.news(SECONDS_BETWEEN_LOOKS):

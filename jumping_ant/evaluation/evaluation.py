@@ -1,8 +1,7 @@
 """Evaluation of an agent on the held-out episodes.
 
 Policies act deterministically. Each seed's start from the states of the seed's own block, which is
-the same for every agent. All of an agent's episodes run in one batch. These quantities are measured
-per episode:
+the same for every agent. These quantities are measured per episode:
 
 | column | meaning | unit |
 |---|---|---|
@@ -25,7 +24,7 @@ A state that is not finite ends its episode and is left out of the measures. Jum
 defined in `jumping_ant.evaluation.motion`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,8 +34,10 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from jumping_ant.evaluation import motion
+from jumping_ant.evaluation import motion, variants
+from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.episodes import EPISODE_KEYS
+from jumping_ant.experiment.models import Params
 from jumping_ant.experiment.variant_names import PUBLISHED
 from jumping_ant.looks.measures import TERM
 from jumping_ant.params.blocks import EvaluateParams
@@ -45,6 +46,9 @@ from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Episode, Play
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
+
+Row = dict[str, Any]
+"""An episode: whose it is, of which version of the policy, and what is measured of it."""
 
 
 @dataclass(frozen=True)
@@ -66,21 +70,69 @@ def evaluate(
     world: World,
     settings: EvaluateParams,
     agent: str,
-    policies: Mapping[int, Mapping[str, Policy]],
-    num_episodes: Mapping[str, int],
-    num_threads: int = 1,
+    published: Mapping[int, Policy],
+    rows: Iterable[Row],
 ) -> Evaluation:
-    """Run the held-out episodes of all versions of each seed's policy.
+    """Return what an agent's episodes say, of which the median one is simulated again.
 
     Args:
         world: The robot and the task.
         settings: The held-out episodes.
         agent: The agent's name.
+        published: Each seed's published policy.
+        rows: The episodes, seed by seed (see `play`).
+    """
+    table = pd.DataFrame(rows)
+    is_published = table["variant"] == PUBLISHED
+    episodes = table[is_published].drop(columns="variant").reset_index(drop=True)
+    middle = episodes["return"].argsort(kind="stable").iloc[(len(episodes) - 1) // 2]
+    seed, number = (int(episodes[name].iloc[middle]) for name in ("seed", "episode"))
+    (played,) = rollout.run(world, published[seed], [settings.block(seed)[number]])
+    median = replay(world, played, agent, seed, number)
+    return Evaluation(episodes, _means_of_variants(table[~is_published]), median)
+
+
+def play(
+    world: World,
+    params: Params,
+    agent: str,
+    policies: Mapping[int, tuple[Policy, Policy]],
+    num_threads: int,
+) -> list[Row]:
+    """Play the held-out episodes of some seeds' policies and of all their variants.
+
+    Args:
+        world: The robot and the task.
+        params: All parameters.
+        agent: The agent's name.
+        policies: Each seed's published policy, and its policy at the end of training.
+        num_threads: Threads that step the simulations; nothing depends on it.
+    """
+    block, start = params.agent(agent), params.training.evaluation_seed
+    published, final = ({seed: own[i] for seed, own in policies.items()} for i in (0, 1))
+    others = variants.make(world, block.algorithm, published, final, start, num_threads)
+    versions = {seed: {PUBLISHED: policy} | others[seed] for seed, policy in published.items()}
+    num_episodes = variant_names.num_episodes(block, params.evaluate)
+    return play_versions(world, params.evaluate, versions, num_episodes, num_threads)
+
+
+def play_versions(
+    world: World,
+    settings: EvaluateParams,
+    policies: Mapping[int, Mapping[str, Policy]],
+    num_episodes: Mapping[str, int],
+    num_threads: int = 1,
+) -> list[Row]:
+    """Play the held-out episodes of given versions of each seed's policy, side by side.
+
+    Args:
+        world: The robot and the task.
+        settings: The held-out episodes.
         policies: Versions of each seed's policy by name; one of them is `PUBLISHED`.
         num_episodes: On how many episodes of a seed's block each version is played.
         num_threads: Threads that step the simulations; nothing depends on it.
     """
-    keys: list[dict[str, Any]] = []
+    keys: list[Row] = []
     plays: list[Play] = []
     for seed, versions in policies.items():
         for version, policy in versions.items():
@@ -91,14 +143,7 @@ def evaluate(
                 )
                 plays.append((policy, start))
     measured = _measured(world, settings, plays, num_threads)
-    table = pd.DataFrame([key | own for key, own in zip(keys, measured, strict=True)])
-    is_published = table["variant"] == PUBLISHED
-    episodes = table[is_published].drop(columns="variant").reset_index(drop=True)
-    middle = episodes["return"].argsort(kind="stable").iloc[(len(episodes) - 1) // 2]
-    seed, number = (int(episodes[name].iloc[middle]) for name in ("seed", "episode"))
-    (played,) = rollout.run(world, policies[seed][PUBLISHED], [settings.block(seed)[number]])
-    median = replay(world, played, agent, seed, number)
-    return Evaluation(episodes, _means_of_variants(table[~is_published]), median)
+    return [key | own for key, own in zip(keys, measured, strict=True)]
 
 
 def _measured(

@@ -51,6 +51,15 @@ def num_episodes(params: Params, condition: Condition) -> int:
     return max(levels, usual) if condition == NONE else levels
 
 
+def play(
+    world: World, params: Params, agent: str, policies: Mapping[int, Policy], num_threads: int
+) -> dict[Case, float]:
+    """Play the episodes of an agent's seeds whose policies are given; return each one's return."""
+    own = [case for case in cases(params, agent) if case.seed in policies]
+    found = returns(world, params.robustness.episode_steps, policies, own, num_threads)
+    return dict(zip(own, found.tolist(), strict=True))
+
+
 def returns(
     world: World,
     episode_steps: int,

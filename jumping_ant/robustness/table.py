@@ -24,7 +24,7 @@ COLUMNS = {
 }
 
 
-def to_csv(agent: str, played: Sequence[Case], returns: NDArray[np.float64]) -> str:
+def to_csv(agent: str, played: Sequence[Case], returns: Sequence[float]) -> str:
     """Return the table's content: whose episodes, under which conditions, and their returns."""
     rows = [
         {

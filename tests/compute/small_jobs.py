@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -35,6 +36,26 @@ def wait_for_the_end(folder: Path, key: str, stop: threading.Event) -> Iterator[
     (folder / key).touch()
     assert stop.wait(60)
     yield "stopped"
+
+
+def tell(given: Mapping[int, str], num_threads: int) -> tuple[int, dict[int, str], int]:
+    """Return the process, and what it was given."""
+    return os.getpid(), dict(given), num_threads
+
+
+def die_once(folder: Path, given: Mapping[int, str], num_threads: int) -> list[str]:
+    """Kill the first process of each seed."""
+    for seed in given:
+        if not (folder / str(seed)).exists():
+            (folder / str(seed)).touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+    return [*given.values()]
+
+
+def wait(folder: Path, given: Mapping[int, str], num_threads: int) -> None:
+    for seed in given:
+        (folder / str(seed)).touch()
+    time.sleep(600)
 
 
 def collect(started: Mapping[str, Work], workers: int) -> dict[str, list[Any]]:

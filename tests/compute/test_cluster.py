@@ -2,6 +2,8 @@
 
 import importlib.metadata
 import os
+import re
+import signal
 import socket
 import tempfile
 import threading
@@ -12,10 +14,21 @@ from pathlib import Path
 import psutil
 import pytest
 import small_ray
-from small_jobs import COUNTS, EXPECTED, collect, count, die, fail, wait_for_the_end
+from small_jobs import (
+    COUNTS,
+    EXPECTED,
+    collect,
+    count,
+    die,
+    die_once,
+    fail,
+    tell,
+    wait,
+    wait_for_the_end,
+)
 
 from jumping_ant.base import machine
-from jumping_ant.base.errors import InputError, WorkerError
+from jumping_ant.base.errors import InputError, StoppedError, WorkerError
 from jumping_ant.compute import cluster, jobs
 
 
@@ -56,6 +69,40 @@ def test_a_worker_of_a_cluster_is_replaced(
     with pytest.raises(WorkerError, match="job dying: its worker died 2 times"):
         collect({"dying": partial(die, tmp_path), "waits": partial(count, "x", 1)}, 2)
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_is_computed_by_seed_has_a_worker_for_each(on_cluster: str) -> None:
+    found = jobs.by_seed(tell, {3: "x", 1: "y"}, 0, "sac")
+    assert [own[1:] for own in found] == [({3: "x"}, 1), ({1: "y"}, 1)]
+    assert len({os.getpid(), *(own[0] for own in found)}) == 3
+    for given, requested in (({3: "x"}, 0), ({3: "x", 1: "y"}, 1)):
+        (alone,) = jobs.by_seed(tell, given, requested, "sac")
+        assert alone == (os.getpid(), given, machine.num_cores())
+
+
+def test_another_worker_takes_over_a_seed(
+    on_cluster: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert jobs.by_seed(partial(die_once, tmp_path), {3: "x", 1: "y"}, 0, "sac") == [["x"], ["y"]]
+    told = capsys.readouterr().out
+    for seed in (3, 1):
+        assert re.search(rf"^sac: seed {seed}: its worker died \(.*another takes over$", told, re.M)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_what_cannot_be_resumed(
+    on_cluster: str, tmp_path: Path, number: signal.Signals
+) -> None:
+    def send() -> None:
+        while len(list(tmp_path.iterdir())) < 2:
+            time.sleep(0.01)
+        os.kill(os.getpid(), number)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    with pytest.raises(StoppedError, match="the next run begins anew"):
+        jobs.by_seed(partial(wait, tmp_path), {3: "x", 1: "y"}, 0, "sac")
+    sender.join()
 
 
 @pytest.mark.parametrize("server", ["gcs_server", "raylet"])

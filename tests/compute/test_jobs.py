@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from small_jobs import COUNTS, EXPECTED, collect, count, die, fail, wait_for_the_end
+from small_jobs import COUNTS, EXPECTED, collect, count, die, fail, tell, wait_for_the_end
 
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.compute import jobs
@@ -211,6 +211,13 @@ def test_another_user_finds_nothing_to_replace() -> None:
         time.sleep(0.2)
         outsider.kill()
         assert outsider.stdout.read() == ""
+
+
+@pytest.mark.usefixtures("no_cluster")
+def test_what_is_computed_by_seed_is_computed_at_once_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("jumping_ant.base.machine.num_cores", lambda: 8)
+    given = {3: "x", 1: "y"}
+    assert jobs.by_seed(tell, given, 0, "sac") == [(os.getpid(), given, 8)]
 
 
 def test_num_workers(monkeypatch: pytest.MonkeyPatch) -> None:
