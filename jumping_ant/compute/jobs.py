@@ -140,11 +140,11 @@ def _apart(
                         break
                     others.run(free[0], start(free[0]))
                     num_running += 1
+                if stop.is_set() and not is_resumed:
+                    raise StoppedError("the next run begins this stage anew; nothing else is lost")
                 if not num_running:
                     return
                 if stop.is_set() and not is_told:
-                    if not is_resumed:
-                        raise StoppedError("the next run begins anew; nothing else is lost")
                     others.stop()
                     is_told = True
                 for key, news in others.news(SECONDS_BETWEEN_LOOKS):

@@ -100,7 +100,7 @@ def test_a_signal_ends_what_cannot_be_resumed(
 
     sender = threading.Thread(target=send)
     sender.start()
-    with pytest.raises(StoppedError, match="the next run begins anew"):
+    with pytest.raises(StoppedError, match="the next run begins this stage anew"):
         jobs.by_seed(partial(wait, tmp_path), {3: "x", 1: "y"}, 0, "sac")
     sender.join()
 
