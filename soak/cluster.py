@@ -5,8 +5,9 @@ Usage: python -m soak.cluster [PART...] [--seed SEED] (takes root, and ten minut
 A head, two workers of one core and the desk that submits are hosts of their own (see `soak.hosts`):
 no disk is shared, Ray asks for a token, and its runtime environment brings the code. The same
 trainings run inline, on the cluster, with a worker that is killed in the middle, and with a head
-that is killed in the middle; all must write the same bytes. A worker that has a package in another
-version must be refused before it trains.
+that is killed in the middle; all must write the same bytes. So must the stages that play episodes
+of the trained policies, inline and on the cluster. A worker that has a package in another version
+must be refused before it trains.
 """
 
 import json
@@ -22,8 +23,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jumping_ant.base import command_line
+from jumping_ant.base import command_line, files
 from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from scripts.checkout import Checkout, checkout
@@ -35,6 +37,7 @@ from soak.project import LEARNERS
 PATH = PROJECT_ROOT / "results" / "cluster.json"
 PARTS = ("undisturbed", "worker killed", "head killed", "worker unlike")
 HEAD, DESK, WORKERS = "head", "desk", ("one", "two")
+TRAIN, PLAYS = ("train",), ("evaluate", "robustness")  # stages that use the cluster
 DISTURBED = "sac"  # the agent in whose training a worker is killed
 BUDGETS = {
     "dqn": {"total_steps": 8_000},
@@ -81,9 +84,12 @@ def run(
     figures: Figures = {"hosts": 2 + len(WORKERS)}
     if "undisturbed" in parts:
         expected, seconds = inline(project, LEARNERS, BUDGETS)
+        played, seconds_to_play = inline(project, LEARNERS, BUDGETS, PLAYS)
         figures |= {"trainings": len(expected), "inline": {"seconds": seconds}}
+        figures["played"] = {"files": len(played), "inline": {"seconds": seconds_to_play}}
         with cluster(project, WORKERS) as own:
-            figures["undisturbed"] = own.trained(expected, troubles)
+            figures["undisturbed"] = own.repeated(TRAIN, expected, troubles)
+            figures["played"] |= own.repeated(PLAYS, played, troubles)
     if "worker killed" in parts:
         expected, _ = inline(project, [DISTURBED], BUDGETS)
         with cluster(project, WORKERS) as own:
@@ -102,17 +108,20 @@ def run(
 
 
 def inline(
-    project: Checkout, agents: Collection[str], budgets: Mapping[str, Mapping[str, int]]
+    project: Checkout,
+    agents: Collection[str],
+    budgets: Mapping[str, Mapping[str, int]],
+    stages: Sequence[str] = TRAIN,
 ) -> tuple[dict[str, str], float]:
-    """Train agents in one process, and leave parameters with which a cluster does the same.
+    """Run stages in one process, and leave parameters with which a cluster does the same.
 
     Returns:
-        The digests of each seed's files, by agent and seed, and the seconds.
+        The digests of what they write, and the seconds.
     """
     project.write_params(settings(budgets, workers=1))
-    seconds = project.seconds("dvc", "repro", *targets(agents))
+    seconds = project.seconds("dvc", "repro", *targets(agents, stages))
     project.write_params(settings(budgets, workers=0))
-    return digests(project, agents), round(seconds, 1)
+    return digests(project, agents, stages), round(seconds, 1)
 
 
 def settings(budgets: Mapping[str, Mapping[str, int]], workers: int) -> Params:
@@ -123,20 +132,26 @@ def settings(budgets: Mapping[str, Mapping[str, int]], workers: int) -> Params:
     return params_file.check(content)
 
 
-def targets(agents: Collection[str]) -> list[str]:
-    """Return the stages that train agents."""
-    return [f"train@{agent}" for agent in agents]
+def targets(agents: Collection[str], stages: Sequence[str] = TRAIN) -> list[str]:
+    """Return stages of agents."""
+    return [f"{stage}@{agent}" for stage in stages for agent in agents]
 
 
-def digests(project: Checkout, agents: Collection[str]) -> dict[str, str]:
-    """Return the digests of every seed's files, by agent and seed."""
-    return {
-        f"{agent} {seed}": json.dumps(own, sort_keys=True)
-        for agent in agents
-        for seed, own in json.loads(
-            (project.folder / "results" / "agents" / agent / "training.json").read_text("utf-8")
-        ).items()
-    }
+def digests(
+    project: Checkout, agents: Collection[str], stages: Sequence[str] = TRAIN
+) -> dict[str, str]:
+    """Return the digests of what stages write: by agent and seed, or by agent and file."""
+    found: dict[str, str] = {}
+    for agent in agents:
+        paths = Paths(project.folder).agent(agent)
+        if stages == TRAIN:
+            trained = json.loads(paths.training.read_text(encoding="utf-8"))
+            found |= {f"{agent} {seed}": json.dumps(own) for seed, own in trained.items()}
+        else:
+            written = {*paths.training.parent.glob("[!.]*")} - {paths.training}
+            written.add(Paths(project.folder).perturbed(agent))
+            found |= {f"{agent} {path.name}": files.digest(path) for path in written}
+    return found
 
 
 @dataclass
@@ -157,23 +172,27 @@ class Cluster:
     workers: Sequence[Host]
     variables: dict[str, str]
 
-    def train(self, agents: Collection[str]) -> "subprocess.Popen[bytes]":
-        """Start to train agents from nothing, on the cluster."""
-        return self._start("dvc", "repro", "--force", "--single-item", *targets(agents))
+    def run(
+        self, agents: Collection[str], stages: Sequence[str] = TRAIN
+    ) -> "subprocess.Popen[bytes]":
+        """Start stages of agents from nothing, on the cluster."""
+        return self._start("dvc", "repro", "--force", "--single-item", *targets(agents, stages))
 
-    def trained(self, expected: dict[str, str], troubles: list[str]) -> Figures:
-        """Train everything."""
+    def repeated(
+        self, stages: Sequence[str], expected: dict[str, str], troubles: list[str]
+    ) -> Figures:
+        """Run stages of all learners."""
         before, started = self._moved(), time.monotonic()
-        status = self.train(LEARNERS).wait(SECONDS_FOR_TRAINING)
+        status = self.run(LEARNERS, stages).wait(SECONDS_FOR_TRAINING)
         seconds = time.monotonic() - started
-        figures = self._judged(expected, troubles, "undisturbed", status)
+        figures = self._judged(expected, troubles, "undisturbed", status, stages)
         return figures | {"seconds": round(seconds, 1), "bytes_moved": self._moved() - before}
 
     def survived(
         self, expected: dict[str, str], troubles: list[str], generator: random.Random
     ) -> Figures:
         """Kill a worker in the middle; see that its seed is trained elsewhere."""
-        process = self.train([DISTURBED])
+        process = self.run([DISTURBED])
         self._await_middle(process, generator, DISTURBED)
         self.workers[-1].kill()
         status = process.wait(SECONDS_FOR_TRAINING)
@@ -188,7 +207,7 @@ class Cluster:
         self, expected: dict[str, str], troubles: list[str], generator: random.Random
     ) -> Figures:
         """Kill the head in the middle; see that it is told, and that the next run resumes."""
-        process = self.train(LONG.keys())
+        process = self.run(LONG.keys())
         self._await_middle(process, generator, *LONG)
         self.head.kill()
         killed = time.monotonic()
@@ -210,7 +229,7 @@ class Cluster:
 
     def refused(self, troubles: list[str]) -> Figures:
         """Train on a worker with a package in another version; see that it is refused."""
-        status = self.train([DISTURBED]).wait(SECONDS_FOR_TRAINING)
+        status = self.run([DISTURBED]).wait(SECONDS_FOR_TRAINING)
         told = self.desk.log.read_text(encoding="utf-8")
         is_told = status != 0 and f"has {OTHER[0]} {OTHER[1]}; allowed: {OTHER[0]} " in told
         if not is_told:
@@ -235,15 +254,20 @@ class Cluster:
             raise RuntimeError(f"{agent} trained without a checkpoint:\n{told}")
 
     def _judged(
-        self, expected: dict[str, str], troubles: list[str], name: str, status: int
+        self,
+        expected: dict[str, str],
+        troubles: list[str],
+        name: str,
+        status: int,
+        stages: Sequence[str] = TRAIN,
     ) -> Figures:
         if status:
             troubles.append(f"{name}: dvc ended with {status}:\n{self.desk.log.read_text()}")
             return {"bytes_equal": 0}
-        found = digests(self.project, {key.split()[0] for key in expected})
-        equal = sum(found[key] == own for key, own in expected.items())
+        found = digests(self.project, {key.split()[0] for key in expected}, stages)
+        equal = sum(found.get(key) == own for key, own in expected.items())
         if equal < len(expected):
-            troubles.append(f"{name}: {equal} of {len(expected)} trainings have the same bytes")
+            troubles.append(f"{name}: {equal} of {len(expected)} have the same bytes")
         return {"bytes_equal": equal}
 
     def _moved(self) -> int:
