@@ -8,6 +8,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event
+from jumping_ant.compute.parts import Spread
 from jumping_ant.sim.world import World
 
 Settings = TypeVar("Settings", bound=AgentBlock, covariant=True)
@@ -30,6 +31,7 @@ class Job(Generic[Settings]):
         demonstrations: Content of the file of demonstrations, for agents that learn from them.
         checkpoint: Checkpoint of an earlier run to resume from; None starts a new run.
         is_checkpoint_due: Whether to yield a checkpoint; called after every round of work.
+        spread: What puts shares of a population on other machines; None keeps them in threads.
     """
 
     world: World
@@ -40,6 +42,7 @@ class Job(Generic[Settings]):
     demonstrations: bytes | None = None
     checkpoint: bytes | None = None
     is_checkpoint_due: Callable[[], bool] = _never
+    spread: Spread | None = None
 
 
 class Trainer(Protocol):

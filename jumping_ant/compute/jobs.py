@@ -1,4 +1,4 @@
-"""Run generators in parallel: inline for one worker, else in other processes.
+"""Run generators in parallel: inline for one worker on this machine, else in other processes.
 
 These are processes of this machine, or those of a Ray cluster (see `processes` and `cluster`).
 """
@@ -56,17 +56,21 @@ def stream(
 ) -> Iterator[tuple[Key, Any]]:
     """Run generators and yield (key, item) as the items arrive.
 
+    Without workers, or with one and without a cluster, they run in this process.
+
     A key is taken when a worker is free for it. An iterator of keys may choose it by the items so
     far; if it has none at the moment, it is asked again after the next job that ends.
 
     The first SIGTERM or Ctrl-C asks them to stop, by setting the event that each was given, and
     keeps others from starting; the second ends everything immediately.
 
-    `start` returns a function that creates a key's generator; with more than 1 worker it must be
+    `start` returns a function that creates a key's generator; in other processes it must be
     picklable. A generator whose worker dies is restarted by another call of `start`; after repeated
     deaths, a WorkerError is raised.
     """
-    return _inline(start, keys) if workers == 1 else _apart(start, keys, workers, say, name)
+    if workers == 0 or (workers == 1 and not cluster.address()):
+        return _inline(start, keys)
+    return _apart(start, keys, workers, say, name)
 
 
 def by_seed(

@@ -18,6 +18,7 @@ from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import read_bytes, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import cluster, jobs
+from jumping_ant.compute.cluster_parts import ClusterSpread
 from jumping_ant.compute.workers import Work
 from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
@@ -100,9 +101,10 @@ def _run(
     """
     requested, agent = params.compute.workers, params.agent(display.agent)
     untrained = [number for number, seed in seeds.items() if not seed.is_finished]
-    workers = 1 if agent.is_baseline else jobs.num_workers(requested, len(untrained))
+    workers = 0 if agent.is_baseline else jobs.num_workers(requested, len(untrained))
     if untrained and not agent.is_baseline and not cluster.address():
         memory.check(world, display.agent, agent, workers, display.say)
+    spread = ClusterSpread(workers) if workers and cluster.address() else None
     while untrained:  # once, unless a checkpoint is rejected
         if agent.is_baseline:
             threads = jobs.num_threads(requested, 1) * len(untrained)
@@ -119,6 +121,7 @@ def _run(
                 seed=number if agent.depends_on_seed else SHARED_SEED,
                 evaluations=params.training.evaluations,
                 num_threads=num_threads[number],
+                spread=spread,
                 demonstrations=demonstrations,
                 checkpoint=saved.content if saved else None,
             )

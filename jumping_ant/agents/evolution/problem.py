@@ -1,30 +1,29 @@
 """The EvoTorch problems of finding a linear policy that jumps, or oscillators that do.
 
-A generation's policies run side by side in one batch of simulations, for one short episode each.
+A generation's policies run side by side, for one short episode each, in one or more shares.
 """
 
 import logging
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import torch
-from gymnasium.vector import AutoresetMode
+from gymnasium.utils.seeding import np_random
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.agents.evolution.library import Normalizer, Problem, SolutionBatch, plain
+from jumping_ant.agents.evolution.shares import Act, Array, Play, Share, joined
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive, derive_all
+from jumping_ant.compute.parts import Parts, Rows, Threads
 from jumping_ant.policies.blind import OscillatorPolicy, Oscillators
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.sim import rollout
-from jumping_ant.sim.vector import RobotVectorEnv
+from jumping_ant.sim.task import Task
 
-Array = NDArray[Any]
 Evolved = LinearPolicy | OscillatorPolicy
 Network = tuple[torch.Tensor, torch.Tensor]  # weight (outputs, observations), bias (outputs,)
 INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the initial centre, as in EvoTorch's GymNE
@@ -57,23 +56,20 @@ class JumpProblem(Problem):
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
         self.fitness: NDArray[np.float64] = np.zeros(agent.population_size)
-        # Each thread runs its share of the population from start to end: no thread waits.
-        shares = np.array_split(np.arange(agent.population_size), job.num_threads)
-        self._shares = [share for share in shares if len(share)]
-        self._envs = [
-            RobotVectorEnv(
-                job.world,
-                len(share),
-                autoreset_mode=AutoresetMode.DISABLED,
-                actions=self.actions,
-                episode_steps=np.full(len(share), agent.episode_steps),
-            )
-            for share in self._shares
-        ]
         starts = derive_all(job.seed, "starts", agent.population_size)
-        for envs, share in zip(self._envs, self._shares, strict=True):
-            envs.reset(seed=[starts[index] for index in share])
-        self._pool = ThreadPoolExecutor(len(self._shares))
+        self._generators: Sequence[np.random.Generator] = [np_random(seed)[0] for seed in starts]
+        task = Task(job.world)
+        for generator in self._generators:
+            task.start_state(generator)  # Gymnasium's environments draw one when they are seeded
+        make = partial(
+            Share,
+            job.world,
+            self.actions,
+            agent.episode_steps,
+            keeps_observations=agent.observation_normalization,
+        )
+        spread = job.spread or partial(Threads, num_threads=job.num_threads)
+        self._shares: Parts[Share] = spread(make, agent.population_size)
 
     def _solution_length(self) -> int:
         num_outputs, num_observations = self._shape
@@ -81,9 +77,9 @@ class JumpProblem(Problem):
 
     def policy(self, center: torch.Tensor, spread: torch.Tensor) -> Evolved:
         """Return the policy at a centre, (solution_length,), with the current normaliser."""
-        weight, bias = self._unflatten(center)
+        weight, bias = _unflatten(center, self._shape)
         mean, stdev = self._moments()
-        weight_spread, bias_spread = self._unflatten(spread)
+        weight_spread, bias_spread = _unflatten(spread, self._shape)
         return LinearPolicy(
             weight.numpy(),
             bias.numpy(),
@@ -99,7 +95,7 @@ class JumpProblem(Problem):
         return {
             "env_steps": self.env_steps,
             "generator": self.generator.get_state().numpy(),
-            "envs": [generator.bit_generator.state for generator in self._env_generators()],
+            "envs": [generator.bit_generator.state for generator in self._generators],
             **self.normalizer.save_state(),
         }
 
@@ -107,61 +103,31 @@ class JumpProblem(Problem):
         """Restore a state from `save_state`."""
         self.env_steps = state["env_steps"]
         self.generator.set_state(torch.from_numpy(state["generator"]))
-        for generator, own in zip(self._env_generators(), state["envs"], strict=True):
+        for generator, own in zip(self._generators, state["envs"], strict=True):
             generator.bit_generator.state = own
         self.normalizer.load_state(state)
 
-    def _env_generators(self) -> list[np.random.Generator]:
-        """Return the random generators of all policies' environments, in their order."""
-        return [generator for envs in self._envs for generator in envs.generators]
-
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
-        shares = [plain(batch.values)[share] for share in self._shares]
-        episodes = list(self._pool.map(self._play, self._envs, shares))
-        self.returns = np.concatenate([episode.returns for episode in episodes])
-        alive = np.concatenate([episode.alive for episode in episodes], axis=1)
-        if self.agent.observation_normalization:
-            observations = np.concatenate([episode.observations for episode in episodes], axis=1)
-            self.normalizer.update(torch.from_numpy(observations[alive]))
-        lengths = np.minimum(alive[1:].sum(0) * self.actions.hold, self.agent.episode_steps)
+        solutions = plain(batch.values)
+
+        def play(rows: Rows) -> Play:
+            return Play(self._start(solutions[rows]), [self._generators[row] for row in rows])
+
+        episodes = joined(self._shares.map(Share.play, play))
+        self.returns, self._generators = episodes.returns, episodes.generators
+        if episodes.seen is not None:
+            self.normalizer.update(torch.from_numpy(episodes.seen))
+        lengths = np.minimum(
+            episodes.alive[1:].sum(0) * self.actions.hold, self.agent.episode_steps
+        )
         self.env_steps += int(lengths.sum())
         self.fitness = self.returns - self.agent.decrease_rewards_by * lengths
         batch.set_evals(torch.as_tensor(self.fitness, dtype=torch.float32))
 
-    def _play(self, envs: RobotVectorEnv, solutions: torch.Tensor) -> "_Episodes":
-        """Run an episode of each solution's policy, as one batch."""
-        decisions = -(-self.agent.episode_steps // self.actions.hold)
-        episodes = _Episodes.empty(decisions, len(solutions), self._shape[1])
-        outputs = self._outputs(solutions)
-        start, _ = envs.reset()
-        episodes.observations[0], episodes.alive[0] = start, True
-        steps = rollout.steps(envs, start, lambda seen: self.actions.choices(outputs(seen)))
-        for number, step in enumerate(steps, start=1):
-            episodes.observations[number] = step.next_observations
-            episodes.alive[number] = step.alive
-            episodes.returns[:] += step.rewards
-        return episodes
-
-    def _outputs(self, solutions: torch.Tensor) -> Callable[[Array], Array]:
-        """Return the function that gives the policies' outputs for observations, a row for each."""
-        networks = [self._unflatten(solution) for solution in solutions]
-        outputs = torch.empty(len(networks), self._shape[0])
-        mean, stdev = self._moments()
-
-        def act(observations: Array) -> Array:
-            normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
-            # Row by row, as GymNE does: a single product of all rows would round differently.
-            for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
-                torch.addmv(bias, weight, row, out=out)
-            return outputs.numpy()
-
-        return act
-
-    def _unflatten(self, solution: torch.Tensor) -> Network:
-        """Return weight and bias of a flat solution."""
-        num_outputs, num_observations = self._shape
-        weight, bias = solution.split([num_outputs * num_observations, num_outputs])
-        return weight.reshape(self._shape), bias
+    def _start(self, solutions: torch.Tensor) -> Callable[[], Act]:
+        """Return what begins an episode of solutions' policies."""
+        moments = (moment.numpy() for moment in self._moments())
+        return partial(_networks, self._shape, solutions.numpy(), *moments)
 
     def _moments(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the normaliser's mean and standard deviation; 0 and 1 before its first update."""
@@ -188,16 +154,8 @@ class OscillatorProblem(JumpProblem):
         """Return the policy at a centre, (solution_length,)."""
         return OscillatorPolicy(self._oscillators(center), self.actions)
 
-    def _outputs(self, solutions: torch.Tensor) -> Callable[[Array], Array]:
-        oscillators = self._oscillators(solutions)
-        angles = oscillators.phases
-
-        def act(observations: Array) -> Array:
-            nonlocal angles
-            outputs, angles = oscillators.outputs(angles)
-            return outputs
-
-        return act
+    def _start(self, solutions: torch.Tensor) -> Callable[[], Act]:
+        return partial(_rhythms, self._oscillators(solutions))
 
     def _oscillators(self, solutions: torch.Tensor) -> Oscillators:
         """Return the oscillators of a solution, or of several, a row each."""
@@ -207,16 +165,36 @@ class OscillatorProblem(JumpProblem):
         return Oscillators(amplitudes, phases, offsets, speeds)
 
 
-@dataclass(frozen=True)
-class _Episodes:
-    """Episodes of n policies, of at most T decisions."""
+def _unflatten(solution: torch.Tensor, shape: tuple[int, int]) -> Network:
+    """Return weight, of a shape (num_outputs, num_observations), and bias of a flat solution."""
+    num_outputs, num_observations = shape
+    weight, bias = solution.split([num_outputs * num_observations, num_outputs])
+    return weight.reshape(shape), bias
 
-    observations: NDArray[np.float32]  # first those of the start, (T + 1, n, num_observations)
-    alive: NDArray[np.bool_]  # whether a policy took that decision, true at the start, (T + 1, n)
-    returns: NDArray[np.float64]  # (n,)
 
-    @classmethod
-    def empty(cls, steps: int, size: int, num_observations: int) -> "_Episodes":
-        """Return zero-filled episodes that have not started."""
-        observations = np.zeros((steps + 1, size, num_observations), np.float32)
-        return cls(observations, np.zeros((steps + 1, size), np.bool_), np.zeros(size))
+def _networks(shape: tuple[int, int], solutions: Array, mean: Array, stdev: Array) -> Act:
+    """Return the outputs of linear policies, flat in a row each, for normalised observations."""
+    networks = [_unflatten(solution, shape) for solution in torch.tensor(solutions)]
+    outputs = torch.empty(len(networks), shape[0])
+    center, scale = torch.tensor(mean), torch.tensor(stdev)
+
+    def act(observations: Array) -> Array:
+        normalized = (torch.from_numpy(observations.astype(np.float32)) - center) / scale
+        # Row by row, as GymNE does: a single product of all rows would round differently.
+        for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
+            torch.addmv(bias, weight, row, out=out)
+        return outputs.numpy()
+
+    return act
+
+
+def _rhythms(oscillators: Oscillators) -> Act:
+    """Return the outputs of oscillators from their start on, whatever the observations."""
+    angles = oscillators.phases
+
+    def act(observations: Array) -> Array:
+        nonlocal angles
+        outputs, angles = oscillators.outputs(angles)
+        return outputs
+
+    return act

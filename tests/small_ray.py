@@ -1,5 +1,6 @@
 """A Ray cluster of one node on the loopback address, without its dashboard."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -12,15 +13,17 @@ import psutil
 
 
 @contextmanager
-def started(folder: str, port: int) -> Iterator[subprocess.Popen[bytes]]:
+def started(folder: str, port: int, num_cpus: int = 2) -> Iterator[subprocess.Popen[bytes]]:
     command = [
         *(str(Path(sys.executable).with_name("ray")), "start", "--head", "--block"),
-        *("--node-ip-address", "127.0.0.1", "--port", str(port), "--num-cpus", "2"),
+        *("--node-ip-address", "127.0.0.1", "--port", str(port), "--num-cpus", str(num_cpus)),
         *("--include-dashboard", "false", "--temp-dir", folder),
         *("--object-store-memory", str(100 * 2**20)),
     ]
     process = subprocess.Popen(
         command,
+        # Workers' niceness is 15 by default: with other tests beside, they would hardly run.
+        env=os.environ | {"RAY_worker_niceness": "0"},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
