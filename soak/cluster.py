@@ -7,7 +7,8 @@ no disk is shared, Ray asks for a token, and its runtime environment brings the 
 trainings run inline, on the cluster, with a worker that is killed in the middle, and with a head
 that is killed in the middle; all must write the same bytes. So must the stages that play episodes
 of the trained policies, inline and on the cluster. A worker that has a package in another version
-must be refused before it trains.
+must be refused before it trains. One seed's population plays on one to three workers, is timed (see
+`soak.population`), and loses a worker.
 """
 
 import json
@@ -28,15 +29,19 @@ from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
+from scripts import publish
 from scripts.checkout import Checkout, checkout
-from soak import hosts
+from soak import hosts, population
 from soak import project as projects
+from soak.generations import POPULATIONS
 from soak.hosts import Host
 from soak.project import LEARNERS
 
 PATH = PROJECT_ROOT / "results" / "cluster.json"
-PARTS = ("undisturbed", "worker killed", "head killed", "worker unlike")
+PAGE = PROJECT_ROOT / "docs" / "cluster.md"
+PARTS = ("undisturbed", "worker killed", "head killed", "worker unlike", "population")
 HEAD, DESK, WORKERS = "head", "desk", ("one", "two")
+MORE_WORKERS = (*WORKERS, "three")  # for a population
 TRAIN, PLAYS = ("train",), ("evaluate", "robustness")  # stages that use the cluster
 DISTURBED = "sac"  # the agent in whose training a worker is killed
 BUDGETS = {
@@ -44,6 +49,7 @@ BUDGETS = {
     "sac": {"total_steps": 2_000},
     "pgpe": {"generations": 16},
 }
+SHARED = {"pgpe": {"generations": 60, "population_size": 20}}
 LONG = {"dqn": {"total_steps": 40_000}}  # without a head, workers train on for a while
 OTHER = ("evotorch", "0.0.1")  # a package, and a version that is not the locked one
 PORT = 6379
@@ -72,6 +78,9 @@ def main() -> None:
     if arguments.parts and PATH.exists():
         figures = json.loads(PATH.read_text(encoding="utf-8")) | figures
     write_json(PATH, figures)
+    if "population" in parts:
+        section = population.table(figures["population"])
+        publish.replace_section(PAGE, "population", section)
     print(json.dumps(figures, indent=2))
     print("\n".join(troubles))
     raise SystemExit(bool(troubles))
@@ -104,7 +113,27 @@ def run(
             write_text(package / "METADATA", "Name: {}\nVersion: {}\n".format(*OTHER))
             with cluster(project, WORKERS, unlike=Path(folder)) as own:
                 figures["worker unlike"] = own.refused(troubles)
+    if "population" in parts:
+        figures["population"] = _population(project, generator, troubles)
     return figures
+
+
+def _population(project: Checkout, generator: random.Random, troubles: list[str]) -> Figures:
+    """Time one seed's population on more and more hosts, and kill one of two."""
+    measured: list[population.Measured] = []
+    for count in range(1, 1 + len(MORE_WORKERS)):
+        with cluster(project, MORE_WORKERS[:count]) as own:
+            rounds, found = own.played()
+        measured += found
+    for size in POPULATIONS:
+        if len({found.policy for found in measured if found.population == size}) > 1:
+            troubles.append(f"a population of {size} evolves otherwise on other hosts")
+    ones = [population.alone(project.folder, size) for size in POPULATIONS]
+    crowding = population.crowding(project.folder)
+    figures = population.figures(population.fitted(rounds, ones, measured, crowding), measured)
+    expected, _ = inline(project, SHARED.keys(), SHARED, seeds=[0])
+    with cluster(project, WORKERS) as own:
+        return figures | {"worker killed": own.shrunk(expected, troubles, generator)}
 
 
 def inline(
@@ -112,21 +141,24 @@ def inline(
     agents: Collection[str],
     budgets: Mapping[str, Mapping[str, int]],
     stages: Sequence[str] = TRAIN,
+    seeds: Sequence[int] = projects.SEEDS,
 ) -> tuple[dict[str, str], float]:
     """Run stages in one process, and leave parameters with which a cluster does the same.
 
     Returns:
         The digests of what they write, and the seconds.
     """
-    project.write_params(settings(budgets, workers=1))
+    project.write_params(settings(budgets, workers=1, seeds=seeds))
     seconds = project.seconds("dvc", "repro", *targets(agents, stages))
-    project.write_params(settings(budgets, workers=0))
+    project.write_params(settings(budgets, workers=0, seeds=seeds))
     return digests(project, agents, stages), round(seconds, 1)
 
 
-def settings(budgets: Mapping[str, Mapping[str, int]], workers: int) -> Params:
+def settings(
+    budgets: Mapping[str, Mapping[str, int]], workers: int, seeds: Sequence[int]
+) -> Params:
     """Return parameters of trainings that last for some checkpoints."""
-    content = projects.settings(workers=workers).model_dump()
+    content = projects.settings(workers=workers).model_dump() | {"seeds": list(seeds)}
     for agent, budget in budgets.items():
         content["agents"][agent] |= budget
     return params_file.check(content)
@@ -235,6 +267,40 @@ class Cluster:
         if not is_told:
             troubles.append(f"a worker has another {OTHER[0]}, and this was told:\n{told}")
         return {"told": is_told}
+
+    def played(self) -> tuple[population.Rounds, list[population.Measured]]:
+        """Train populations; measure rounds without work, and generations."""
+        process = self._start("python", "-m", "soak.generations")
+        lines = self._lines(process)
+        found = population.read(lines, len(self.workers), self._received_by_workers)
+        if process.returncode:
+            raise RuntimeError(f"populations did not train:\n{self.desk.log.read_text()}")
+        return found
+
+    def _received_by_workers(self) -> int:
+        return sum(worker.bytes_moved()[0] for worker in self.workers)
+
+    def shrunk(
+        self, expected: dict[str, str], troubles: list[str], generator: random.Random
+    ) -> Figures:
+        """Kill a worker that plays, or trains, in the middle; see that the bytes are the same."""
+        process = self.run(SHARED.keys())
+        self._await_middle(process, generator, *SHARED)
+        self.workers[-1].kill()
+        status = process.wait(SECONDS_FOR_TRAINING)
+        return {"killed": 1} | self._judged(expected, troubles, "a population", status)
+
+    def _lines(self, process: "subprocess.Popen[bytes]") -> Iterator[Figures]:
+        """Yield what a process on the desk prints as JSON, as soon as it does."""
+        with self.desk.log.open(encoding="utf-8") as file:
+            while True:
+                has_ended = process.poll() is not None
+                while line := file.readline():
+                    if line.startswith("{"):
+                        yield json.loads(line)
+                if has_ended:
+                    return
+                time.sleep(0.01)
 
     def _start(self, *command: str) -> "subprocess.Popen[bytes]":
         return self.desk.start(

@@ -103,6 +103,7 @@ ELSEWHERE = {
     **dict.fromkeys(RAY, CLUSTER),
     "python -m soak.cluster": "ten minutes, as root",
     'python -m soak.cluster "head killed"': "minutes, as root",
+    "python -m soak.cluster population": "minutes, as root",
     "python -m soak.remotes": "ten minutes, as root",
     SHARED_SEARCH: "hours of training; tests/tuning/test_study.py shares a small one",
     "make lock": "asks package indexes for the newest versions",
