@@ -1,11 +1,12 @@
-"""A project that machines share: git and DVC over SSH, and experiments from one to another.
+"""A project that machines share: git over SSH, DVC over SSH and S3, and experiments.
 
 Usage: python -m soak.remotes (takes root, and ten minutes)
 
-The store, the desk and another machine are hosts of their own (see `soak.hosts`) that share no
-disk. The desk runs a comparison, and pushes it to the store by git and DVC, over SSH. The other
-machine clones and pulls: all must be there, nothing may be stale, and MLflow must be whole. There a
-grid of experiments runs, three at a time, and one in a folder of its own; the desk pulls one.
+The store, the desk and two other machines are hosts of their own (see `soak.hosts`) that share no
+disk. The desk runs a comparison, and pushes it to the store: by git over SSH, by DVC over SSH and
+over S3, which must refuse a wrong key. Each of the other machines clones it and pulls from one of
+the remotes: all must be there, nothing may be stale, and MLflow must be whole. On the first a grid
+of experiments runs, three at a time, and one in a folder of its own; the desk pulls one.
 """
 
 import json
@@ -13,8 +14,8 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,10 @@ from jumping_ant.base import command_line
 from jumping_ant.base.files import digest
 from jumping_ant.experiment import params_file, presets
 from scripts.checkout import Checkout, checkout
-from soak import hosts, ssh_server
+from soak import hosts, s3_server, ssh_server
 from soak.hosts import Host
 
-STORE, DESK, OTHER = "store", "desk", "other"
+STORE, DESK, OTHER, THIRD = "store", "desk", "other", "third"
 GIT, FILES = "/tmp/git/project.git", "/tmp/dvc"
 RATES = (0.001, 0.002, 0.003)
 STAGE = "evaluate@sac"
@@ -40,7 +41,8 @@ def main() -> None:
     """Run, print the figures, and exit with 1 if anything went wrong."""
     parser = command_line.parser(__doc__, "python -m soak.remotes")
     parser.parse_args()
-    if reason := hosts.missing() or (None if ssh_server.PROGRAM else ssh_server.MISSING):
+    lacking = [server.MISSING for server in (ssh_server, s3_server) if server.PROGRAM is None]
+    if reason := hosts.missing() or "; ".join(lacking):
         parser.error(reason)
     with checkout() as project:
         figures = share(prepared(project))
@@ -92,29 +94,68 @@ class Machine:
         return told
 
 
+@dataclass(frozen=True)
+class Remote:
+    """A remote of DVC.
+
+    Attributes:
+        name: Its name.
+        url: Its address.
+        own: What each user keeps apart: the keys to it.
+        options: What the project says of it, beside its address.
+    """
+
+    name: str
+    url: str
+    own: Mapping[str, str] = field(repr=False)
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    def add(self, machine: Machine) -> None:
+        """Add it to a project."""
+        machine.run(f"dvc remote add {self.name} {self.url}")
+        for option, value in self.options.items():
+            machine.run(f"dvc remote modify {self.name} {option} {value}")
+
+    def unlock(self, machine: Machine) -> None:
+        """Give a user the keys."""
+        for option, value in self.own.items():
+            machine.run(f"dvc remote modify --local {self.name} {option} {value}")
+
+
 def share(project: Checkout) -> Figures:
     """Push a project, pull it elsewhere, run experiments there and take one back."""
     environment = Path(sys.prefix)
     with tempfile.TemporaryDirectory() as name:
         keys = ssh_server.Keys(Path(name))
         keys.make()
+        account = s3_server.Account()
         shown = {
-            STORE: [keys.folder],
+            STORE: [keys.folder, Path(str(s3_server.PROGRAM)).parent],
             DESK: [environment, keys.folder, project.folder],
             OTHER: [environment, keys.folder],
+            THIRD: [environment, keys.folder],
         }
-        with hosts.running((STORE, DESK, OTHER), shown) as found:
+        with hosts.running((STORE, DESK, OTHER, THIRD), shown) as found:
             store = found[STORE]
             ssh_server.start(store, keys)
+            s3_server.start(store, account, keys.folder)
             store.start("git", "init", "-q", "--bare", "-b", "main", GIT).wait()
             address = f"ssh://root@{store.address}:{ssh_server.PORT}"
-            for client in (DESK, OTHER):
+            for client in (DESK, OTHER, THIRD):
                 keys.use(found[client])
             variables = _variables()
             desk = Machine(found[DESK], project.folder, variables)
-            other = Machine(found[OTHER], Path("/tmp/project"), variables)
-            figures = _pushed(desk, address, keys)
-            figures |= _pulled(other, address, keys, project)
+            other, third = (
+                Machine(found[client], Path("/tmp/project"), variables) for client in (OTHER, THIRD)
+            )
+            ssh = Remote("ssh", address + FILES, {"keyfile": str(keys.user)})
+            s3 = Remote("s3", s3_server.URL, account.options(), s3_server.options(store))
+            figures: Figures = {}
+            _begun(desk, address + GIT, (ssh, s3))
+            _refused(desk, s3)
+            for remote, machine in ((ssh, other), (s3, third)):
+                figures[remote.name] = _pushed(desk, remote)
+                figures[remote.name] |= _pulled(machine, address + GIT, remote, project)
             figures |= _experimented(other, desk)
     return figures
 
@@ -129,26 +170,41 @@ def _variables() -> dict[str, str]:
     return own | dict.fromkeys(switches, "true") | {"RAY_USAGE_STATS_ENABLED": "0"}
 
 
-def _pushed(desk: Machine, address: str, keys: ssh_server.Keys) -> Figures:
-    desk.run(f"git remote add origin {address}{GIT}")
-    desk.run(f"dvc remote add -d shared {address}{FILES}")
-    desk.run(f"dvc remote modify --local shared keyfile {keys.user}")
-    desk.run("git commit -qam Remote && git push -q origin main")
+def _begun(desk: Machine, origin: str, remotes: Sequence[Remote]) -> None:
+    """Push the project to its origin, with remotes; the first is what DVC uses unless told."""
+    desk.run(f"git remote add origin {origin}")
+    for remote in remotes:
+        remote.add(desk)
+        remote.unlock(desk)
+    desk.run(f"dvc remote default {remotes[0].name}")
+    desk.run("git commit -qam Remotes && git push -q origin main")
+
+
+def _refused(desk: Machine, s3: Remote) -> None:
+    """Try to push with a wrong key."""
+    replace(s3, own={**s3.own, "secret_access_key": "wrong"}).unlock(desk)
+    told = desk.run(f"! dvc push -r {s3.name}")
+    if "Forbidden" not in told:
+        raise RuntimeError(f"a wrong key: {told}")
+    s3.unlock(desk)
+
+
+def _pushed(desk: Machine, remote: Remote) -> Figures:
     before, began = desk.host.bytes_moved()[1], time.monotonic()
-    desk.run("dvc push")
+    desk.run(f"dvc push -r {remote.name}")
     seconds = time.monotonic() - began
     sent = desk.host.bytes_moved()[1] - before
-    told = desk.run("dvc push")
+    told = desk.run(f"dvc push -r {remote.name}")
     if "Everything is up to date." not in told:
         raise RuntimeError(f"pushed again: {told}")
     return {"pushed_bytes": sent, "push_seconds": round(seconds, 1)}
 
 
-def _pulled(other: Machine, address: str, keys: ssh_server.Keys, project: Checkout) -> Figures:
-    other.run(f"git clone -q {address}{GIT} {other.folder}", Path("/tmp"))
-    other.run(f"dvc remote modify --local shared keyfile {keys.user}")
+def _pulled(other: Machine, origin: str, remote: Remote, project: Checkout) -> Figures:
+    other.run(f"git clone -q {origin} {other.folder}", Path("/tmp"))
+    remote.unlock(other)
     began = time.monotonic()
-    other.run("dvc pull")
+    other.run(f"dvc pull -r {remote.name}")
     seconds = time.monotonic() - began
     sums = other.run(f"sha256sum {' '.join(MEDIA)}").splitlines()
     own = [digest(project.folder / name) for name in MEDIA]

@@ -64,6 +64,12 @@ SERVER = (
     "--artifacts-destination /srv/mlflow --host 0.0.0.0"
 )
 SHARED_SEARCH = "make tune AGENT=sac TRIALS=40 STORAGE=postgresql://robots:PASSWORD@SERVER/trials"
+S3 = (
+    "dvc remote add -d shared s3://BUCKET/robots",
+    "dvc remote modify shared endpointurl http://SERVER:8333",
+    "dvc remote modify --local shared access_key_id ID",
+    "dvc remote modify --local shared secret_access_key KEY",
+)
 RAY = (
     "export RAY_AUTH_MODE=token RAY_AUTH_TOKEN=TOKEN RAY_USAGE_STATS_ENABLED=0",
     "ray start --head --port 6379 --num-cpus 0 --include-dashboard false",
@@ -89,8 +95,8 @@ ELSEWHERE = {
     "export MLFLOW_TRACKING_URI=http://SERVER:5000": SHARED,
     "dvc remote add -d shared ssh://USER@SERVER/srv/robots && dvc push && git push": REMOTE,
     "git clone USER@SERVER:robots.git && cd robots && make install shared && dvc pull": REMOTE,
-    "dvc remote modify shared endpointurl http://SERVER:9000": REMOTE,
     "dvc remote modify --local shared keyfile ~/.ssh/id_ed25519": REMOTE,
+    **dict.fromkeys(S3, REMOTE),
     **dict.fromkeys((GRID, "dvc queue start --jobs 3", "dvc exp run --temp"), REMOTE),
     **{f"dvc exp {way} origin NAME": REMOTE for way in ("push", "pull")},
     "make champions": RELEASE,
