@@ -15,7 +15,6 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from OpenGL import GL
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents import kernels
@@ -324,6 +323,9 @@ def _chart() -> str:
 def renderer() -> str:
     """Return the name and the version of what draws films."""
     with gl.open_renderer(robot.load(_world().xml), FILM.width, FILM.height):
+        # It binds to the library of the backend that MuJoCo has chosen, or else to one of a screen.
+        from OpenGL import GL
+
         told = GL.glGetString(GL.GL_VERSION), GL.glGetString(GL.GL_RENDERER)
         return ", ".join(part.decode() for part in told)
 
