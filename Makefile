@@ -20,6 +20,14 @@ export ITERATIVE_DO_NOT_TRACK := true
 export MLFLOW_DISABLE_TELEMETRY := true
 export RAY_USAGE_STATS_ENABLED := 0
 
+# What a login sets, and a container may not: without a name and a home, DVC fails.
+ifeq ($(LOGNAME)$(USER),)
+export LOGNAME := $(or $(shell id -un 2>/dev/null),$(shell id -u))
+endif
+ifeq ($(HOME),)
+export HOME := $(or $(shell getent passwd $$(id -u) | cut -d: -f6),/)
+endif
+
 export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 

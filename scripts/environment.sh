@@ -54,11 +54,9 @@ find_python() {
         "Install one, or name it: make install PYTHON=/path/to/python3.11"
 }
 
-# Set UV to the uv on the PATH, else to one from the package index in .venv.
-find_uv() {
+# Install uv from the package index into .venv.
+install_uv() {
     local python package
-    UV=$(command -v uv || echo .venv/bin/uv)
-    [ ! -x "$UV" ] || return 0
     if ! .venv/bin/python -m pip --version >/dev/null 2>&1; then
         python=$(find_python)
         # Debian and Ubuntu ship this part of Python's standard library in a separate package.
@@ -70,6 +68,20 @@ find_uv() {
         "$python" -m venv --clear .venv
     fi
     .venv/bin/python -m pip install --quiet uv
+}
+
+# Have uv do without its cache where that cannot be written, as in a home that is read-only.
+avoid_unwritable_cache() {
+    local folder
+    folder=$("$UV" cache dir)
+    if ! mkdir -p "$folder" 2>/dev/null || [ ! -w "$folder" ]; then export UV_NO_CACHE=1; fi
+}
+
+# Set UV to the uv on the PATH, else to one in .venv.
+find_uv() {
+    UV=$(command -v uv || echo .venv/bin/uv)
+    [ -x "$UV" ] || install_uv
+    avoid_unwritable_cache
 }
 
 # Have uv use what pip is set to use, unless it has settings of its own.
@@ -117,7 +129,9 @@ install_packages() {
     .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null ||
         "$UV" venv --quiet --clear --seed --python "$(find_python)" .venv
     echo "install: the packages of requirements.lock, into .venv"
-    grep -v '^torch==' requirements.lock | uv_install --require-hashes -r -
+    grep -v '^torch==' requirements.lock | uv_install --require-hashes -r - ||
+        stop "not all packages could be installed, see above. If one had to be compiled, run:" \
+            "sudo apt-get install gcc python3-dev. Python 3.11 to 3.13 need no compiler."
     install_torch "$(grep '^torch==' requirements.lock)"
     uv_install --quiet --no-build-isolation -e .
     touch .venv/.packages
