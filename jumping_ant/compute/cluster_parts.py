@@ -84,7 +84,7 @@ class ClusterParts(Generic[Part]):
         return True
 
     def _keep(self, others: Iterable[tuple[Any, bool]]) -> None:
-        """Go on with some others only."""
+        """Keep some of the others, and end the rest."""
         self._others = []
         for other, is_kept in others:
             if is_kept:
