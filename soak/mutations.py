@@ -79,8 +79,9 @@ def main() -> None:
             read_changed(path, read, changes, _count(counts, arguments.folder, path))
             payloads.plant(path, read, Path(folder) / "executed", planted)
     for path, stage in drawn(arguments.folder):
-        content, few = path.read_bytes(), -(-arguments.each // FEWER)
-        changes = itertools.chain(flips(content, generator, few), extremes(content, generator, few))
+        content, few = path.read_bytes(), arguments.each // FEWER
+        others = extremes(content, generator, max(1, few))
+        changes = itertools.chain(flips(content, generator, few), others)
         draw = partial(run_stage, stage)
         read_changed(path, draw, changes, _count(counts, arguments.folder, path))
     found = {name: asdict(count) for name, count in counts.items()}

@@ -18,16 +18,10 @@ from scripts.checkout import RESULTS
 AGENTS = list(presets.load("smoke").agents)
 APART = ("results/timing", "results/speed")  # what a clock tells
 COMPUTE = presets.load("smoke").compute.model_dump()
-# Stages that measure no times, and a training, which keeps them apart; of the stages that treat all
-# agents alike, those of one. That each family of algorithms trains alike in any process is for
-# tests/training/test_driver.py to say, and that text is the same for tests/test_surroundings.py.
-UNTIMED = (
-    "train@sac",
-    "evaluate@sac",
-    "record@sac",
-    "compare",
-    "report",
-)
+# Stages that measure no times, and a training, which keeps them apart, all of one agent. That each
+# family of algorithms trains alike in any process is for tests/training/test_driver.py to say, that
+# tables and pages are the same for tests/report/test_apart.py.
+UNTIMED = ("train@sac", "evaluate@sac", "record@sac")
 
 
 def test_everything_is_there_and_up_to_date(project: Project) -> None:
