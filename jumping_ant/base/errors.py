@@ -4,6 +4,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+LONGEST = 300  # characters of another library's message: zipfile and NumPy quote what they read
+
 
 class InputError(ValueError):
     """Bad input: the message says what was given, what is allowed and where.
@@ -24,6 +26,11 @@ class StoppedError(Exception):
 
     Commands print the message without a traceback and exit with status 130, as in shells.
     """
+
+
+def told(error: BaseException) -> str:
+    """Return an exception of another library as a part of a line: its type, and what it says."""
+    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from jumping_ant.base.archive import Archive, pack
-from jumping_ant.base.errors import InputError
+from jumping_ant.base.errors import InputError, told
 from jumping_ant.policies.blind import OpenLoopPolicy, OscillatorPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.networks import (
@@ -86,7 +86,7 @@ def parse(source: bytes | BinaryIO, owner: Owner | None = None) -> Policy:
         stated = _owner(entries)
     except Exception as error:  # any error here means that the file is damaged
         raise InputError(
-            f"policy file: given what is not a policy ({type(error).__name__}: {error}); "
+            f"policy file: given what is not a policy ({told(error)}); "
             "allowed: a policy.zip that `dvc repro` trained"
         ) from error
     if shape != (1, interface.num_motors):
@@ -104,7 +104,9 @@ def read_interface(path: Path, owner: Owner | None = None) -> Interface:
             entries = Archive(file)
             interface, stated = interface_of(entries), _owner(entries)
     except Exception as error:  # as in `load`
-        raise InputError(f"{path}: not a policy file ({error}); `dvc repro` trains it") from error
+        raise InputError(
+            f"{path}: not a policy file ({told(error)}); `dvc repro` trains it"
+        ) from error
     try:
         _check_owner(stated, owner)
     except InputError as error:

@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from jumping_ant.base.archive import Archive, pack
+from jumping_ant.base.errors import told
 from jumping_ant.base.files import write_bytes
 from jumping_ant.base.paths import home
 from jumping_ant.training.racing import Candidate, Candidates
@@ -164,7 +165,7 @@ class Checkpoints:
         try:
             return Saved.from_bytes(path.read_bytes(), self._owner(seed))
         except Exception as error:  # a damaged file can raise anything
-            self._say(f"{path.name} is damaged ({error}) and is not used")
+            self._say(f"{path.name} is damaged ({told(error)}) and is not used")
             return None
 
     def _generations(self, seed: int) -> list[Path]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
+from jumping_ant.base.errors import told
 from jumping_ant.params.blocks import TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
@@ -75,7 +76,7 @@ def run(
     except WRONG_CONTENT as error:
         if job.checkpoint is None:
             raise
-        yield Report(Rejected(f"{type(error).__name__}: {error}"), 0.0)
+        yield Report(Rejected(told(error)), 0.0)
         return
     for event in itertools.chain([first], events):
         now = time.perf_counter()

@@ -14,6 +14,7 @@ import numpy as np
 
 from jumping_ant.agents.events import Finished, Snapshot
 from jumping_ant.agents.job import Job
+from jumping_ant.base.errors import told
 from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import TUNING_SEEDS
 from jumping_ant.params.blocks import TrainingParams
@@ -27,7 +28,6 @@ FRESH = TUNING_SEEDS[500_000:]  # training seeds and start states that judge the
 
 # What learners raise whose numbers are no longer finite: NumPy, torch, and the check of policies.
 DIVERGED = (ArithmeticError, ValueError, RuntimeError)
-LONGEST_REASON = 200  # [characters]
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,7 @@ def measure(
     try:
         measured = _measured(job, training, starts, target_return, floors, stop)
     except DIVERGED as error:
-        told = " ".join(f"{type(error).__name__}: {error}".split())
-        measured = Fault(told[:LONGEST_REASON])
+        measured = Fault(told(error))
     if measured:
         yield measured
 

@@ -27,7 +27,7 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from jumping_ant.base import databases, process, seeding
-from jumping_ant.base.errors import InputError
+from jumping_ant.base.errors import InputError, told
 
 SamplerName = Literal["tpe", "random"]
 OWNER, SIGN = "owner", "sign"  # of a running trial: its process, and when that was last heard of
@@ -211,8 +211,8 @@ def _failures_as_input_errors(storage: str) -> Iterator[None]:
             f"storage: its driver is not installed; run: {databases.installation(error)}"
         ) from error
     except (SQLAlchemyError, StorageInternalError) as error:
-        told = " ".join(str(error.__cause__ or error).split())[:300]
-        raise InputError(f"storage: given {shown(storage)}: {told}") from error
+        cause = error.__cause__ or error
+        raise InputError(f"storage: given {shown(storage)}: {told(cause)}") from error
 
 
 def shown(storage: str) -> str:

@@ -289,3 +289,15 @@ def test_a_published_policy_says_whose_it_is(tmp_path: Path) -> None:
     path.write_bytes(pack({**Archive(LINEAR), "owner.json": b"[1]"}))
     with pytest.raises(InputError, match="given what is not a policy"):
         policy_file.load(path)
+
+
+def test_a_damaged_file_is_not_quoted_at_length(tmp_path: Path) -> None:
+    """As zipfile does whose entry has a name of thousands of bytes."""
+    content = bytearray(pack({**Archive(LINEAR), "more": b"\0" * 5000}))
+    content[26:28] = (5000).to_bytes(2, "little")  # the length of the first entry's name
+    path = tmp_path / "policy.zip"
+    path.write_bytes(content)
+    for read in (policy_file.load, policy_file.read_interface):
+        with pytest.raises(InputError, match="BadZipFile: File name in directory") as caught:
+            read(path)
+        assert len(str(caught.value)) < 1000

@@ -85,7 +85,9 @@ def test_a_damaged_one_gives_way_to_the_one_before(tmp_path: Path, said: Lines, 
         stored.save(0, replace(SAVED, env_steps=steps))
     damage(tmp_path / ".checkpoints/sac/key/seed-0.2.checkpoint", how)
     assert stored.load(0) == SAVED
-    assert said == ["seed-0.2.checkpoint is damaged (the digest does not match) and is not used"]
+    assert said == [
+        "seed-0.2.checkpoint is damaged (ValueError: the digest does not match) and is not used"
+    ]
     stored.save(0, replace(SAVED, env_steps=300))
     assert store(tmp_path, said).load(0).env_steps == 300
     assert files(tmp_path) == ["sac/key/seed-0.1.checkpoint", "sac/key/seed-0.2.checkpoint"]
@@ -137,7 +139,9 @@ def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: Lines) -> Non
     assert files(tmp_path) == ["sac/key/seed-0.finished"]
     damage(tmp_path / ".checkpoints/sac/key/seed-0.finished", "torn")
     assert stored.finished(0) is None
-    assert said == ["seed-0.finished is damaged (the digest does not match) and is not used"]
+    assert said == [
+        "seed-0.finished is damaged (ValueError: the digest does not match) and is not used"
+    ]
 
 
 def test_an_interrupted_training_keeps_its_seeds(tmp_path: Path, said: Lines) -> None:

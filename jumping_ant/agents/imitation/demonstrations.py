@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import Archive, from_array, pack, to_array
-from jumping_ant.base.errors import InputError
+from jumping_ant.base.errors import InputError, told
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv
@@ -74,7 +74,7 @@ class Demonstrations:
             return cls(Labelled(observations, torques, returns), entries[_EXPERT])
         except Exception as error:  # any error here means that the file is damaged
             raise InputError(
-                f"demonstrations: given what are none ({type(error).__name__}: {error}); "
+                f"demonstrations: given what are none ({told(error)}); "
                 "allowed: the file that `dvc repro` makes of a trained agent"
             ) from error
 
