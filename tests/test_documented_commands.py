@@ -80,7 +80,7 @@ RAY = (
 ELSEWHERE = {
     RUN: "tests/finished_project.py",
     COMMIT: "tests/finished_project.py",
-    "dvc repro --force": "tests/test_smoke.py, for all stages without measured times",
+    "dvc repro --force": "tests/test_smoke.py, for the stages of one agent",
     "python -m stages.track": "tests/test_smoke.py",
     "make ui": "serves until it is stopped; tests/tracking/test_ui.py",
     "make view": "opens all recordings; the two below open one",
