@@ -18,9 +18,9 @@ from scripts.checkout import RESULTS
 AGENTS = list(presets.load("smoke").agents)
 APART = ("results/timing", "results/speed")  # what a clock tells
 COMPUTE = presets.load("smoke").compute.model_dump()
-# Stages that measure no times, and a training, which keeps them apart, all of one agent. That each
-# family of algorithms trains alike in any process is for tests/training/test_driver.py to say, that
-# tables and pages are the same for tests/report/test_apart.py.
+# One agent's stages without measured times, and its training, which keeps them in files apart.
+# tests/training/test_driver.py checks that each family of algorithms trains alike in any process,
+# tests/report/test_apart.py that tables and pages are the same.
 UNTIMED = ("train@sac", "evaluate@sac", "record@sac")
 
 
