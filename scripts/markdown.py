@@ -70,6 +70,8 @@ def runs_table(summary: dict[str, Any]) -> str:
     Args:
         summary: What `article_runs.summary` returns.
     """
+    if not summary["runs"]:
+        return "*None of these seeds has been trained yet.*"
     runs = [
         f"| `{name}` | {len(own['means'])} | "
         f"{wording.estimate(np.median(own['means']), min(own['means']), max(own['means']), 2)} | "

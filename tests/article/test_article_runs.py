@@ -129,3 +129,8 @@ def test_runs_are_compared_by_their_policies(tmp_path: Path) -> None:
     table = markdown.runs_table(summary)
     assert "| `wide-margin` against `preset` | 100 [100–100] % | 0.00016 |" in table
     assert "| `original` | 8 | " in table and " 0 of 24: " in table
+
+
+def test_the_table_says_if_no_seed_is_trained(tmp_path: Path) -> None:
+    summary = article_runs.summary(tmp_path / "tests.csv")
+    assert markdown.runs_table(summary) == "*None of these seeds has been trained yet.*"
