@@ -102,5 +102,7 @@ def _best_so_far(table: list[dict[str, str]]) -> Points:
 
 def _note(summary: Mapping[str, Any]) -> str:
     """Return the description of a study's run."""
-    judged = f"**{summary['verdict']}**. {summary.get('evidence', '')}" * ("verdict" in summary)
-    return f"Search for settings of {summary['agent']}. {judged}".strip()
+    lines = [f"Search for settings of {summary['agent']}."]
+    if "verdict" in summary:  # a control has none
+        lines += [f"**{summary['verdict']}**.", summary.get("evidence", "")]
+    return " ".join(lines).strip()

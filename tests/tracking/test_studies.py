@@ -10,7 +10,7 @@ from tracked_project import make_bare, tracked, unset_variables
 
 from jumping_ant.base import tables
 from jumping_ant.base.files import write_json, write_text
-from jumping_ant.base.paths import Paths
+from jumping_ant.base.paths import Paths, StudyPaths
 from jumping_ant.experiment import trials
 from jumping_ant.tracking import studies
 
@@ -44,10 +44,13 @@ def root(tmp_path: Path, empty_database: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def write(root: Path, rows: list[tuple[Any, ...]], **more: Any) -> None:
-    paths = Paths(root).study("sac")
+    write_study(Paths(root).study("sac"), rows, SUMMARY | more)
+
+
+def write_study(paths: StudyPaths, rows: list[tuple[Any, ...]], summary: dict[str, Any]) -> None:
     table = [dict(zip(trials.COLUMNS, row, strict=True)) for row in rows]
     write_text(paths.trials, tables.to_csv(table))
-    write_json(paths.summary, SUMMARY | more)
+    write_json(paths.summary, summary)
     write_text(paths.page, "<html></html>")
 
 
@@ -111,6 +114,16 @@ def test_a_second_call_changes_nothing_and_new_trials_are_added(root: Path) -> N
     client = MlflowClient(f"sqlite:///{root}/mlflow.db")
     history = client.get_metric_history(after["sac-tpe-1234"].info.run_id, studies.BEST)
     assert [point.step for point in history] == [0, 3], "no point is there twice"
+
+
+def test_a_control_is_a_study_without_a_verdict(root: Path) -> None:
+    own = {key: value for key, value in SUMMARY.items() if key not in ("verdict", "evidence")}
+    control = own | {"sampler": "random", "study": "sac-random-1234"}
+    write_study(Paths(root).study("sac", is_control=True), ROWS[:2], control)
+    assert told(root) == ["study sac-random-1234: 2 trials, 2 new"]
+    study = runs(root)["sac-random-1234"]
+    assert study.data.params["sampler"] == "random"
+    assert study.data.tags["mlflow.note.content"] == "Search for settings of sac."
 
 
 def test_the_pipeline_mirrors_studies_too(root: Path) -> None:
