@@ -40,19 +40,21 @@ def build(
         table: The trials.
         shown: The trials as a study in memory (`outcome.as_complete`).
         unit: What a trial's value is.
-        control: Values of as many random draws, if there are any.
+        control: Values of random draws, if there are any: of a control, its own.
     """
     charts = {"history": _history(table, unit, control)}
     if found["importance"]:
         charts |= _analyses(shown, unit)
     if "returns" in found:
         charts["fresh"] = _fresh(found["returns"])
+    drawn = ", drawn at random" if "draws" in found else ""
     context = {
-        "title": f"Settings of {found['agent']}: {found['trials']} trials",
+        "title": f"Settings of {found['agent']}: {found['trials']} trials{drawn}",
         "found": found,
         "verdict": _verdict(found) if "returns" in found else "",
         "sign": SIGNS.get(found.get("verdict", ""), "inconclusive"),
         "table": [row | {"changes": _listed(row)} for row in sorted(table, key=_rank)],
+        "control": control,
         "budgets": _budgets(found, control),
     }
     return frame.render(FOLDER, context, charts)

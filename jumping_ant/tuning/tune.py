@@ -128,7 +128,8 @@ def _write(
     table = outcome.rows(ended, task.space, task.tuning)
     shown = outcome.as_complete(study, task.tuning)
     control = Paths(root).study(task.name, is_control=True).summary
-    draws = read_json(control, CONTROL)["draws"] if control.is_file() else []
+    drawn = found if "draws" in found or not control.is_file() else read_json(control, CONTROL)
+    draws = drawn.get("draws", [])
     unit = "Value" if task.tuning.target_return is None else "Minus seconds"
     better = None
     if found.get("verdict") == "better":

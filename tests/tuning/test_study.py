@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from soak.postgres import Postgres
 
 PARAMETERS = 3  # place in a record
+COLUMN = ">Random draws, expected best<"
 
 
 @pytest.fixture(autouse=True, scope="module")
