@@ -144,6 +144,8 @@ def _analyses(shown: optuna.Study, unit: str) -> dict[str, go.Figure]:
         for place in range(0, len(names), MOST_SLICES):
             own = names[place : place + MOST_SLICES]
             chart = visualization.plot_slice(shown, params=own, target_name=unit)
+            for axis in chart.select_xaxes({"type": "log"}):
+                axis.dtick = "D2"  # 1, 2 and 5 times a power of ten: all nine overlap
             figures[f"slice_{place // MOST_SLICES}"] = finish(chart, ROW, title=None)
     for figure in figures.values():
         figure.update_layout(width=None)

@@ -123,7 +123,7 @@ class Fresh:
             "p": finding.p,
             "p_equivalence": finding.margin.p if finding.margin else None,
             **difference.as_dict("difference"),
-            "evidence": finding.evidence,
+            "evidence": f"{finding.evidence[:1].upper()}{finding.evidence[1:]}.",
             "returns": {which: own.tolist() for which, own in returns.items()},
             "seconds": {which: self._numbers(which, "seconds").tolist() for which in returns},
         }

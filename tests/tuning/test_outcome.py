@@ -85,7 +85,7 @@ def test_seconds_are_judged_by_their_bounds(
     trained(monkeypatch, gain=0, seconds=5.0)
     found = run(root, target_return=500.0)
     assert found["verdict"] == "better" and found["difference"] == pytest.approx(5, abs=0.5)
-    assert "seconds to a return above 500" in found["evidence"]
+    assert found["evidence"].startswith("Median seconds to a return above 500")
 
 
 def test_own_settings_that_win_need_no_verdict(
