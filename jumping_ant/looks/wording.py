@@ -1,4 +1,4 @@
-"""Formats of numbers, the same in all output."""
+"""Formats of numbers and sentences, the same in all output."""
 
 from typing import SupportsFloat
 
@@ -12,6 +12,11 @@ def number(value: SupportsFloat) -> str:
 def interval(low: SupportsFloat, high: SupportsFloat, num_seeds: int) -> str:
     """Return an interval over seeds in readable form, [0.5, 1,230]; empty for one seed."""
     return f"[{number(low)}, {number(high)}]" if num_seeds > 1 else ""
+
+
+def capitalized(text: str) -> str:
+    """Return a text whose first letter is a capital one, as a sentence begins."""
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def percent(share: SupportsFloat) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from jumping_ant.comparison.claims.statements import STATEMENTS
-from jumping_ant.looks.wording import estimate, number, p_value
+from jumping_ant.looks.wording import capitalized, estimate, number, p_value
 
 SIGNS = {"supported": "\u2713", "refuted": "\u2717", "equivalent": "\u2248", "inconclusive": "?"}
 SCEPTIC = "A sceptic's questions"  # claims that test no statement of the article
@@ -57,7 +57,7 @@ def _in_words(index: int, entry: Mapping[str, Any], num_seeds: int) -> dict[str,
 
 
 def _effect(effect: Mapping[str, Any], num_seeds: int) -> str:
-    name = f"{effect['name'][:1].upper()}{effect['name'][1:]}"
+    name = capitalized(effect["name"])
     if effect["value"] is None:
         return f"{name}: no seed has a value that can be compared"
     return f"{name}: {estimate(effect['value'], effect['low'], effect['high'], num_seeds)}"

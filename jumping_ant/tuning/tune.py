@@ -128,8 +128,10 @@ def _write(
     table = outcome.rows(ended, task.space, task.tuning)
     shown = outcome.as_complete(study, task.tuning)
     control = Paths(root).study(task.name, is_control=True).summary
-    drawn = found if "draws" in found or not control.is_file() else read_json(control, CONTROL)
-    draws = drawn.get("draws", [])
+    if "draws" not in found and control.is_file():  # a search's page shows its control's draws
+        draws = read_json(control, CONTROL).get("draws", [])
+    else:
+        draws = found.get("draws", [])
     unit = "Value" if task.tuning.target_return is None else "Minus seconds"
     better = None
     if found.get("verdict") == "better":

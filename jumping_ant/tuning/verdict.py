@@ -23,7 +23,7 @@ from jumping_ant.comparison.claims.findings import Efforts, Finding, Sample
 from jumping_ant.comparison.step_down import adjust
 from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
-from jumping_ant.looks.wording import number
+from jumping_ant.looks.wording import capitalized, number
 from jumping_ant.params.blocks import CompareParams
 from jumping_ant.tuning.objective import FRESH, Fault, Measured
 from jumping_ant.tuning.search import Task
@@ -123,7 +123,7 @@ class Fresh:
             "p": finding.p,
             "p_equivalence": finding.margin.p if finding.margin else None,
             **difference.as_dict("difference"),
-            "evidence": f"{finding.evidence[:1].upper()}{finding.evidence[1:]}.",
+            "evidence": f"{capitalized(finding.evidence)}.",
             "returns": {which: own.tolist() for which, own in returns.items()},
             "seconds": {which: self._numbers(which, "seconds").tolist() for which in returns},
         }

@@ -16,7 +16,7 @@ from jumping_ant.comparison.claims.findings import Finding
 from jumping_ant.comparison.claims.statements import CLAIMS, Claim, Table, claims
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.comparison.step_down import Adjusted, adjust
-from jumping_ant.looks.wording import number, p_value
+from jumping_ant.looks.wording import capitalized, number, p_value
 from jumping_ant.params.blocks import CompareParams
 
 ROUNDING = 1e-12  # of products of p values
@@ -126,7 +126,7 @@ def _entry(claim: Claim, adjusted: Adjusted, level: float, num_claims: int) -> d
         "statement": claim.statement,
         "agents": list(claim.agents),
         "verdict": outcome,
-        "evidence": f"{finding.evidence[:1].upper()}{finding.evidence[1:]} ({basis}).",
+        "evidence": f"{capitalized(finding.evidence)} ({basis}).",
         "effect": _effect(finding),
         "no_effect": finding.no_effect,
         "test": finding.test,
