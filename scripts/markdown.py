@@ -122,11 +122,14 @@ def tuning_table(found: Sequence[dict[str, Any]]) -> str:
             continue
         num_trials = f"{own['trials']} x {own['seeds_per_trial']}"
         returns = [_number(own["before"]), _number(own["after"])]
-        interval = f"[{wording.number(own['low'])}, {wording.number(own['high'])}]"
+        difference = p = ""
+        if own["p"] is not None:  # else nothing was trained for a verdict
+            interval = f"[{wording.number(own['low'])}, {wording.number(own['high'])}]"
+            difference = f"{wording.number(own['difference'])} {interval}"
+            p = wording.p_value(own["p"])
         cells = [
             *(own["agent"], num_trials, str(own["pruned"]), *returns),
-            f"{wording.number(own['difference'])} {interval}",
-            *(own["verdict"], wording.p_value(own["p"])),
+            *(difference, own["verdict"], p),
             ", ".join(map(_number, own["best_after"].values())),
             ", ".join(map(_number, controls.get(own["agent"], {}).values())),
         ]

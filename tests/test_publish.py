@@ -20,6 +20,7 @@ CLAIM = {
     "p_adjusted": 0.01234,
     "evidence": "Much (8 seeds).",
 }
+NOT_JUDGED = ("before", "after", "difference", "low", "high", "p")
 TEXT = "Above.\n\n<!-- part -->\nold\nlines\n<!-- end of part -->\n\nBelow.\n"
 
 
@@ -101,10 +102,12 @@ def test_searches_stand_beside_their_controls() -> None:
     judged = {"before": 7000.0, "after": 7600.0, "verdict": "better", "p": 0.00312}
     judged |= {"difference": 590.0, "low": 200.0, "high": 900.0}
     control = own | {"expected_best": {"1": 3000.0, "7": 6000.0}}
-    table = markdown.tuning_table([own | judged, control])
+    unchanged = own | {"agent": "td3", "verdict": "unchanged"} | dict.fromkeys(NOT_JUDGED)
+    table = markdown.tuning_table([own | judged, control, unchanged])
     assert table.splitlines()[2:] == [
         "| sac | 40 x 2 | 15 | 7,000 | 7,600 | 590 [200, 900] | better | 0.0031 | 5,000, 6,500 | "
-        "3,000, 6,000 |"
+        "3,000, 6,000 |",
+        "| td3 | 40 x 2 | 15 |  |  |  | unchanged |  | 5,000, 6,500 |  |",
     ]
 
 

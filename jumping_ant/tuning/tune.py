@@ -107,7 +107,7 @@ def _verdict(
     """Return the verdict on the best trial, for which nothing is trained if nothing changes."""
     best = search.best_of(study)
     if best is None or not task.space.chosen(best.params):
-        return without_training("open" if best is None else "equivalent")
+        return without_training("open" if best is None else "unchanged")
     num_workers = jobs.num_workers(params.compute.workers, 2 * params.tuning.fresh_seeds)
     agent = task.space.agent_with(best.params)
     episodes = params.evaluate.episodes

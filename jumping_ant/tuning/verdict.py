@@ -44,9 +44,8 @@ Key = tuple[str, int]
 
 
 def without_training(word: str) -> dict[str, Any]:
-    """Return a verdict where there is nothing to compare."""
-    none = dict.fromkeys((BEFORE, AFTER))
-    return {**none, "verdict": word, "p": 1.0, "difference": 0.0, "low": 0.0, "high": 0.0}
+    """Return a verdict where there is nothing to compare, and so no number."""
+    return {"verdict": word} | dict.fromkeys((BEFORE, AFTER, "p", "difference", "low", "high"))
 
 
 @dataclass(frozen=True)
