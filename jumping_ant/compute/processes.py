@@ -14,6 +14,7 @@ import threading
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from typing import Any, cast
@@ -94,6 +95,7 @@ def _start() -> _Worker:
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(theirs,))
     try:
+        resource_tracker.ensure_running()  # or the first start does so, and unblocks signals
         with _inherited():
             process.start()
     except OSError as error:

@@ -123,7 +123,12 @@ def driver(tmp_path: Path, no_cluster: None) -> Iterator[subprocess.Popen[bytes]
     (tmp_path / "driver.py").write_text(DRIVER, encoding="utf-8")
     (tmp_path / "begun").mkdir()
     command = [sys.executable, str(tmp_path / "driver.py"), str(tmp_path / "begun")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    ) as process:
         yield process
         process.kill()
 
@@ -136,6 +141,19 @@ def test_workers_end_with_their_driver(driver: subprocess.Popen[bytes]) -> None:
     workers = psutil.Process(driver.pid).children()
     driver.kill()
     assert psutil.wait_procs(workers, timeout=10)[1] == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_reaches_all_processes_and_only_the_driver_decides(
+    driver: subprocess.Popen[bytes], number: signal.Signals
+) -> None:
+    """Also the first worker, with which Python starts a helper of its own."""
+    assert driver.stdout
+    for _ in range(2):
+        assert driver.stdout.readline() == b"item\n"
+    os.killpg(driver.pid, number)
+    assert driver.stdout.read() == b"item\n" * 2, "each job stops in order"
+    assert driver.wait(60) == 0
 
 
 @pytest.mark.usefixtures("no_cluster")
