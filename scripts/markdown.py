@@ -13,6 +13,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves, params_file, summaries
 from jumping_ant.looks import wording
 from jumping_ant.looks.wording import p_value
+from jumping_ant.tuning.outcome import is_control_of
 
 VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
 PUBLISHED = PROJECT_ROOT / "docs" / "published" / "ant_sac.csv"
@@ -116,10 +117,10 @@ def tuning_table(found: Sequence[dict[str, Any]]) -> str:
         "best after 1, 7, 30 trials | expected of random draws |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    controls = {own["agent"]: own["expected_best"] for own in found if "expected_best" in own}
     for own in found:
         if "verdict" not in own:
             continue
+        controls = [other["expected_best"] for other in found if is_control_of(other, own)]
         num_trials = f"{own['trials']} x {own['seeds_per_trial']}"
         returns = [_number(own["before"]), _number(own["after"])]
         difference = p = ""
@@ -131,7 +132,7 @@ def tuning_table(found: Sequence[dict[str, Any]]) -> str:
             *(own["agent"], num_trials, str(own["pruned"]), *returns),
             *(difference, own["verdict"], p),
             ", ".join(map(_number, own["best_after"].values())),
-            ", ".join(map(_number, controls.get(own["agent"], {}).values())),
+            ", ".join(map(_number, controls[0].values() if controls else [])),
         ]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -99,9 +99,10 @@ def test_what_agents_keep_stands_with_the_crossing() -> None:
 def test_searches_stand_beside_their_controls() -> None:
     best = {"1": 5000.0, "7": 6500.0}
     own = {"agent": "sac", "trials": 40, "seeds_per_trial": 2, "pruned": 15, "best_after": best}
+    own |= {"rules": {"ranges": {"gamma": {"low": 0.9, "high": 0.99}}, "seeds": 2}}
     judged = {"before": 7000.0, "after": 7600.0, "verdict": "better", "p": 0.00312}
     judged |= {"difference": 590.0, "low": 200.0, "high": 900.0}
-    control = own | {"expected_best": {"1": 3000.0, "7": 6000.0}}
+    control = own | {"draws": [], "expected_best": {"1": 3000.0, "7": 6000.0}}
     unchanged = own | {"agent": "td3", "verdict": "unchanged"} | dict.fromkeys(NOT_JUDGED)
     table = markdown.tuning_table([own | judged, control, unchanged])
     assert table.splitlines()[2:] == [
@@ -109,6 +110,9 @@ def test_searches_stand_beside_their_controls() -> None:
         "3,000, 6,000 |",
         "| td3 | 40 x 2 | 15 |  |  |  | unchanged |  | 5,000, 6,500 |  |",
     ]
+    wider = control | {"rules": own["rules"] | {"ranges": {"gamma": {"low": 0.5, "high": 0.99}}}}
+    (row,) = markdown.tuning_table([own | judged, wider]).splitlines()[2:]
+    assert row.endswith("| 5,000, 6,500 |  |")
 
 
 @pytest.fixture

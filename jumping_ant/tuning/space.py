@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from optuna.distributions import (
@@ -65,6 +65,14 @@ class Space:
             for name, own in self.ranges.items()
             if (value := getattr(self.agent, name)) is not None
         }
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """The ranges as JSON has them."""
+        described: dict[str, Any] = json.loads(
+            json.dumps({name: asdict(own) for name, own in self.ranges.items()})
+        )
+        return described
 
     def agent_with(self, chosen: Mapping[str, Any], share: float = 1.0) -> AgentBlock:
         """Return the agent with other settings and a share of its own budget of control steps.

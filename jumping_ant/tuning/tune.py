@@ -22,10 +22,9 @@ from jumping_ant.tuning import outcome, page, search, space
 from jumping_ant.tuning import study as studies
 from jumping_ant.tuning.search import Search, Task
 from jumping_ant.tuning.study import SamplerName
-from jumping_ant.tuning.verdict import Fresh, without_training
+from jumping_ant.tuning.verdict import OPEN, UNCHANGED, Fresh, without_training
 
 CONTROL = "make tune SAMPLER=random"
-OF_A_STUDY = {"seeds", "share", "episodes", "target_return", "spread_penalty", "prune_level"}
 
 
 def run(
@@ -91,7 +90,7 @@ def study_name(task: Task, sampler: SamplerName) -> str:
     content = [
         task.world.xml,
         *(block.model_dump() for block in (task.world.env, task.training, task.space.agent)),
-        task.tuning.model_dump(include=OF_A_STUDY),
+        task.tuning.model_dump(include=outcome.OF_A_STUDY),
         repr(task.space.ranges),
         [search.WORST, search.FEWEST, search.WARM_UP],
         hashlib.sha256(task.demonstrations or b"").hexdigest(),
@@ -107,7 +106,7 @@ def _verdict(
     """Return the verdict on the best trial, for which nothing is trained if nothing changes."""
     best = search.best_of(study)
     if best is None or not task.space.chosen(best.params):
-        return without_training("open" if best is None else "unchanged")
+        return without_training(OPEN if best is None else UNCHANGED)
     num_workers = jobs.num_workers(params.compute.workers, 2 * params.tuning.fresh_seeds)
     agent = task.space.agent_with(best.params)
     episodes = params.evaluate.episodes
@@ -128,10 +127,14 @@ def _write(
     table = outcome.rows(ended, task.space, task.tuning)
     shown = outcome.as_complete(study, task.tuning)
     control = Paths(root).study(task.name, is_control=True).summary
-    if "draws" not in found and control.is_file():  # a search's page shows its control's draws
-        draws = read_json(control, CONTROL).get("draws", [])
-    else:
-        draws = found.get("draws", [])
+    drawn = found
+    if "draws" not in found:  # a search's page shows its control's draws
+        drawn = read_json(control, CONTROL) if control.is_file() else {}
+    is_its_control = outcome.is_control_of(drawn, found)
+    draws = drawn["draws"] if is_its_control else []
+    if drawn and not is_its_control:
+        path = control.relative_to(root)
+        say(f"{task.name}: {path} is of other ranges or rules, and not set beside this search")
     unit = "Value" if task.tuning.target_return is None else "Minus seconds"
     better = None
     if found.get("verdict") == "better":

@@ -34,6 +34,8 @@ WORDS = {
     "equivalent": "equivalent",
     "inconclusive": "open",
 }
+OPEN = WORDS["inconclusive"]
+UNCHANGED = "unchanged"  # no trial did better than the agent's own settings
 BEFORE, AFTER = "before", "after"
 LARGEST_BLOCK = 100  # training seeds of a verdict
 NOTHING = Measured((0.0,), 0.0, (0.0, float("inf")))  # of a training that came to nothing

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from soak.postgres import Postgres
 
 PARAMETERS = 3  # place in a record
-COLUMN = ">Random draws, expected best<"
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -146,8 +145,13 @@ def test_the_control_draws_at_random_and_judges_nothing(whole: Path, tmp_path: P
     values = [float(row["value"]) for row in table(root, "random")[1:]]
     assert found["expected_best"]["1"] == pytest.approx(sum(values) / 11, abs=0.1)
     run(root, 12)  # now with the control on its page
-    page = Paths(root).study("pgpe").page.read_text(encoding="utf-8")
-    assert "random draws, expected best" in page
+    page = Paths(root).study("pgpe").page
+    assert "random draws, expected best" in page.read_text(encoding="utf-8")
+    of_others = found | {"rules": found["rules"] | {"ranges": {}}}
+    paths.summary.write_text(json.dumps(of_others), encoding="utf-8")
+    told = "\n".join(run(root, 12))
+    assert "results/tuning/pgpe-random.json is of other ranges or rules" in told
+    assert "random draws, expected best" not in page.read_text(encoding="utf-8")
 
 
 def test_other_settings_begin_another_study(tmp_path: Path) -> None:
