@@ -27,10 +27,10 @@ from jumping_ant.tuning.search import REASON, best_of, seeds_of, value_of
 from jumping_ant.tuning.space import Space
 from jumping_ant.tuning.study import SamplerName
 
+# what of `tuning` in params.yaml the trials of a study depend on
 OF_A_STUDY = {"seeds", "share", "episodes", "target_return", "spread_penalty", "prune_level"}
 STATES = {TrialState.COMPLETE: "complete", TrialState.PRUNED: "pruned"}
 BUDGETS = (1, 7, 30)  # trials after which the best is told
-RULES = "rules"
 GOOD = 0.25  # share of the trials that importance sets apart from the others
 
 
@@ -66,7 +66,7 @@ def summary(
         "study": study.study_name,
         "trials": len(trials),
         "seeds_per_trial": tuning.seeds,
-        RULES: {"ranges": space.described} | tuning.model_dump(include=OF_A_STUDY),
+        "rules": {"ranges": space.described} | tuning.model_dump(include=OF_A_STUDY),
         "pruned": len(pruned),
         "without_value": sum(value_of(trial, tuning) is None for trial in trials),
         "best_trial": best.number if best else None,
@@ -88,11 +88,14 @@ def _of_draws(trials: Sequence[FrozenTrial], tuning: TuningParams) -> dict[str, 
 
 
 def is_control_of(control: Mapping[str, Any], search: Mapping[str, Any]) -> bool:
-    """Return whether one summary's random draws can be set beside another's trials."""
+    """Return whether one summary's random draws can be set beside another's trials.
+
+    Both must have drawn from the same ranges, and valued trials by the same rules.
+    """
     return (
         "draws" in control
         and control["agent"] == search["agent"]
-        and control.get(RULES) == search[RULES]
+        and control.get("rules") == search["rules"]
     )
 
 
