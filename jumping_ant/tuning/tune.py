@@ -134,7 +134,7 @@ def _write(
     draws = drawn["draws"] if is_its_control else []
     if drawn and not is_its_control:
         path = control.relative_to(root)
-        say(f"{task.name}: {path} is of other ranges or rules, and not set beside this search")
+        say(f"{task.name}: {path} is of other ranges or rules; `{CONTROL}` renews it")
     unit = "Value" if task.tuning.target_return is None else "Minus seconds"
     better = None
     if found.get("verdict") == "better":
