@@ -82,7 +82,7 @@ def checkout() -> Iterator[Checkout]:
 
 def copy_project(folder: Path) -> None:
     """Create a repository of the files that git tracks or would track."""
-    _copy(_names(), folder)
+    _copy(project_files(), folder)
     subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
 
 
@@ -92,14 +92,14 @@ def renew_project(folder: Path) -> None:
     The outputs of its runs are kept: DVC reruns the stages that the new code affects, and
     trainings resume from their checkpoints if these are compatible.
     """
-    names = [name for name in _names() if name.split("/")[0] not in RESULTS]
+    names = [name for name in project_files() if name.split("/")[0] not in RESULTS]
     for top in {name.split("/")[0] for name in names if "/" in name and not name.startswith(".")}:
         shutil.rmtree(folder / top, ignore_errors=True)  # with files that no longer exist
     _copy(names, folder)
     subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
 
 
-def _names() -> list[str]:
+def project_files() -> list[str]:
     """Return what git tracks or would track, as paths from the project's root."""
     listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     names = subprocess.run(
