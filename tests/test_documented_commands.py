@@ -43,6 +43,7 @@ VIEWS = {"make view AGENT=sac": "sac", "make view AGENT=lineup": "lineup"}
 
 # Commands that the tests named here run, and those that take hours or change the machine.
 CHECKS = "a part of `make test`, as this test is"
+LONG = ("ablations", "families", "hopper", "replicate", "run")
 HOURS = "hours of training; tests/test_pipeline.py makes the parameters, presets/smoke runs"
 ARTICLE = "hours of training; tests/article/test_article_run.py runs it with less"
 MEASURES = "minutes that need the machine for themselves; tests/test_benchmarks.py tests its parts"
@@ -137,7 +138,7 @@ ELSEWHERE = {
     "make cost PRESET=families": COST,
     "make cost SET=agents.sac.learning_rate=0.001": COST,
     'make cost SET="evaluate.episodes=64 seeds=[30,31]"': COST,
-    **{f"make preset PRESET={name}": HOURS for name in ("ablations", "families", "hopper", "run")},
+    **{f"make preset PRESET={name}": HOURS for name in LONG},
     "dvc exp run $(cat presets/NAME)": "stands for the presets",
     "python -m scripts.ceiling": "minutes of planning; tests/test_ceiling.py plans less",
     **{command: TUNE for command in ("make tune", "make tune AGENT=td3 PRESET=families")},

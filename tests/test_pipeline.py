@@ -156,6 +156,14 @@ def test_presets_change_params_yaml(preset: str) -> None:
     assert params_file.load() != presets.load(preset)
 
 
+def test_a_replication_has_other_seeds_than_the_default_and_its_later_looks() -> None:
+    default, again = params_file.load(), presets.load("replicate")
+    num_looks = len(default.compare.levels) - 1
+    last = max(default.seeds) + num_looks * default.compare.look_seeds
+    assert min(again.seeds) > last and len(again.seeds) == len(default.seeds)
+    assert again.model_copy(update={"seeds": default.seeds}) == default
+
+
 def test_ablations_leave_one_thing_out_each() -> None:
     default, agents = params_file.load().agents, presets.load("ablations").agents
     assert agents["sac-unedited"] == default["sac"].model_copy(update={"robot": "unedited"})
