@@ -32,6 +32,26 @@ def claim_table(claims: Sequence[dict[str, Any]], with_evidence: bool) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
+def replication_table(first: dict[str, Any], again: dict[str, Any] | None) -> str:
+    """Return the verdicts of the default beside those on other seeds, as Markdown.
+
+    Args:
+        first: What `publish.everything` returns of the default.
+        again: The same of `presets/replicate`; None before it has been run.
+    """
+    if again is None:
+        return "*These seeds have not been trained yet.*"
+    lines = ["| claim | default | adjusted p | other seeds | adjusted p |", f"{'|---' * 5}|"]
+    for key in ("claims", "robustness"):
+        anew = {claim["text"]: claim for claim in again[key]}
+        for claim in first[key]:
+            cells = [claim["text"]]
+            for own in (claim, anew[claim["text"]]):
+                cells += [own["verdict"], p_value(summaries.deciding_p(own))]
+            lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def printed_table(printed: dict[str, Any]) -> str:
     """Return the article's printed values beside ours, as Markdown.
 

@@ -8,8 +8,9 @@ docs/images/, and README.md's table of claims. With `article` it also writes the
 values in docs/article.md, from results/article.json; `article-runs` is what
 results/article_tests.csv says of DQN with other versions and contacts, in the same document. With
 `run` it writes SAC's returns beside published ones, too. With `families` the section is in
-docs/families.md, which gets pictures as well, and results/families.json the comparison; `tuning` is
-what results/tuning/ says of the searches for settings, in docs/tuning.md.
+docs/families.md, which gets pictures as well, and results/families.json the comparison. With
+`replicate` the verdicts stand beside the default's, and results/replicate.json has them; `tuning`
+is what results/tuning/ says of the searches for settings, in docs/tuning.md.
 """
 
 import csv
@@ -29,7 +30,7 @@ from scripts.preset import folder_of
 DOCS = PROJECT_ROOT / "docs"
 README = PROJECT_ROOT / "README.md"
 RESULTS = PROJECT_ROOT / "results"
-PRESETS = ("default", "ablations", "article", "run", "hopper", "families")
+PRESETS = ("default", "ablations", "article", "run", "hopper", "families", "replicate")
 OTHERS = ("article-runs", "tuning")  # no presets
 DOCUMENTS = {"families": DOCS / "families.md"}  # others: docs/results.md
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
@@ -37,6 +38,7 @@ FINALS = DOCS / "published" / "ant_v4.csv"
 FIGURES = ("learning_curves", "final_return")
 PICTURES = {"default": "", "families": "families-"}  # prefixes of their names in docs/images/
 TUNING = RESULTS / "tuning"
+REPLICATION = RESULTS / "replicate.json"
 RESULTS_PAGE = DOCS / "results.md"
 Sections = dict[tuple[Path, str], str]  # what documents say, by document and mark
 
@@ -47,6 +49,8 @@ def main() -> None:
     parser.add_argument("preset", nargs="?", default="default", choices=[*PRESETS, *OTHERS])
     preset = parser.parse_args().preset
     folder = PROJECT_ROOT if preset == "default" else folder_of(preset)
+    if preset == "replicate":
+        write_json(REPLICATION, everything(folder))
     for (document, name), content in _sections(preset, folder).items():
         replace_section(document, name, content)
     if preset in PICTURES:
@@ -65,6 +69,8 @@ def _sections(preset: str, folder: Path) -> Sections:
         return tuning_sections()
     if preset == "article-runs":
         return runs_sections()
+    if preset == "replicate":
+        return replication_sections()
     sections = comparison_sections(preset, results(folder))
     if preset == "default":
         sections |= ceiling_sections() | robustness_sections()
@@ -82,6 +88,11 @@ def results(root: Path) -> dict[str, Any]:
     return summaries.merged(_read(paths.comparison), _read(paths.speed))
 
 
+def everything(root: Path) -> dict[str, Any]:
+    """Return what `results` does, with the claims on robustness beside the others."""
+    return results(root) | {"robustness": _read(Paths(root).robustness)["claims"]}
+
+
 def committed_sections() -> Sections:
     """Return what documents say of results that are in git."""
     return (
@@ -89,6 +100,7 @@ def committed_sections() -> Sections:
         | comparison_sections("families", _read(RESULTS / "families.json"))
         | ceiling_sections()
         | robustness_sections()
+        | replication_sections()
         | printed_sections()
         | runs_sections()
         | finals_sections()
@@ -131,6 +143,13 @@ def robustness_sections() -> Sections:
     withstood = _read(Paths(PROJECT_ROOT).robustness)
     claims = markdown.claim_table(withstood["claims"], with_evidence=True)
     return {(RESULTS_PAGE, "robustness"): f"{markdown.kept_table(withstood)}\n\n{claims}"}
+
+
+def replication_sections() -> Sections:
+    """Return what documents say of the claims on other seeds."""
+    again = _read(REPLICATION) if REPLICATION.exists() else None
+    table = markdown.replication_table(everything(PROJECT_ROOT), again)
+    return {(RESULTS_PAGE, "replicate"): table}
 
 
 def runs_sections() -> Sections:

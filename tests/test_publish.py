@@ -78,6 +78,17 @@ def test_claims_are_a_table_with_or_without_evidence() -> None:
     assert last == "| A leads | refuted | 0.012 | Much (8 seeds). |"
 
 
+def test_verdicts_on_other_seeds_stand_beside_the_first() -> None:
+    first = {"claims": [CLAIM], "robustness": [CLAIM | {"text": "A keeps more"}]}
+    equal = {"verdict": "equivalent", "p_equivalence_adjusted": 0.03, "p_adjusted": 0.9}
+    again = {"claims": [CLAIM | equal], "robustness": [first["robustness"][0] | {"p_adjusted": 1}]}
+    assert markdown.replication_table(first, again).splitlines()[2:] == [
+        "| A leads | refuted | 0.012 | equivalent | 0.03 |",
+        "| A keeps more | refuted | 0.012 | refuted | 1 |",
+    ]
+    assert "not been trained" in markdown.replication_table(first, None)
+
+
 def test_what_agents_keep_stands_with_the_crossing() -> None:
     own = {"retention": [0.9, 0.256], "crossing": 2.0}
     none = {"retention": [None, None], "crossing": None}
