@@ -257,16 +257,6 @@ def test_a_single_agent_and_seed_can_be_drawn(tmp_path):
     assert len(figures.files(drawn)) == 6  # no pair to compare, no claim
 
 
-def test_many_agents_keep_apart_by_colour_and_marker(tmp_path):
-    agents = {f"agent-{i}": "dqn" for i in range(12)}
-    write_project(tmp_path, agents, [0])
-    results = load(tmp_path, make_params(agents, [0]))
-    curves = comparison.learning_curves(results, COMPARE)
-    drawn = figures.draw(results, curves, comparison.summarize(results, COMPARE), [], 0.95)
-    lines = drawn["learning_curves"].axes[0].lines
-    assert len({(line.get_color(), line.get_marker()) for line in lines}) == 12
-
-
 def test_many_learners_have_a_panel_for_each_family(tmp_path):
     agents = {f"dqn-{i}": "dqn" for i in range(4)} | {f"pgpe-{i}": "pgpe" for i in range(3)}
     agents |= {"random": "random", "metronome": "open_loop"}

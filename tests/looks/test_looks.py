@@ -30,6 +30,11 @@ def test_members_of_a_family_differ_in_shade_marker_and_line() -> None:
     assert found["sac"] == looks.looks(FEW)["sac"], "other families keep their looks"
 
 
+def test_many_members_of_a_family_keep_apart_by_colour_and_marker() -> None:
+    found = looks.looks({f"agent-{i}": "evolution" for i in range(12)})
+    assert len({(look.colour, look.marker) for look in found.values()}) == 12
+
+
 def test_many_baselines_keep_apart_by_grey_and_dashes() -> None:
     families: dict[str, Family] = {f"baseline-{i}": "baseline" for i in range(6)}
     found = looks.looks(families)

@@ -22,7 +22,6 @@ from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import looks
 from jumping_ant.report import contests, page, statements
-from jumping_ant.report.charts import learning
 from jumping_ant.robustness import summary as robustness
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import models, pages, store
@@ -199,18 +198,6 @@ def test_charts_show_the_data(html: str, project: Path, settings: Params) -> Non
     for name in AGENTS:
         (torques,) = drawn[f"torques_{name}"]["data"]
         assert np.shape(torques["z"]) == (8, 20)
-
-
-def test_many_agents_keep_apart_by_colour_and_marker(tmp_path: Path) -> None:
-    agents = {f"agent-{i}": "dqn" for i in range(12)}
-    write_project(tmp_path, agents, [0])
-    few = make_params(agents, [0])
-    results = load(tmp_path, few)
-    curves = comparison.learning_curves(results, few.compare)
-    drawn = looks.looks({name: agent.family for name, agent in results.items()})
-    figure = learning(results, curves, "env_steps", drawn)
-    lines = [trace for trace in figure.data if trace.name]
-    assert len({(line.line.color, line.marker.symbol) for line in lines}) == 12
 
 
 def test_equal_results_make_equal_pages(html: str, project: Path, settings: Params) -> None:

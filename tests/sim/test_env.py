@@ -9,10 +9,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from commands import COMMAND_SIGNS
 from gymnasium.utils.env_checker import check_env
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import presets
@@ -20,7 +18,7 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.sim import robot
-from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
@@ -176,38 +174,6 @@ def test_returned_observations_share_no_memory(env: RobotEnv) -> None:
         assert not np.shares_memory(one, env.data.qpos)
         assert not np.shares_memory(one, env.data.qvel)
         assert all(not np.shares_memory(one, other) for other in returned[:index])
-
-
-def test_decisions_for_commands_apply_the_torques_of_the_table(env: RobotEnv) -> None:
-    decisions = Decisions(env, ActionSet(0.5 * COMMAND_SIGNS))
-    assert decisions.action_space == gym.spaces.Discrete(5)
-    decisions.reset(seed=0)
-    for number in range(5):
-        decisions.step(number)
-        np.testing.assert_array_equal(env.data.ctrl, 0.5 * COMMAND_SIGNS[number])
-
-
-@pytest.mark.parametrize("limit", [1000, 8])
-def test_a_decision_is_so_many_steps_of_the_same_torques(
-    robot_xml: str, known_params: Params, limit: int
-) -> None:
-    """With an episode cut after eight steps, too: in the middle of the third decision."""
-    params = task(known_params, max_episode_steps=limit)
-    single = RobotEnv(World(robot_xml, params))
-    decisions = Decisions(RobotEnv(World(robot_xml, params)), ActionSet(amplitude=0.5, hold=3))
-    np.testing.assert_array_equal(decisions.reset(seed=2)[0], single.reset(seed=2)[0])
-    for number, chosen in enumerate(torques(3)):
-        observation, reward, terminated, truncated, info = decisions.step(chosen)
-        expected = []
-        for _ in range(3):
-            expected.append(single.step(np.float32(0.5) * chosen))
-            if expected[-1][3]:
-                break
-        assert len(expected) == (2 if number == 2 and limit == 8 else 3)
-        np.testing.assert_array_equal(observation, expected[-1][0])
-        assert reward == sum(step[1] for step in expected) == info["reward_torso_height"]
-        assert (terminated, truncated) == expected[-1][2:4] == (False, len(expected) < 3)
-        assert info["torso_height"] == expected[-1][4]["torso_height"]
 
 
 def pinned() -> RobotEnv:

@@ -340,6 +340,7 @@ def test_single_decisions_are_those_of_the_batch(make: Any, actions: ActionSet) 
     batch.reset(seed=6)
     for row, single in enumerate(singles):
         single.reset(seed=6 + row)
+        assert single.action_space == batch.single_action_space
     batch.action_space.seed(2)
     ends = {"fall": 0, "limit": 0}
     for _ in range(100):

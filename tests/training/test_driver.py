@@ -266,13 +266,6 @@ def test_of_equal_snapshots_the_first_is_published(
     assert (folder / "final.zip").read_bytes() == policy_file.owned(ours[3], owner)
 
 
-def test_unknown_agent_is_refused(project: Path) -> None:
-    names = ", ".join(small_params(1).agents)
-    with pytest.raises(InputError, match=f"given 'nobody', allowed: {names}$"):
-        driver.train(project, small_params(1), "nobody")
-    assert not (project / "models").exists()
-
-
 def test_missing_robot_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="dvc repro build"):
         driver.train(tmp_path, small_params(1), "random")
