@@ -33,6 +33,20 @@ def test_tests_err_as_rarely_as_they_say(normal: dict[str, error_rates.Draw]) ->
     assert found["rank test"][0] > 0.01
 
 
+def test_the_margin_of_spreads_is_that_of_distributions_and_not_of_small_samples() -> None:
+    """Of normal deviations the mean size is the root of 2 / pi: samples of 16 have 4 % less."""
+    drawn = error_rates.shapes(np.random.default_rng(0))
+    excess = (error_rates.STRETCH - 1) * np.sqrt(2 / np.pi) / error_rates.CENTRE
+    assert error_rates.true_excess(drawn["normal"]) == pytest.approx(excess, rel=0.005)
+
+
+def test_the_medians_of_all_shapes_but_failures_are_at_the_centre() -> None:
+    drawn = error_rates.shapes(np.random.default_rng(0))
+    medians = {name: np.median(draw((200_000,))) for name, draw in drawn.items()}
+    assert medians.pop("a fifth of failures") == pytest.approx(-0.0956, abs=0.005)
+    assert medians == pytest.approx(dict.fromkeys(medians, 0.0), abs=0.03)
+
+
 def test_intervals_hold_the_truth_about_as_often_as_they_say(
     normal: dict[str, error_rates.Draw],
 ) -> None:
