@@ -5,21 +5,22 @@ Usage: python -m scripts.decide [--folder FOLDER]
 docs/claims.md fixes beforehand how often claims are looked at, with which level and how many seeds.
 The added seeds are trained and evaluated in a copy of the project, `.decide/`, where a stopped run
 resumes and DVC trains only what is new. The project's own results do not change. Reads those of
-`make repro`, and writes results/decided.json: the looks, and all claims with their last verdicts.
+`make repro`, which must be up to date, and writes results/decided.json: the looks, and all claims
+with their last verdicts.
 """
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from jumping_ant.base import command_line, output
-from jumping_ant.base.errors import reported
+from jumping_ant.base import command_line, output, telemetry
+from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_json
 from jumping_ant.comparison import results
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
-from scripts import preset
+from scripts import cost, preset, stale
 
 FOLDER = PROJECT_ROOT / ".decide"
 Run = Callable[[Path, Params, Sequence[str]], None]
@@ -30,10 +31,25 @@ def main() -> None:
     parser = command_line.parser(__doc__)
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the seeds are trained")
     folder = parser.parse_args().folder
+    telemetry.switch_off()
+    refuse_stale(PROJECT_ROOT)
     content = decide(PROJECT_ROOT, folder, params_file.load(), preset.run)
     write_json(PROJECT_ROOT / "results" / "decided.json", content)
     left, looks = sum(map(verdicts.is_open, content["claims"])), len(content["looks"])
     print(f"{left} of {len(content['claims'])} claims are open after {looks} later looks")
+
+
+def refuse_stale(root: Path) -> None:
+    """Raise an InputError unless a project's results are those of its settings and code.
+
+    Seeds are added with these, and one sample must not mix them with others.
+    """
+    if stages := stale.look(root, ["compare"]):
+        raise InputError(
+            "results: given those of other settings or code, to which no seeds can be added "
+            f"(to run again: {cost.summary(stages)}), allowed: up-to-date ones; "
+            "run `make repro` first"
+        )
 
 
 def decide(root: Path, folder: Path, params: Params, train: Run) -> dict[str, Any]:

@@ -1,10 +1,12 @@
 """Later looks at open claims, with more seeds."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 from small_field import (
     HIGH,
     LOW,
@@ -17,6 +19,7 @@ from small_field import (
 )
 from small_project import COMPARE, make_params, write_project
 
+from jumping_ant.base.errors import InputError
 from jumping_ant.comparison import results
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.experiment import presets
@@ -101,6 +104,32 @@ def test_agents_of_open_claims_get_seeds_until_the_last_look(
     still_open = {name for claim in found["claims"] if claim.get("look") == 2
                   for name in claim["agents"]}  # fmt: skip
     assert set(calls[1][1]) == still_open
+
+
+def test_seeds_are_added_to_no_results_of_other_settings_or_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dvc.cli import main as dvc
+
+    monkeypatch.chdir(tmp_path)
+    subprocess.run(["dvc", "init", "-q", "--no-scm"], check=True)
+    stages = {
+        "evaluate": {"cmd": "cp settings episodes", "deps": ["settings"], "outs": ["episodes"]},
+        "compare": {"cmd": "cp episodes compared", "deps": ["episodes"], "outs": ["compared"]},
+        "report": {"cmd": "cp compared page", "deps": ["compared"], "outs": ["page"]},
+    }
+    with (tmp_path / "dvc.yaml").open("w", encoding="utf-8") as file:
+        YAML().dump({"stages": stages}, file)
+    (tmp_path / "settings").write_text("1", encoding="utf-8")
+    assert dvc(["repro", "--quiet", "compare"]) == 0
+    decide.refuse_stale(tmp_path)  # the report is no matter
+    (tmp_path / "settings").write_text("2", encoding="utf-8")
+    monkeypatch.setattr(decide, "PROJECT_ROOT", tmp_path)
+    monkeypatch.setattr("sys.argv", ["decide", "--folder", str(tmp_path / "copy")])
+    told = r"again: evaluate, compare\), allowed: up-to-date ones; run `make repro` first"
+    with pytest.raises(InputError, match=told):
+        decide.main()
+    assert not (tmp_path / "copy").exists()
 
 
 def test_nothing_is_trained_where_all_is_decided(project: Path) -> None:
