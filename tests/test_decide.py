@@ -68,6 +68,30 @@ def test_verdicts_that_were_given_stand_and_do_not_count():
     assert found[0]["p_adjusted"] == pytest.approx(found[0]["p"]) != 1.0
 
 
+def test_an_equivalence_that_was_rejected_beside_a_difference_does_not_count():
+    small = np.linspace(500.0, 501.0, 8)
+    open_one, alike = agent("open", "dqn", TORN), agent("alike", "open_loop", small)
+    sure = agent("dqn", "dqn", small + 3)  # by less than the margin
+    earlier = check(sure, open_one, alike)
+    assert [claim["verdict"] for claim in earlier] == ["supported", "inconclusive"]
+    assert earlier[0]["p_equivalence_adjusted"] < 0.001
+    found = again(earlier, sure, open_one, alike)
+    assert found[1]["p_adjusted"] == pytest.approx(found[1]["p"]) != 1.0
+
+
+def test_what_is_left_of_a_claim_counts_by_the_level_of_its_look():
+    """Rejected at 0.05, which the first look would do and the second, of 0.005, does not."""
+    same = np.linspace(500.0, 501.0, 8)
+    open_one, alike = agent("open", "dqn", TORN), agent("alike", "open_loop", same)
+    earlier = check(agent("dqn", "dqn", same + 3), open_one, alike)
+    earlier[0] |= {"p_equivalence_adjusted": 0.02}
+    k = {}
+    for look in (0, 1):
+        found = again([earlier[0] | {"look": look}, earlier[1]], open_one, alike)
+        k[look] = found[1]["p_adjusted"] / found[1]["p"]
+    assert k == pytest.approx({0: 1.0, 1: 2.0})
+
+
 def test_a_claim_that_cannot_be_tested_again_stays_open():
     earlier = check(agent("dqn", "dqn", TORN), METRONOME)
     other = agent("faster", "open_loop", LOW)

@@ -65,7 +65,7 @@ def check_again(
     tested = [found.get(entry["text"]) if is_open(entry) else None for entry in earlier]
     adjusted = adjust(
         [
-            (claim.finding.p, _p_outside(claim.finding)) if claim else _settled(entry)
+            (claim.finding.p, _p_outside(claim.finding)) if claim else _settled(entry, params)
             for claim, entry in zip(tested, earlier, strict=True)
         ]
     )
@@ -81,13 +81,17 @@ def is_open(entry: Mapping[str, Any]) -> bool:
     return bool(entry["verdict"] == "inconclusive")
 
 
-def _settled(entry: Mapping[str, Any]) -> tuple[float, float | None]:
-    """Return p values of 0 for what was rejected before, and of 1 for what is not tested again."""
-    differs, is_small = (
-        entry["verdict"] in ("supported", "refuted"),
-        entry["verdict"] == "equivalent",
+def _settled(entry: Mapping[str, Any], params: CompareParams) -> tuple[float, float | None]:
+    """Return p values of 0 for hypotheses that were rejected before, of 1 for those that are left.
+
+    Both of a claim may be rejected: a difference that is sure and below the margin.
+    """
+    level = params.levels[entry.get("look", 0)] + ROUNDING
+    equivalence = entry["p_equivalence_adjusted"]
+    return (
+        float(entry["p_adjusted"] > level),
+        None if equivalence is None else float(equivalence > level),
     )
-    return float(not differs), None if entry["margin"] is None else float(not is_small)
 
 
 def verdict(side: float, adjusted: Adjusted, level: float) -> str:
