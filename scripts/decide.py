@@ -66,7 +66,7 @@ def decide(root: Path, folder: Path, params: Params, train: Run) -> dict[str, An
     claims = verdicts.check(own, compare, episodes)
     looks: list[dict[str, Any]] = []
     for look in range(1, len(compare.levels)):
-        open_claims = list(filter(verdicts.is_open, claims))
+        open_claims = [claim for claim in claims if verdicts.gets_later_looks(claim, own)]
         if not open_claims:
             break
         names = {name for claim in open_claims for name in claim["agents"]}
@@ -88,16 +88,13 @@ def decide(root: Path, folder: Path, params: Params, train: Run) -> dict[str, An
 def with_more_seeds(params: Params, names: set[str], look: int) -> Params:
     """Return the parameters of the seeds that some agents have more after a look.
 
-    Agents that one of them imitates are added, too.
+    None of them may imitate another.
     """
-    names = names | {params.demonstrator(params.agent(name)) for name in names}
     first, count = max(params.seeds) + 1, look * params.compare.look_seeds
     changed = {
         "seeds": list(range(first, first + count)),
         "agents": {name: block for name, block in params.agents.items() if name in names},
-        "demonstrations": {
-            key: block for key, block in params.demonstrations.items() if block.agent in names
-        },
+        "demonstrations": {},
     }
     return Params.model_validate(dict(params) | changed)
 

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from small_field import (
     LOW,
     METRONOME,
     OPEN_LOOP,
+    RANDOM,
     TORN,
     agent,
     check,
@@ -90,6 +92,20 @@ def test_what_is_left_of_a_claim_counts_by_the_level_of_its_look():
         found = again([earlier[0] | {"look": look}, earlier[1]], open_one, alike)
         k[look] = found[1]["p_adjusted"] / found[1]["p"]
     assert k == pytest.approx({0: 1.0, 1: 2.0})
+
+
+def test_imitators_get_no_later_looks():
+    """Their seeds would imitate another policy, even where their demonstrator gets more seeds."""
+    sac, dqn = agent("sac", "sac", TORN), agent("dqn", "dqn", TORN)
+    parrot = replace(agent("parrot", "bc", TORN), demonstrator="sac")
+    agents = {one.name: one for one in (sac, dqn, parrot, RANDOM)}
+    earlier = check(*agents.values())
+    assert {claim["verdict"] for claim in earlier} == {"inconclusive"}
+    looked_at = [claim for claim in earlier if verdicts.gets_later_looks(claim, agents)]
+    (left,) = [claim for claim in earlier if claim not in looked_at]
+    assert left["statement"] == 16
+    found = again(earlier, *agents.values())
+    assert [claim for claim in found if "look" not in claim] == [left]
 
 
 def test_a_claim_that_cannot_be_tested_again_stays_open():
@@ -179,11 +195,9 @@ def test_seeds_are_added_at_the_end(project: Path, tmp_path_factory) -> None:
     assert len(own["sac"].quantities["return"]) == 3
 
 
-def test_imitators_get_their_demonstrator() -> None:
+def test_seeds_are_added_without_demonstrations() -> None:
     params = presets.load("families")
-    more = decide.with_more_seeds(params, {"bc"}, 2)
-    assert list(more.agents) == ["sac", "bc"]
-    assert list(more.demonstrations) == ["bc", "dagger"]
+    more = decide.with_more_seeds(params, {"sac"}, 2)
+    assert (list(more.agents), more.demonstrations) == (["sac"], {})
     assert more.seeds[0] == max(params.seeds) + 1
     assert len(more.seeds) == 2 * params.compare.look_seeds
-    assert decide.with_more_seeds(params, {"dqn"}, 1).demonstrations == {}

@@ -50,19 +50,21 @@ def check_again(
 ) -> list[dict[str, Any]]:
     """Return the claims after a later look at more seeds (docs/claims.md).
 
-    Claims that are inconclusive are tested again, on all seeds of their agents, with the level of
+    Claims that get later looks are tested again, on all seeds of their agents, with the level of
     this look; the others keep their verdicts.
 
     Args:
         earlier: What `check` returned, or this function at the look before.
-        results: Of all agents, those of inconclusive claims with their added seeds.
+        results: Of all agents, those of claims that are tested again with their added seeds.
         params: With the levels of all looks.
         evaluation_episodes: Those per evaluation during training.
         look: 1 for the first one after the run itself.
     """
     field = Field(list(results.values()), evaluation_episodes)
     found = {claim.text: claim for claim in claims(CLAIMS, field, params)}
-    tested = [found.get(entry["text"]) if is_open(entry) else None for entry in earlier]
+    tested = [
+        found.get(entry["text"]) if gets_later_looks(entry, results) else None for entry in earlier
+    ]
     adjusted = adjust(
         [
             (claim.finding.p, _p_outside(claim.finding)) if claim else _settled(entry, params)
@@ -79,6 +81,16 @@ def check_again(
 def is_open(entry: Mapping[str, Any]) -> bool:
     """Return whether a claim has no verdict yet."""
     return bool(entry["verdict"] == "inconclusive")
+
+
+def gets_later_looks(entry: Mapping[str, Any], results: Mapping[str, AgentResults]) -> bool:
+    """Return whether more seeds could decide a claim.
+
+    It is open, and none of its agents imitates another: added seeds would imitate the best of the
+    seeds that were added, and not the policy that was demonstrated in the run.
+    """
+    compared = [agent for name, agent in results.items() if name in entry["agents"]]
+    return is_open(entry) and not any(agent.demonstrator for agent in compared)
 
 
 def _settled(entry: Mapping[str, Any], params: CompareParams) -> tuple[float, float | None]:
