@@ -357,6 +357,13 @@ def test_agents_that_differ_by_more_are_not_compared(part, algorithm, settings):
     assert not any(part in claim["text"] for claim in check(agent("own", algorithm), other))
 
 
+@pytest.mark.parametrize("algorithm", ["td3", "ddpg", "a2c", "ppo"])
+def test_no_agent_with_sparse_rewards_stands_for_its_algorithm(algorithm):
+    rest = [agent(name, name) for name in ("dqn", "sac", "pgpe", "ddpg", "td3", "a2c", "ppo")]
+    sparse = agent("sparse", algorithm, sparse_rewards=True)
+    assert len(check(*rest, sparse, RANDOM)) == len(check(*rest, RANDOM)) > 10
+
+
 @pytest.mark.parametrize("rival", ["ppo", "sac"])
 @pytest.mark.parametrize(("returns", "verdict"), [(MIDDLE, "supported"), (TORN, "inconclusive")])
 def test_a2c_is_the_less_steady_one(rival, returns, verdict):

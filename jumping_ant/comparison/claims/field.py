@@ -54,14 +54,13 @@ class Field:
     def __init__(self, agents: Sequence[AgentResults], evaluation_episodes: int) -> None:
         self._rhythms = _of(agents, "open_loop")
         self._edited = [agent for agent in agents if agent.block.robot == "edited"]
-        self._sparse = [
-            agent for agent in _of(self._edited, "sac dqn") if settings(agent)["sparse_rewards"]
-        ]
+        sparse = [agent for agent in self._edited if settings(agent).get("sparse_rewards")]
+        self._sparse = _of(sparse, "sac dqn")
         self.twins = {
             name: list(_twins(kind, agents if kind.key == "robot" else self._edited))
             for name, kind in TWINS.items()
         }
-        aside = {agent.name for agent in self._sparse}
+        aside = {agent.name for agent in sparse}
         aside |= {other.name for name in ("constant", "critics") for _, other in self.twins[name]}
         aside |= {other.name for _, other in _differ_in_actions(self._edited)}
         self._representing = [agent for agent in self._edited if agent.name not in aside]
