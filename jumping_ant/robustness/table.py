@@ -30,7 +30,7 @@ def to_csv(agent: str, played: Sequence[Case], returns: Sequence[float]) -> str:
         {
             "agent": agent,
             "perturbation": case.condition.perturbation,
-            "level": f"{case.condition.level:g}",
+            "level": _exact(case.condition.level),
             "seed": case.seed,
             "episode_seed": case.start,
             "return": f"{value:.{DIGITS}f}",
@@ -48,7 +48,12 @@ def read(root: Path, params: Params, agent: str) -> dict[Condition, NDArray[np.f
     if not asked:
         return {}
     with tables.blamed(path, stage):
-        keys = [(*case.condition, case.seed, case.start) for case in asked]
+        # As text, so that a message has all digits of a level that is missing.
+        table["level"] = np.array([_exact(level) for level in table["level"]])
+        keys = [
+            (case.condition.perturbation, _exact(case.condition.level), case.seed, case.start)
+            for case in asked
+        ]
         returns = tables.exactly(table, keys, *list(COLUMNS)[:-1])["return"]
     means: dict[Condition, NDArray[np.float64]] = {}
     for condition in playing.conditions(params.robustness):
@@ -56,3 +61,8 @@ def read(root: Path, params: Params, agent: str) -> dict[Condition, NDArray[np.f
         means[condition] = returns[:count].reshape(len(params.seeds), -1).mean(axis=1)
         returns = returns[count:]
     return means
+
+
+def _exact(level: float) -> str:
+    """Return the shortest decimal number that is read as a level: 1, 0.3, 0.3333333."""
+    return np.format_float_positional(level, trim="-")

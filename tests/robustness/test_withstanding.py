@@ -71,6 +71,26 @@ def test_the_table_is_read_as_it_was_written(project: Path, params: Params) -> N
     assert table.read(project, params, "random") == {}
 
 
+def test_levels_of_many_digits_are_read_as_they_were_written(
+    tmp_path: Path, params: Params
+) -> None:
+    fine = [1.0, 0.3333333, 0.1 + 0.2, 0.3, 1e-7]
+    perturbations = PerturbationParams(friction=fine)
+    own = params.model_copy(
+        update={"robustness": ROBUSTNESS.model_copy(update={"perturbations": perturbations})}
+    )
+    write_perturbed(tmp_path, own, kept)
+    path = Paths(tmp_path).perturbed("sac")
+    text = path.read_text(encoding="utf-8")
+    assert all(f",friction,{cell}," in text for cell in ("1", "0.3", "0.3333333", "0.0000001"))
+    read = list(table.read(tmp_path, own, "sac"))
+    assert read == [NONE, *(Condition("friction", level) for level in fine)]
+    path.write_text(text.replace("0.3333333", "0.333333"), encoding="utf-8")
+    told = "given 0 rows of perturbation friction, level 0.3333333, seed 0, episode_seed 1000000, "
+    with pytest.raises(InputError, match=told):
+        table.read(tmp_path, own, "sac")
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
