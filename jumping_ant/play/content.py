@@ -203,7 +203,7 @@ def _sliders(params: Params, world: World) -> Iterator[dict[str, Any]]:
 
 
 def _crossings(withstood: dict[str, Any]) -> dict[str, float]:
-    """Return the level of each perturbation from which on a metronome returns more."""
+    """Return the level of each perturbation from which on a metronome leads by a margin."""
     return {
         name: own["crossing"]
         for name, own in withstood.items()

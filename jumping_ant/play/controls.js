@@ -111,7 +111,7 @@ export class Sliders {
     input.setAttribute("aria-valuetext", text);
   }
 
-  // Mark from which level on a metronome returns more than each of some agents.
+  // Mark from which level on a metronome leads each of some agents by more than the margin.
   mark(agents) {
     for (const { slider, track, note } of this.rows) {
       track.querySelectorAll(".mark").forEach((own) => own.remove());
@@ -124,7 +124,7 @@ export class Sliders {
         mark.style.left = `${(100 * (level - slider.low)) / (slider.high - slider.low)}%`;
         mark.style.background = colour;
         track.append(mark);
-        told.push(`from ${level} on, a metronome beats ${label}`);
+        told.push(`from ${level} on, a metronome leads ${label}`);
       }
       note.textContent = told.join("; ");
     }

@@ -94,7 +94,7 @@ def _axis(perturbation: str) -> str:
 
 
 def _cell(own: Mapping[str, Any]) -> str:
-    """Return what is kept at the most severe level, marked where a rhythm is ahead there."""
+    """Return what is kept at the most severe level, marked where a rhythm is well ahead there."""
     kept = own["retention"][-1]
     if kept is None:
         return ""
@@ -110,7 +110,7 @@ def _told(own: Mapping[str, Any], perturbation: str) -> str:
     if own["half"] is not None:
         told += f"; less than half from {own['half']:g} on"
     if own["crossing"] is not None:
-        told += f"; less than the metronome from {own['crossing']:g} on"
+        told += f"; the metronome leads by more than the margin from {own['crossing']:g} on"
     return told
 
 

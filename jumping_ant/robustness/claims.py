@@ -48,11 +48,9 @@ def table(params: Params, played: Played) -> Table:
 def overtakes(params: Params, played: Played, conditions: Sequence[Condition]) -> Compare:
     """Ask whether the second agent returns more than the first, on average over conditions.
 
-    Seeds of both play the same starts, so they are paired (`findings.paired`). The margin is that
-    of returns, in proportion to the length of the episodes.
+    Seeds of both play the same starts, so they are paired (`findings.paired`).
     """
-    share = params.robustness.episode_steps / params.env.max_episode_steps
-    margin = share * params.compare.margins.returns
+    margin = retention.margin(params)
 
     def compare(case: Case) -> Finding | None:
         if not all(played[agent.name] for agent in case.agents):

@@ -6,8 +6,8 @@ at all more severe levels, too,
 
 - `half`: the interquartile mean over seeds of what they keep is below one half;
 - `crossing`: a metronome, which does not look at the robot, returns more on average from the same
-  starts (after Raffin et al. 2024, "An open-loop baseline for reinforcement learning locomotion
-  tasks").
+  starts, by more than the margin (after Raffin et al. 2024, "An open-loop baseline for
+  reinforcement learning locomotion tasks"). It is not tested: the claims on perturbed episodes are.
 
 None stands where no level does it. The third, `worst`, is the least that is kept at any level.
 """
@@ -18,12 +18,22 @@ from typing import Any
 import numpy as np
 
 from jumping_ant.comparison.estimates import Estimate, estimate_iqm
+from jumping_ant.experiment.models import Params
 from jumping_ant.robustness.perturbations import NAMES, NONE, Array, Condition
 
 HALF = 0.5
 
 Returns = Mapping[Condition, Array]
 """An agent's mean return of every seed under each condition, (num_seeds,); `NONE` is the first."""
+
+
+def margin(params: Params) -> float:
+    """Return the smallest difference of practical size between returns of perturbed episodes.
+
+    It is that of returns, in proportion to the length of the episodes.
+    """
+    share = params.robustness.episode_steps / params.env.max_episode_steps
+    return share * params.compare.margins.returns
 
 
 def kept(returns: Returns) -> dict[Condition, Array]:
@@ -36,13 +46,14 @@ def kept(returns: Returns) -> dict[Condition, Array]:
 
 
 def withstood(
-    returns: Returns, metronome: Returns | None, confidence: float
+    returns: Returns, metronome: Returns | None, margin: float, confidence: float
 ) -> dict[str, dict[str, Any]]:
     """Return what an agent keeps and withstands, by perturbation.
 
     Args:
         returns: The agent's.
         metronome: Those of the metronome beside it, if there is one.
+        margin: By more than this the metronome has to be ahead.
         confidence: Of the intervals of what is kept.
     """
     shares = kept(returns)
@@ -52,6 +63,7 @@ def withstood(
             {own: share for own, share in shares.items() if own.perturbation == name},
             returns,
             metronome,
+            margin,
             confidence,
         )
         for name in played
@@ -59,7 +71,11 @@ def withstood(
 
 
 def _under(
-    shares: Returns, returns: Returns, metronome: Returns | None, confidence: float
+    shares: Returns,
+    returns: Returns,
+    metronome: Returns | None,
+    margin: float,
+    confidence: float,
 ) -> dict[str, Any]:
     """Return the numbers of one perturbation."""
     levels = [condition.level for condition in shares]
@@ -68,7 +84,7 @@ def _under(
     middle = [_end(own, "value") for own in estimates]
     crossing = None
     if metronome is not None:
-        is_behind = [returns[own].mean() < metronome[own].mean() for own in shares]
+        is_behind = [metronome[own].mean() - returns[own].mean() > margin for own in shares]
         crossing = _from_on(is_behind, levels)
     return {
         "level": levels,

@@ -31,7 +31,9 @@ def summarize(root: Path, params: Params, results: Mapping[str, AgentResults]) -
             continue
         metronome = None if agent.is_baseline else field.metronome(agent)
         beside = played[metronome.name] if metronome else None
-        agents[name] = retention.withstood(played[name], beside, params.compare.confidence)
+        agents[name] = retention.withstood(
+            played[name], beside, retention.margin(params), params.compare.confidence
+        )
     levels = params.robustness.perturbations.model_dump()
     return {
         "filmed": _filmed(params, results, field, played, agents),
@@ -55,9 +57,10 @@ def _filmed(
 ) -> dict[str, Any]:
     """Return who is filmed, under which condition, and which seed.
 
-    The best learner with a metronome, and that, at the level from which on the metronome is ahead,
-    or the most severe one; the seed whose lead is closest to the mean, by which the metronome is
-    ahead. Without such a pair, or a perturbation, it is the best agent, undisturbed.
+    The best learner with a metronome, and that, at the level from which on the metronome is ahead
+    by more than the margin, or the most severe one; the seed whose lead is closest to the mean, by
+    which the metronome is ahead. Without such a pair, or a perturbation, it is the best agent,
+    undisturbed.
     """
     best = sorted(results, key=lambda name: -results[name].quantities["return"].mean())
     name, seeds = params.robustness.filmed, params.seeds

@@ -179,7 +179,7 @@ def test_marks_and_sizes(visit: Visit, live: str) -> None:
     own = visit.page
     own.evaluate("page.choose({ a: { agent: 'sac', seed: 1, start: 0 }, b: null })")
     visit.wait_for(
-        "document.querySelector('#slider-gravity-note').textContent.includes('beats SAC')"
+        "document.querySelector('#slider-gravity-note').textContent.includes('leads SAC')"
     )
     own.set_viewport_size({"width": 390, "height": 800})
     assert own.evaluate("document.documentElement.scrollWidth") <= 390, "it scrolls sideways"

@@ -117,20 +117,39 @@ def test_levels_of_half_and_of_the_crossing_are_those_that_last() -> None:
         Condition("gravity", level): np.full(4, 1000 * share) for level, share in shares.items()
     }
     metronome = {condition: np.full(4, 300.0) for condition in own}
-    found = retention.withstood(own, metronome, 0.95)["gravity"]
+    found = retention.withstood(own, metronome, 99.0, 0.95)["gravity"]
     assert found["level"] == list(shares)
     assert found["retention"] == pytest.approx(list(shares.values()))
     assert (found["half"], found["crossing"]) == (3.0, 4.0)
     assert found["worst"] == pytest.approx(0.2)
-    alone = retention.withstood(own, None, 0.95)["gravity"]
+    alone = retention.withstood(own, None, 99.0, 0.95)["gravity"]
     assert alone == found | {"crossing": None}
+
+
+def test_a_metronome_crosses_by_more_than_the_margin_only() -> None:
+    leads = {1.0: 99.0, 2.0: 101.0, 3.0: 100.0, 4.0: 101.0, 5.0: 300.0}
+    own = {NONE: np.full(4, 1000.0)} | {
+        Condition("push", level): 500 - lead + np.array([-200.0, -1.0, 1.0, 200.0])
+        for level, lead in leads.items()
+    }
+    metronome = {condition: np.full(4, 500.0) for condition in own}
+    crossings = {
+        margin: retention.withstood(own, metronome, margin, 0.95)["push"]["crossing"]
+        for margin in (0.0, 99.0, 100.0, 101.0, 300.0)
+    }
+    assert crossings == {0.0: 1.0, 99.0: 2.0, 100.0: 4.0, 101.0: 5.0, 300.0: None}
+
+
+def test_the_margin_is_in_proportion_to_the_length_of_episodes(params: Params) -> None:
+    assert params.env.max_episode_steps == 1000
+    assert retention.margin(params) == pytest.approx(0.2 * 10)
 
 
 def test_a_seed_that_returns_nothing_keeps_nothing_that_counts() -> None:
     own = {NONE: np.array([1000.0, -5.0]), Condition("gravity", 2.0): np.array([500.0, 7.0])}
-    assert retention.withstood(own, None, 0.95)["gravity"]["retention"] == [0.5]
+    assert retention.withstood(own, None, 0.0, 0.95)["gravity"]["retention"] == [0.5]
     own = {NONE: np.array([0.0, -5.0]), Condition("gravity", 2.0): np.array([500.0, 7.0])}
-    found = retention.withstood(own, None, 0.95)["gravity"]
+    found = retention.withstood(own, None, 0.0, 0.95)["gravity"]
     assert (found["retention"], found["low"], found["worst"]) == ([None], [None], None)
 
 
