@@ -192,7 +192,7 @@ def kept_table(withstood: dict[str, Any]) -> str:
     """Return what agents keep of their return under each perturbation, as Markdown.
 
     Of each agent the share at the most severe level, in per cent, and the level from which on a
-    metronome is ahead.
+    metronome is ahead by more than the margin.
     """
     agents = withstood["agents"]
     lines = [f"| perturbation | {' | '.join(agents)} |", f"|---{'|---' * len(agents)}|"]
