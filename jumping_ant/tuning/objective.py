@@ -26,8 +26,12 @@ SEARCH = TUNING_SEEDS[:1_000]  # training seeds of trials, and their start state
 VALIDATION = TUNING_SEEDS[100_000]  # the first episode of the choice among snapshots
 FRESH = TUNING_SEEDS[500_000:]  # training seeds and start states that judge the outcome
 
-# What learners raise whose numbers are no longer finite: NumPy, torch, and the check of policies.
-DIVERGED = (ArithmeticError, ValueError, RuntimeError)
+# What is told of a learner whose numbers are no longer finite: by the check of policies, torch's
+# distributions, linear algebra, and Python. Another error, as of a lack of memory, is none of it.
+DIVERGED = (
+    *("not finite", "NaN", "to satisfy the constraint"),
+    *("LinAlgError", "FloatingPointError", "OverflowError"),
+)
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Fault:
-    """A training that came to nothing, and why."""
+    """A training that diverged, and how."""
 
     reason: str
 
@@ -82,8 +86,10 @@ def measure(
     """
     try:
         measured = _measured(job, training, starts, target_return, floors, stop)
-    except DIVERGED as error:
+    except (ArithmeticError, ValueError, RuntimeError) as error:
         measured = Fault(told(error))
+        if not any(sign in measured.reason for sign in DIVERGED):
+            raise
     if measured:
         yield measured
 

@@ -72,10 +72,13 @@ def _listed(row: Mapping[str, Any]) -> str:
 def _verdict(found: Mapping[str, Any]) -> str:
     num_seeds = len(found["returns"]["before"])
     low_high = interval(found["low"], found["high"], num_seeds)
+    is_timed = found["rules"]["target_return"] is not None
+    unit, difference = (" s", "saved seconds") if is_timed else ("", "a difference")
     return (
-        f"{number(found['after'])} with the settings of trial {found['best_trial']}, "
-        f"{number(found['before'])} with its own: a difference of {number(found['difference'])} "
-        f"{low_high} (rank test, {num_seeds} seeds each: p = {p_value(found['p'])})."
+        f"{number(found['after'])}{unit} with the settings of trial {found['best_trial']}, "
+        f"{number(found['before'])}{unit} with its own: {difference} of "
+        f"{number(found['difference'])} {low_high} "
+        f"(rank test, {num_seeds} seeds each: p = {p_value(found['p'])})."
     )
 
 

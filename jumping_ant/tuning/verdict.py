@@ -7,6 +7,7 @@ others. The test is the one by which comparisons tell two agents apart.
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +26,7 @@ from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
 from jumping_ant.looks.wording import capitalized, number
 from jumping_ant.params.blocks import CompareParams
-from jumping_ant.tuning.objective import FRESH, Fault, Measured
+from jumping_ant.tuning.objective import FRESH, Fault
 from jumping_ant.tuning.search import Task
 
 WORDS = {
@@ -38,7 +39,7 @@ OPEN = WORDS["inconclusive"]
 UNCHANGED = "unchanged"  # no trial did better than the agent's own settings
 BEFORE, AFTER = "before", "after"
 LARGEST_BLOCK = 100  # training seeds of a verdict
-NOTHING = Measured((0.0,), 0.0, (0.0, float("inf")))  # of a training that came to nothing
+NEVER = (math.inf, math.inf)  # later than one whose budget just ended
 
 Array = NDArray[np.float64]
 Key = tuple[str, int]
@@ -89,12 +90,15 @@ class Fresh:
         noted = self.study.user_attrs
         left = [key for key in self.keys if self._name(key) not in noted]
         for key, found in jobs.stream(self.work, left, workers, say, "{0[0]}, {0[1]}".format):
+            note: dict[str, Any]
             if isinstance(found, Fault):
-                say(f"fresh seed {key[1] + 1}, {key[0]}: {found.reason}")
-                found = NOTHING
-            note = {"return": found.mean_return, "seconds": found.seconds, "onset": found.onset}
+                note, told = {"fault": found.reason}, found.reason
+            else:
+                own = found.mean_return
+                note = {"return": own, "seconds": found.seconds, "onset": found.onset}
+                told = number(own)
             self.study.set_user_attr(self._name(key), note)
-            say(f"fresh seed {key[1] + 1}, {key[0]}: {number(found.mean_return)}")
+            say(f"fresh seed {key[1] + 1}, {key[0]}: {told}")
         missing = [key for key in self.keys if self._name(key) not in self.study.user_attrs]
         if missing:
             raise StoppedError(f"the same command resumes; {len(missing)} trainings are left")
@@ -109,44 +113,45 @@ class Fresh:
         return self.task.work(agent, seeds[seed], own, num_threads=1)
 
     def verdict(self) -> dict[str, Any]:
-        """Return the verdict, what it rests on, and in words what was compared."""
-        finding, difference = self._finding()
-        level = self.compare.levels[0] + verdicts.ROUNDING
-        (adjusted,) = adjust([(finding.p, finding.margin.p if finding.margin else None)])
-        returns = {which: self._numbers(which, "return") for which in (BEFORE, AFTER)}
-        means = {
-            which: estimates.estimate_iqm(own, self.compare.confidence).as_dict("iqm")
-            for which, own in returns.items()
-        }
-        return {
-            **{which: own["iqm"] for which, own in means.items()},
-            "verdict": WORDS[verdicts.verdict(finding.side, adjusted, level)],
-            "p": finding.p,
-            "p_equivalence": finding.margin.p if finding.margin else None,
-            **difference.as_dict("difference"),
-            "evidence": f"{capitalized(finding.evidence)}.",
-            "returns": {which: own.tolist() for which, own in returns.items()},
-            "seconds": {which: self._numbers(which, "seconds").tolist() for which in returns},
-        }
-
-    def _finding(self) -> tuple[Finding, estimates.Estimate]:
-        """Return the comparison, and by how much the trial's settings are better.
+        """Return the verdict, what it rests on, and in words what was compared.
 
         The difference is the median over all pairs of seeds (Hodges and Lehmann 1963): of returns,
         or of the seconds that are saved.
         """
         is_timed = self.task.tuning.target_return is not None
-        finding, more, less = self._of_seconds() if is_timed else self._of_returns()
+        finding, before, after = self._of_seconds() if is_timed else self._of_returns()
+        more, less = (before, after) if is_timed else (after, before)
         median = estimates.pairwise_median(np.subtract)
-        return finding, estimates.estimate(median, [more, less], self.compare)
+        difference = estimates.estimate(median, [more, less], self.compare)
+        middle = np.median if is_timed else self._iqm
+        level = self.compare.levels[0] + verdicts.ROUNDING
+        (adjusted,) = adjust([(finding.p, finding.margin.p if finding.margin else None)])
+        returns, seconds = (
+            {which: self._numbers(which, name).tolist() for which in (BEFORE, AFTER)}
+            for name in ("return", "seconds")
+        )
+        return {
+            BEFORE: float(middle(before)),
+            AFTER: float(middle(after)),
+            "verdict": WORDS[verdicts.verdict(finding.side, adjusted, level)],
+            "p": finding.p,
+            "p_equivalence": finding.margin.p if finding.margin else None,
+            **difference.as_dict("difference"),
+            "evidence": f"{capitalized(finding.evidence)}.",
+            "returns": returns,
+            "seconds": seconds,
+        }
+
+    def _iqm(self, sample: Array) -> Array:
+        return estimates.estimate_iqm(sample, self.compare.confidence).value
 
     def _of_returns(self) -> tuple[Finding, Array, Array]:
-        after, before = (self._numbers(which, "return") for which in (AFTER, BEFORE))
+        before, after = (self._numbers(which, "return") for which in (BEFORE, AFTER))
         first, second = Sample(f"{self.task.name} tuned", after), Sample(self.task.name, before)
         margin = self.compare.margins.returns
         ends = (-margin, margin)
         found = findings.independent("return", first, second, self.compare, ends=ends)
-        return found, after, before
+        return found, before, after
 
     def _of_seconds(self) -> tuple[Finding, Array, Array]:
         before, after = (
@@ -175,8 +180,16 @@ class Fresh:
         return f"fresh {self.trial} {size} {key[0]} {key[1]}"
 
     def _noted(self, which: str) -> list[Mapping[str, Any]]:
+        """Return what was noted of seeds; one that diverged counts as the worst of all of them."""
         noted = self.study.user_attrs
-        return [noted[self._name(key)] for key in self.keys if key[0] == which]
+        notes = {key: noted[self._name(key)] for key in self.keys}
+        trained = [note for note in notes.values() if "fault" not in note]
+        worst = {
+            "return": min((note["return"] for note in trained), default=0.0),
+            "seconds": max((note["seconds"] for note in trained), default=0.0),
+            "onset": NEVER,
+        }
+        return [worst | note for key, note in notes.items() if key[0] == which]
 
     def _numbers(self, which: str, name: str) -> Array:
         return np.array([own[name] for own in self._noted(which)])

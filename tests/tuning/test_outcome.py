@@ -2,6 +2,9 @@
 
 import itertools
 import json
+import math
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -86,6 +89,38 @@ def test_seconds_are_judged_by_their_bounds(
     found = run(root, target_return=500.0)
     assert found["verdict"] == "better" and found["difference"] == pytest.approx(5, abs=0.5)
     assert found["evidence"].startswith("Median seconds to a return above 500")
+    assert found["before"] - found["after"] == pytest.approx(found["difference"], abs=0.5)
+    text = " ".join(Paths(root).study("pgpe").page.read_text(encoding="utf-8").split())
+    assert re.search(
+        r"[\d.]+ s with the settings of trial \d+, 10[\d.]* s with its own: saved", text
+    )
+
+
+def test_a_fresh_seed_that_diverged_is_the_worst_of_all(tmp_path: Path) -> None:
+    """Also where returns are negative, and where the others never get there."""
+    params = small_params(3, fresh_seeds=8, target_return=500.0)
+    timed = tune.task_of(Path(), params, "pgpe")
+    tuning = timed.tuning.model_copy(update={"target_return": None})
+    with study.opened(f"{study.FILE}{tmp_path}/a.db", "one", "tpe", 0.01, None) as opened:
+        fresh = Fresh(opened, timed, params.compare, 4, 1, timed.space.agent)
+
+        def stream(start: Any, keys: Any, *_: Any) -> Any:
+            for which, seed in keys:
+                own = Measured((-900.0 + seed,), 20.0 + seed, (5.0 + seed, 6.0 + seed))
+                never = Measured((-990.0,), 20.0, (20.0, math.inf))
+                diverges = which == AFTER and seed < 5
+                yield (which, seed), Fault("diverged") if diverges else own if seed else never
+
+        with pytest.MonkeyPatch.context() as monkeypatch:
+            monkeypatch.setattr("jumping_ant.compute.jobs.stream", stream)
+            fresh.run(1, lambda _: None)
+        seconds = fresh.verdict()
+        returns = replace(fresh, task=replace(timed, tuning=tuning)).verdict()
+    assert seconds["verdict"] == "worse"
+    assert seconds["seconds"][AFTER] == [27.0] * 5 + [25.0, 26.0, 27.0], "the largest budget"
+    assert (seconds[BEFORE], seconds[AFTER]) == (10.5, 27.0), "in seconds, as their difference"
+    assert seconds["difference"] < 0
+    assert returns["returns"][AFTER] == [-990.0] * 5 + [-895.0, -894.0, -893.0]
 
 
 def test_own_settings_that_win_need_no_verdict(

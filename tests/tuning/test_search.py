@@ -264,6 +264,24 @@ def test_a_learner_whose_numbers_run_away_is_a_fault(robot_xml: str) -> None:
     assert isinstance(found, Fault) and "numbers that are not finite" in found.reason
 
 
+def test_an_error_of_the_program_is_no_divergence(
+    robot_xml: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("DefaultCPUAllocator: can't allocate memory")
+
+    monkeypatch.setattr(objective.rollout, "returns", fail)
+    with pytest.raises(RuntimeError, match="can't allocate"):
+        measure(job(robot_xml, "snes"))
+
+
+def test_a_network_whose_numbers_run_away_is_a_fault(robot_xml: str) -> None:
+    given = job(robot_xml, "ppo")
+    wild = {"learning_rate": 1e30, "final_learning_rate": 1e30}
+    (found,) = measure(replace(given, agent=given.agent.model_copy(update=wild)))
+    assert isinstance(found, Fault) and "to satisfy the constraint" in found.reason
+
+
 def test_a_training_that_is_stopped_measures_nothing(robot_xml: str) -> None:
     stop = threading.Event()
     stop.set()
