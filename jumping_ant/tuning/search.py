@@ -38,7 +38,8 @@ from jumping_ant.tuning.objective import SEARCH, Fault, Measured
 from jumping_ant.tuning.space import RefusedError, Space
 
 COMPLETE, PRUNED = TrialState.COMPLETE, TrialState.PRUNED
-REASON, MEASURED = "reason", "seed {}"  # what a trial notes: why it ended early, and of each seed
+# What a trial notes: of each seed, whether one diverged, and why it ended early.
+MEASURED, DIVERGED, REASON = "seed {}", "diverged", "reason"
 CONFIDENCE = 0.95  # of an interval that nobody reads
 WORST = 0.25  # share of the seeds that end at an evaluation
 FEWEST = 8  # seeds that got to an evaluation, before any ends there
@@ -149,6 +150,7 @@ class Search:
         trial, tuning = self._trials[key[0]], self.task.tuning
         studies.give_sign(trial)
         if isinstance(found, Fault):
+            trial.set_user_attr(DIVERGED, True)
             return self._end(trial, found.reason)
         for step, result in enumerate(self._instances(found)):
             trial.report(result, key[1] * tuning.episodes + step)
@@ -269,8 +271,8 @@ def seeds_of(trial: Trial | FrozenTrial) -> list[dict[str, Any]]:
 
 
 def value_of(trial: Trial | FrozenTrial, tuning: TuningParams) -> float | None:
-    """Return a trial's value by its seeds so far, None if there is none."""
-    if not (seeds := seeds_of(trial)):
+    """Return a trial's value by its seeds so far, None if there is none or one diverged."""
+    if not (seeds := seeds_of(trial)) or DIVERGED in trial.user_attrs:
         return None
     is_timed = tuning.target_return is not None
     of_seeds = [-own["onset"][1] if is_timed else own["return"] for own in seeds]

@@ -18,7 +18,7 @@ from jumping_ant.agents import kernels
 from jumping_ant.agents.job import Job
 from jumping_ant.experiment import params_file
 from jumping_ant.sim.world import World
-from jumping_ant.tuning import objective, search, space, study, tune
+from jumping_ant.tuning import objective, outcome, search, space, study, tune
 from jumping_ant.tuning.objective import Fault, Measured
 from jumping_ant.tuning.search import Search
 
@@ -123,6 +123,22 @@ def test_what_diverges_is_told_with_its_reason(opened: optuna.Study) -> None:
     assert states(opened) == ["PRUNED"] and opened.trials[0].value is None
     told = "no value; ended early, ValueError: not finite; none complete yet; 3 left, "
     assert said[0].startswith(f"trial 0: {told}")
+
+
+def test_a_trial_that_diverges_at_its_second_seed_has_no_value(opened: optuna.Study) -> None:
+    """However good its first one was."""
+    found = make(opened, trials=3)
+    for key, own in (((0, 0), around(900)), ((0, 1), Fault("ValueError: not finite"))):
+        assert next(found) == key
+        found.take(key, own)
+    for mean in (100, 200):
+        for _ in range(2):
+            found.take(next(found), around(mean))
+    first, *others = opened.trials
+    assert len(search.seeds_of(first)) == 1 and search.value_of(first, found.task.tuning) is None
+    least, *_ = (trial.values[0] for trial in others)
+    assert outcome.values(opened.trials, found.task.tuning)[:2] == [least, least]
+    assert len(outcome.as_complete(opened, found.task.tuning).trials) == 2
 
 
 def test_a_seed_ends_where_it_is_among_the_worst(opened: optuna.Study) -> None:
