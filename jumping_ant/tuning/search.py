@@ -184,6 +184,8 @@ class Search:
     def _continue(self, trial: Trial) -> None:
         """Let a trial's next seed start, or end the trial by what its seeds have measured."""
         seeds, tuning = seeds_of(trial), self.task.tuning
+        if reason := trial.user_attrs.get(REASON):  # the process was killed as it ended it
+            return self._end(trial, reason)
         if seeds and seeds[-1]["is_cut"]:
             evaluation = f"evaluation {len(seeds[-1]['bests'])} of {self.task.training.evaluations}"
             return self._end(trial, f"seed {len(seeds)} was among the worst at {evaluation}")
@@ -213,10 +215,16 @@ class Search:
         return floors
 
     def _end(self, trial: Trial, reason: str = "") -> None:
-        """End a trial, early if there is a reason, and tell."""
-        own = value_of(trial, self.task.tuning)
+        """End a trial, early if there is a reason, and tell.
+
+        The sampler ranks those that ended early by their last step, and then by what was reported
+        there: so at one step for all of them that is their value, not their last episode's return.
+        """
+        tuning = self.task.tuning
+        own = value_of(trial, tuning)
         if reason:
             trial.set_user_attr(REASON, reason)
+            trial.report(math.nan if own is None else own, tuning.seeds * tuning.episodes)
             self.study.tell(trial, state=PRUNED)
         else:
             self.study.tell(trial, own)

@@ -1,5 +1,6 @@
 """The course of a study, with returns that the tests give instead of trainings."""
 
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -11,6 +12,7 @@ import optuna
 import pytest
 import small_agents
 from optuna.pruners import WilcoxonPruner
+from optuna.samplers._tpe.sampler import _get_pruned_trial_score
 from optuna.trial import TrialState, create_trial
 from small_study import RANGES, small_params
 
@@ -113,6 +115,42 @@ def test_a_trial_that_returns_less_in_some_episodes_goes_on(opened: optuna.Study
         (1, 0), measured(*(own + (9 if i % 2 else -12) for i, own in enumerate(mixed.returns)))
     )
     assert next(found) == (1, 1)
+
+
+def test_the_sampler_ranks_trials_that_ended_early_by_their_values(opened: optuna.Study) -> None:
+    """Not by their last episodes, nor by how many they have played."""
+    found = make(opened, trials=6)
+    for _ in range(2):
+        found.take(next(found), around(5000))
+    low, high = [100.0] * 9 + [150.0], [3000.0] * 9 + [10.0]
+    wild = Fault("ValueError: not finite")
+    for own in (measured(*low), measured(*high), wild):
+        found.take(next(found), own)
+    assert next(found) == (4, 0)
+    found.take((4, 0), around(5001))
+    found.take(next(found), wild)
+    pruned = opened.get_trials(states=[TrialState.PRUNED])
+    assert [trial.number for trial in pruned] == [1, 2, 3, 4]
+    assert {trial.last_step for trial in pruned} == {20}, "after those of all episodes"
+    scores = [_get_pruned_trial_score(trial, opened) for trial in pruned]
+    assert [scores.index(own) for own in sorted(set(scores))] == [1, 0, 2]
+    assert scores[2] == scores[3], "the worst, also with a lucky first seed"
+
+
+def test_killed_as_it_ended_a_trial(opened: optuna.Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = make(opened, trials=3)
+    for _ in range(2):
+        found.take(next(found), around(100))
+    with monkeypatch.context() as context:
+        context.setattr(opened, "tell", lambda *_, **__: sys.exit(1))
+        with pytest.raises(SystemExit):
+            found.take(next(found), around(50))
+    before = opened.trials[1].intermediate_values
+    with pytest.warns(UserWarning, match="already reported"):
+        make(opened, trials=3)
+    assert states(opened) == ["COMPLETE", "PRUNED"]
+    assert opened.trials[1].intermediate_values == before
+    assert opened.trials[1].user_attrs["reason"] == "less than trial 0"
 
 
 def test_what_diverges_is_told_with_its_reason(opened: optuna.Study) -> None:
