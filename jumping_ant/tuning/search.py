@@ -117,11 +117,7 @@ class Search:
     _started: float = field(default_factory=time.monotonic)
 
     def __post_init__(self) -> None:
-        with studies.taking_turns(self.storage):
-            found = studies.abandoned(self.study, self.storage, self.task.space.distributions)
-        for trial in found:
-            self.say(f"trial {trial.number} resumes at seed {len(seeds_of(trial)) + 1}")
-            self._open(trial)
+        self._take_over()
 
     def __iter__(self) -> "Search":
         return self
@@ -132,9 +128,10 @@ class Search:
             with studies.taking_turns(self.storage):
                 is_last = self._num_trials() >= self.task.tuning.trials
                 new = None if is_last else studies.begin(self.study, self.task.space.distributions)
-            if new is None:
+            if new:
+                self._open(new)
+            elif not self._take_over():
                 raise StopIteration
-            self._open(new)
         chosen = self._idle.popleft()
         return chosen, len(seeds_of(self._trials[chosen]))
 
@@ -171,6 +168,16 @@ class Search:
     def _num_trials(self) -> int:
         states = [state for state in TrialState if state is not TrialState.WAITING]
         return len(self.study.get_trials(deepcopy=False, states=states))
+
+    def _take_over(self) -> bool:
+        """Open the trials whose process has ended; return whether there are any."""
+        with studies.taking_turns(self.storage):
+            distributions = self.task.space.distributions
+            found = studies.abandoned(self.study, self.storage, distributions, self._trials)
+        for trial in found:
+            self.say(f"trial {trial.number} resumes at seed {len(seeds_of(trial)) + 1}")
+            self._open(trial)
+        return bool(found)
 
     def _open(self, trial: Trial) -> None:
         """Let a trial's next seed start, if there can be one."""
@@ -260,8 +267,10 @@ def run(search: Search, workers: int) -> None:
     if search.num_left:
         raise StoppedError(f"the same command resumes; {search.num_left} trials are left")
     if elsewhere := search.study.get_trials(deepcopy=False, states=[TrialState.RUNNING]):
+        signs = "; ".join(map(studies.sign_of, elsewhere))
         raise StoppedError(
-            f"{len(elsewhere)} trials run elsewhere; the same command resumes when they end"
+            f"{len(elsewhere)} trials run elsewhere ({signs}); "
+            "the same command resumes when they end"
         )
 
 

@@ -12,7 +12,7 @@ found abandoned if its process has ended on this machine, or was silent on anoth
 import fcntl
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -136,16 +136,20 @@ def begin(study: optuna.Study, distributions: Mapping[str, BaseDistribution]) ->
 
 
 def abandoned(
-    study: optuna.Study, storage: str, distributions: Mapping[str, BaseDistribution]
+    study: optuna.Study,
+    storage: str,
+    distributions: Mapping[str, BaseDistribution],
+    own: Container[int] = (),
 ) -> list[Trial]:
     """Return the trials that were running when their process ended, by number, as this process's.
 
-    What had not been drawn for one is drawn now, and is the same.
+    Those that it runs already are not among them (`own`, their numbers). What had not been drawn
+    for one is drawn now, and is the same.
     """
     return [
         _taken(Trial(study, frozen._trial_id), distributions)
         for frozen in study.get_trials(deepcopy=False, states=[TrialState.RUNNING])
-        if storage.startswith(FILE) or _is_silent(frozen)
+        if frozen.number not in own and (storage.startswith(FILE) or _is_silent(frozen))
     ]
 
 
@@ -153,6 +157,12 @@ def give_sign(trial: Trial) -> None:
     """Note that this process runs a trial."""
     trial.set_user_attr(OWNER, process.this_process())
     trial.set_user_attr(SIGN, time.time())
+
+
+def sign_of(trial: FrozenTrial) -> str:
+    """Return where a trial runs, and when that was last heard of."""
+    host = trial.user_attrs.get(OWNER, "unknown").partition(" ")[0]
+    return f"trial {trial.number} on {host}, heard of {_silence(trial) / 60:.0f} minutes ago"
 
 
 def _opened(storage: str) -> optuna.storages.BaseStorage:
@@ -175,11 +185,16 @@ def _taken(trial: Trial, distributions: Mapping[str, BaseDistribution]) -> Trial
 
 
 def _is_silent(trial: FrozenTrial) -> bool:
-    owner, sign = trial.user_attrs.get(OWNER, ""), trial.user_attrs.get(SIGN)
+    owner = trial.user_attrs.get(OWNER, "")
     if process.is_of_this_host(owner):
         return not process.exists(owner)
+    return _silence(trial) > SILENT_SECONDS
+
+
+def _silence(trial: FrozenTrial) -> float:
+    """Return for how long nothing was heard of a trial [s]."""
     begun = trial.datetime_start.timestamp() if trial.datetime_start else 0.0
-    return time.time() - (begun if sign is None else sign) > SILENT_SECONDS
+    return time.time() - float(trial.user_attrs.get(SIGN, begun))
 
 
 @contextmanager

@@ -8,7 +8,7 @@ others. The test is the one by which comparisons tell two agents apart.
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ import optuna
 from numpy.typing import NDArray
 
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.base import process
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.comparison import estimates
 from jumping_ant.comparison.claims import findings, verdicts
@@ -87,9 +88,8 @@ class Fresh:
             StoppedError: A signal asked for a stop.
             WorkerError: The workers of a seed died repeatedly.
         """
-        noted = self.study.user_attrs
-        left = [key for key in self.keys if self._name(key) not in noted]
-        for key, found in jobs.stream(self.work, left, workers, say, "{0[0]}, {0[1]}".format):
+        name = "{0[0]}, {0[1]}".format
+        for key, found in jobs.stream(self.work, self._left(), workers, say, name):
             note: dict[str, Any]
             if isinstance(found, Fault):
                 note, told = {"fault": found.reason}, found.reason
@@ -102,6 +102,18 @@ class Fresh:
         missing = [key for key in self.keys if self._name(key) not in self.study.user_attrs]
         if missing:
             raise StoppedError(f"the same command resumes; {len(missing)} trainings are left")
+
+    def _left(self) -> Iterator[Key]:
+        """Yield what is not noted when a worker is free, at last what another machine has begun."""
+        taken: set[Key] = set()
+        for is_last in (False, True):
+            for key in self.keys:
+                noted, begun = self.study.user_attrs, f"begun {self._name(key)}"
+                if key in taken or self._name(key) in noted or (begun in noted and not is_last):
+                    continue
+                self.study.set_user_attr(begun, process.this_process())
+                taken.add(key)
+                yield key
 
     def work(self, key: Key) -> Work:
         """Return the job of a fresh seed."""

@@ -96,6 +96,18 @@ def test_seconds_are_judged_by_their_bounds(
     )
 
 
+def test_machines_share_the_fresh_seeds(tmp_path: Path) -> None:
+    """Each takes what the other has not begun, and at last what it has not ended."""
+    params = small_params(3, fresh_seeds=2)
+    task = tune.task_of(Path(), params, "pgpe")
+    with study.opened(f"{study.FILE}{tmp_path}/a.db", "one", "tpe", 0.01, None) as opened:
+        fresh = Fresh(opened, task, params.compare, 4, 1, task.space.agent)
+        one, other = fresh._left(), fresh._left()
+        assert [next(one), next(other), next(one)] == fresh.keys[:3]
+        opened.set_user_attr(fresh._name(fresh.keys[0]), {"fault": "diverged"})
+        assert list(other) == [fresh.keys[3], fresh.keys[2]]
+
+
 def test_a_fresh_seed_that_diverged_is_the_worst_of_all(tmp_path: Path) -> None:
     """Also where returns are negative, and where the others never get there."""
     params = small_params(3, fresh_seeds=8, target_return=500.0)

@@ -2,7 +2,9 @@
 
 import sys
 import threading
+import time
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from small_study import RANGES, small_params
 
 from jumping_ant.agents import kernels
 from jumping_ant.agents.job import Job
+from jumping_ant.base.errors import StoppedError
 from jumping_ant.experiment import params_file
 from jumping_ant.sim.world import World
 from jumping_ant.tuning import objective, outcome, search, space, study, tune
@@ -200,6 +203,27 @@ def test_killed_between_the_end_of_a_seed_and_that_of_its_trial(opened: optuna.S
     trial.set_user_attr("seed 0", noted(50.0) | {"bests": [50.0], "is_cut": True})
     make(opened)
     assert states(opened) == ["PRUNED"]
+
+
+def test_a_trial_whose_machine_falls_silent_is_taken_over_at_the_end(
+    opened: optuna.Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until then, a search that has nothing else left says when that machine was heard of."""
+    monkeypatch.setattr(study, "taking_turns", lambda storage: nullcontext())
+    found = make(opened, trials=2)
+    found.storage = "postgresql://nowhere"
+    elsewhere = study.begin(opened, found.task.space.distributions)
+    elsewhere.set_user_attr(study.OWNER, "cellar 1 a")
+    for _ in range(2):
+        found.take(next(found), around(100))
+    elsewhere.set_user_attr(study.SIGN, time.time() - 3600.0)
+    monkeypatch.setattr("jumping_ant.compute.jobs.stream", lambda *_: iter(()))
+    with pytest.raises(StoppedError, match="trial 0 on cellar, heard of 60 minutes ago"):
+        search.run(found, 1)
+    assert list(found) == []
+    elsewhere.set_user_attr(study.SIGN, time.time() - 7 * 3600.0)
+    assert next(found) == (0, 0)
+    assert list(found) == [], "once"
 
 
 def test_settings_that_are_refused_train_nothing(
