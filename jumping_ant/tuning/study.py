@@ -64,8 +64,17 @@ class PerTrial(BaseSampler):
     def sample_relative(
         self, study: optuna.Study, trial: FrozenTrial, search_space: dict[str, BaseDistribution]
     ) -> dict[str, Any]:
-        """Draw the parameters that are drawn together."""
-        return self._own.sample_relative(study, trial, search_space)
+        """Draw the parameters that are drawn together.
+
+        Optuna asks for them before it draws others. Of a trial whose process was killed meanwhile,
+        others that were drawn are drawn once more, so that the rest follows in the stream.
+        """
+        together = self._own.sample_relative(study, trial, search_space)
+        given = trial.system_attrs.get("fixed_params", {})
+        for name, distribution in trial.distributions.items():
+            if name not in together and name not in given:
+                self._own.sample_independent(study, trial, name, distribution)
+        return together
 
     def sample_independent(
         self,

@@ -19,6 +19,7 @@ from small_study import RANGES, project, records, small_params
 from jumping_ant.base import process
 from jumping_ant.base.errors import InputError, StoppedError
 from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import params_file
 from jumping_ant.tuning import search, space, study, tune
 from jumping_ant.tuning.study import SamplerName
 
@@ -117,6 +118,26 @@ def test_a_trial_that_was_running_keeps_its_number_and_its_seeds(
     said = run(root, 2)
     assert "trial 1 resumes at seed 1" in said
     assert records(database(root)) == records(database(whole))[:2]
+
+
+@pytest.mark.parametrize("num_ended", [0, 12], ids=["one by one", "together"])
+def test_a_trial_killed_while_its_settings_were_drawn_gets_the_same(
+    tmp_path: Path, num_ended: int
+) -> None:
+    """Those of ten trials are drawn one by one, those of later ones together."""
+    distributions = space.space_of("sac", params_file.load().agents["sac"]).distributions
+    drawn: list[list[dict[str, Any]]] = []
+    for file, num_drawn in (("whole", len(distributions)), ("torn", 5)):
+        address = f"{study.FILE}{tmp_path}/{file}.db"
+        with study.opened(address, "same", "tpe", 0.01, None) as opened:
+            for number in range(num_ended):
+                opened.tell(study.begin(opened, distributions), float(number % 5))
+            study.begin(opened, dict(list(distributions.items())[:num_drawn]))
+        with study.opened(address, "same", "tpe", 0.01, None) as opened:
+            study.abandoned(opened, address, distributions)
+            drawn.append([trial.params for trial in opened.trials])
+    assert drawn[0] == drawn[1]
+    assert len(drawn[0][-1]) == len(distributions) > 5
 
 
 def test_trials_side_by_side_are_all_run_once(whole: Path, tmp_path: Path) -> None:
