@@ -61,10 +61,10 @@ SERVER_ONCE = (
     "sudo -u postgres createdb --owner robots mlflow"
 )
 SERVER = (
-    "mlflow server --backend-store-uri postgresql://robots:PASSWORD@localhost/mlflow "
+    "mlflow server --backend-store-uri postgresql://robots@localhost/mlflow "
     "--artifacts-destination /srv/mlflow --host 0.0.0.0"
 )
-SHARED_SEARCH = "make tune AGENT=sac TRIALS=40 STORAGE=postgresql://robots:PASSWORD@SERVER/trials"
+SHARED_SEARCH = "make tune AGENT=sac TRIALS=40 STORAGE=postgresql://robots@SERVER/trials"
 S3 = (
     "dvc remote add -d shared s3://BUCKET/robots",
     "dvc remote modify shared endpointurl http://SERVER:8333",

@@ -1,10 +1,11 @@
-"""Databases that several machines share: how long to wait for one, and who goes first.
+"""Databases that several machines share: how long to wait, who goes first, what to show of them.
 
 PostgreSQL's client library reads its waiting times from the environment, so that they hold for the
 connections of MLflow and Optuna, too.
 """
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -19,6 +20,23 @@ KINDS = (POSTGRESQL, "mysql", "mssql")  # with a server
 def is_shared(uri: str) -> bool:
     """Tell whether a URI is that of a database with a server, be it well-formed or not."""
     return _kind(uri) in KINDS
+
+
+def without_password(text: str) -> str:
+    """Return a text whose URIs have neither user and password nor a query.
+
+    SQLAlchemy's `hide_password` shows queries, and what follows an unquoted `@` in a password.
+    """
+    text = re.sub(r"(?<=://)\S*\?\S*@\S*", "...", text)  # whose "?" it is cannot be told
+    return re.sub(r"(?<=://)(?:\S*@)?([^\s?]*)\S*", r"\1", text)
+
+
+def without_secret(message: str, uri: str) -> str:
+    """Return what is said of a URI without its password, parts of it, and those of other URIs."""
+    secret = uri.partition("://")[2].rpartition("@")[0].partition(":")[2]
+    for part in filter(None, [secret, *re.split("[/:@?]", secret)]):  # may be taken for a port
+        message = message.replace(part, "...")
+    return without_password(message)
 
 
 def installation(error: ModuleNotFoundError) -> str:

@@ -2,7 +2,6 @@
 
 import fcntl
 import os
-import re
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -41,7 +40,7 @@ class Connection:
     @property
     def name(self) -> str:
         """The tracking URI, without a password."""
-        return _without_password(self.uri)
+        return databases.without_password(self.uri)
 
     @property
     def is_server(self) -> bool:
@@ -60,13 +59,15 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         raise InputError(
-            f"MLflow at {_without_password(uri)}: its driver is not installed; run: "
+            f"MLflow at {databases.without_password(uri)}: its driver is not installed; run: "
             f"{databases.installation(error)}"
         ) from error
     except (MlflowException, SQLAlchemyError, OSError) as error:
         is_conflict = any(sign in str(error) for sign in SIGNS_OF_CONFLICT)
         kind = ConflictError if is_conflict else InputError
-        raise kind(f"MLflow at {_without_password(uri)}: {_explain(error, uri)}") from error
+        raise kind(
+            f"MLflow at {databases.without_password(uri)}: {_explain(error, uri)}"
+        ) from error
 
 
 def connect(
@@ -228,17 +229,5 @@ def _explain(error: BaseException, uri: str) -> str:
     message = " ".join(str(error).partition("(Background on this error")[0].split())
     if "lock timeout" in message:
         return "in use by another program; try again later"
-    secret = uri.partition("://")[2].rpartition("@")[0].partition(":")[2]
-    for part in filter(None, [secret, *re.split("[/:@?]", secret)]):  # may be taken for a port
-        message = message.replace(part, "...")
-    message = _without_password(message)
+    message = databases.without_secret(message, uri)
     return message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "..."
-
-
-def _without_password(text: str) -> str:
-    """Return a text whose URIs have neither user and password nor a query.
-
-    SQLAlchemy's `hide_password` shows queries, and what follows an unquoted `@` in a password.
-    """
-    text = re.sub(r"(?<=://)\S*\?\S*@\S*", "...", text)  # whose "?" it is cannot be told
-    return re.sub(r"(?<=://)(?:\S*@)?([^\s?]*)\S*", r"\1", text)

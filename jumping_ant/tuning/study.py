@@ -177,7 +177,9 @@ def sign_of(trial: FrozenTrial) -> str:
 def _opened(storage: str) -> optuna.storages.BaseStorage:
     """Open a storage; a RuntimeError of Optuna says that the tables are of something else."""
     try:
-        return optuna.storages.get_storage(storage)
+        return optuna.storages.RDBStorage(storage)
+    except ImportError as error:
+        raise (error.__cause__ or error) from None  # Optuna's own is from that of the driver
     except RuntimeError as error:
         raise InputError(
             f"storage: given {shown(storage)}, whose tables are not this Optuna's ({error}); "
@@ -229,19 +231,23 @@ def _alone(storage: str) -> Iterator[None]:
 def _failures_as_input_errors(storage: str) -> Iterator[None]:
     """Convert errors of a storage into one line."""
     try:
+        make_url(storage)
+    except (ArgumentError, ValueError) as error:
+        raise InputError(
+            f"storage: given {shown(storage)}, allowed: sqlite:///FILE, postgresql://USER@HOST/NAME"
+        ) from error
+    try:
         yield
     except ModuleNotFoundError as error:
         raise InputError(
             f"storage: its driver is not installed; run: {databases.installation(error)}"
         ) from error
     except (SQLAlchemyError, StorageInternalError) as error:
-        cause = error.__cause__ or error
-        raise InputError(f"storage: given {shown(storage)}: {told(cause)}") from error
+        reason = databases.without_secret(told(error.__cause__ or error), storage)
+        raise InputError(f"storage: given {shown(storage)}: {reason}") from error
 
 
 def shown(storage: str) -> str:
-    """Return an address without its password."""
-    try:
-        return make_url(storage).render_as_string(hide_password=True)
-    except ArgumentError:
-        return "no address, allowed: sqlite:///FILE, postgresql://USER@HOST/NAME"
+    """Return an address without user and password."""
+    words = storage.replace(" ", "")  # of a password, too
+    return databases.without_password(words) if "://" in words else "no address"

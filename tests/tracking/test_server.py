@@ -25,7 +25,7 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base import imports
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies.blind import UniformPolicy
-from jumping_ant.tracking import connection, live, models, serving
+from jumping_ant.tracking import live, models, serving
 
 
 def test_an_unreachable_server_is_told_in_one_line(
@@ -96,22 +96,6 @@ def test_a_model_brings_the_packages_it_needs() -> None:
                 found.add(str(node.module).partition(".")[0])
     third_party = found - set(sys.stdlib_module_names) - {"jumping_ant"}
     assert third_party == set(models.REQUIREMENTS)
-
-
-@pytest.mark.parametrize(
-    ("given", "shown"),
-    [
-        ("http://me:secret@host:5000/x", "http://host:5000/x"),
-        ("postgresql://me:se/cr@et@host/db", "postgresql://host/db"),
-        ("https://host/x?password=secret&a=b", "https://host/x"),
-        ("https://host/x?password=sec@ret", "https://..."),
-        ("mysql://a:se?cret@host/d", "mysql://..."),
-        ("(mysql://a:secret@h/d) and (http://b:secret@i)", "(mysql://h/d) and (http://i)"),
-        ("sqlite:////a/mlflow.db", "sqlite:////a/mlflow.db"),
-    ],
-)
-def test_a_password_is_not_shown(given: str, shown: str) -> None:
-    assert connection._without_password(given) == shown
 
 
 @pytest.mark.parametrize(
