@@ -175,9 +175,14 @@ def sign_of(trial: FrozenTrial) -> str:
 
 
 def _opened(storage: str) -> optuna.storages.BaseStorage:
-    """Open a storage; a RuntimeError of Optuna says that the tables are of something else."""
+    """Open a storage; a RuntimeError of Optuna says that the tables are of something else.
+
+    Trainings take minutes, in which a server may restart: a connection is tried before it is used.
+    """
     try:
-        return optuna.storages.RDBStorage(storage)
+        return optuna.storages.RDBStorage(
+            storage, engine_kwargs={"pool_pre_ping": databases.is_shared(storage)}
+        )
     except ImportError as error:
         raise (error.__cause__ or error) from None  # Optuna's own is from that of the driver
     except RuntimeError as error:

@@ -297,6 +297,20 @@ def study_returns(trial: optuna.trial.FrozenTrial) -> list[float]:
     return [own["return"] for own in search.seeds_of(trial)]
 
 
+def test_a_search_goes_on_after_a_restart_of_its_database(
+    postgres: "Postgres", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its password is in the environment, as docs/shared.md says."""
+    monkeypatch.setenv("PGPASSWORD", postgres.password)
+    address = postgres.create("restarts").replace(f":{postgres.password}@", "@")
+    with study.opened(address, "test", "tpe", 0.01, None) as opened:
+        trial = study.begin(opened, {})
+        postgres.stop()
+        postgres.start()
+        study.give_sign(trial)
+        assert study.begin(opened, {}).number == 1
+
+
 def test_a_database_of_mlflow_is_refused(postgres: "Postgres", tmp_path: Path) -> None:
     """Both call a table `alembic_version`, of which a database has one."""
     root, storage = project(tmp_path), postgres.create("mlflows")
