@@ -10,7 +10,7 @@ import optuna
 
 from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import effective_code
-from jumping_ant.base.files import read_bytes, read_json
+from jumping_ant.base.files import PROJECT_ROOT, digest, read_bytes, read_json
 from jumping_ant.base.paths import Paths, StudyPaths
 from jumping_ant.compute import jobs
 from jumping_ant.experiment import params_file
@@ -25,6 +25,7 @@ from jumping_ant.tuning.study import SamplerName
 from jumping_ant.tuning.verdict import OPEN, UNCHANGED, Fresh, without_training
 
 CONTROL = "make tune SAMPLER=random"
+LOCK = PROJECT_ROOT / "requirements.lock"  # the versions of all libraries
 
 
 def run(
@@ -95,9 +96,10 @@ def study_name(task: Task, sampler: SamplerName) -> str:
         [search.WORST, search.FEWEST, search.WARM_UP],
         hashlib.sha256(task.demonstrations or b"").hexdigest(),
         list(map(effective_code.read, sorted(code))),
+        digest(LOCK) if LOCK.is_file() else "",
     ]
-    digest = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:8]
-    return f"{task.name}-{sampler}-{digest}"
+    number = hashlib.sha256(json.dumps(content).encode()).hexdigest()[:8]
+    return f"{task.name}-{sampler}-{number}"
 
 
 def _verdict(

@@ -184,6 +184,17 @@ def test_other_settings_begin_another_study(tmp_path: Path) -> None:
     assert [number for number, *_ in records(database(root))] == [0, 0, 1]
 
 
+def test_other_libraries_begin_another_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    task = tune.task_of(tmp_path, small_params(1), "pgpe")
+    own = tune.study_name(task, "tpe")
+    newer = tmp_path / "requirements.lock"
+    newer.write_text(tune.LOCK.read_text(encoding="utf-8") + "more==1.0\n", encoding="utf-8")
+    monkeypatch.setattr(tune, "LOCK", newer)
+    assert tune.study_name(task, "tpe") != own
+
+
 def test_a_study_in_a_file_has_one_process(tmp_path: Path) -> None:
     root = project(tmp_path)
     with start(root, 500) as driver:
