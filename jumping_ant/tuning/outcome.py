@@ -23,7 +23,7 @@ from jumping_ant.base.files import to_json, write_all
 from jumping_ant.base.paths import StudyPaths
 from jumping_ant.experiment import trials
 from jumping_ant.params.blocks import TuningParams
-from jumping_ant.tuning.search import REASON, best_of, seeds_of, value_of
+from jumping_ant.tuning.search import REASON, Task, best_of, seeds_of, value_of
 from jumping_ant.tuning.space import Space
 from jumping_ant.tuning.study import SamplerName
 
@@ -53,20 +53,20 @@ def rows(trials: Sequence[FrozenTrial], space: Space, tuning: TuningParams) -> l
     return found
 
 
-def summary(
-    name: str, sampler: SamplerName, study: optuna.Study, space: Space, tuning: TuningParams
-) -> dict[str, Any]:
+def summary(task: Task, sampler: SamplerName, study: optuna.Study) -> dict[str, Any]:
     """Return what the trials say, without the verdict."""
+    space, tuning = task.space, task.tuning
     trials = study.get_trials(deepcopy=False, states=list(STATES))
     pruned = [trial for trial in trials if trial.state is TrialState.PRUNED]
     best = best_of(study)
     return {
-        "agent": name,
+        "agent": task.name,
         "sampler": sampler,
         "study": study.study_name,
         "trials": len(trials),
         "seeds_per_trial": tuning.seeds,
-        "rules": {"ranges": space.described} | tuning.model_dump(include=OF_A_STUDY),
+        "rules": {"task": task.digest, "ranges": space.described}
+        | tuning.model_dump(include=OF_A_STUDY),
         "pruned": len(pruned),
         "without_value": sum(value_of(trial, tuning) is None for trial in trials),
         "best_trial": best.number if best else None,
@@ -90,7 +90,8 @@ def _of_draws(trials: Sequence[FrozenTrial], tuning: TuningParams) -> dict[str, 
 def is_control_of(control: Mapping[str, Any], search: Mapping[str, Any]) -> bool:
     """Return whether one summary's random draws can be set beside another's trials.
 
-    Both must have drawn from the same ranges, and valued trials by the same rules.
+    Both must be of the same robot, reward, budget and own settings (`Task.digest`), have drawn from
+    the same ranges, and valued trials by the same rules.
     """
     return (
         "draws" in control

@@ -10,6 +10,8 @@ there: the median stopping rule (Golovin et al. 2017, "Google Vizier", section 3
 quarter instead of a half, as some settings learn late.
 """
 
+import hashlib
+import json
 import math
 import time
 from collections import deque
@@ -69,6 +71,21 @@ class Task:
     training: TrainingParams
     tuning: TuningParams
     demonstrations: bytes | None = None
+
+    @property
+    def content(self) -> list[Any]:
+        """What its trials depend on, but their settings and rules, as JSON has it."""
+        blocks = (self.world.env, self.training, self.space.agent)
+        return [
+            self.world.xml,
+            *(block.model_dump() for block in blocks),
+            hashlib.sha256(self.demonstrations or b"").hexdigest(),
+        ]
+
+    @property
+    def digest(self) -> str:
+        """A name of robot, task, validation and the agent as it is."""
+        return hashlib.sha256(json.dumps(self.content).encode()).hexdigest()[:8]
 
     def work(
         self,

@@ -10,6 +10,7 @@ import optuna
 
 from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import effective_code
+from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, digest, read_bytes, read_json
 from jumping_ant.base.paths import Paths, StudyPaths
 from jumping_ant.compute import jobs
@@ -48,13 +49,14 @@ def run(
 
     Raises:
         InputError: There is no such agent, it has no search space, it lacks demonstrations or
-            memory, or the storage cannot be used.
+            memory, results are of another task, or the storage cannot be used.
         StoppedError: A signal asked for a stop; another call resumes.
         WorkerError: The workers of a seed died repeatedly.
     """
     task = task_of(root, params, name)
     paths = Paths(root).study(name, is_control=sampler == "random")
     address = storage or f"{studies.FILE}{paths.study}"
+    _check_earlier(root, paths, task)
     own = task.space
     if own.outside:
         say(f"{name}: outside of what is searched, and so no trial: {', '.join(own.outside)}")
@@ -66,10 +68,23 @@ def run(
         say(f"{name}: study {key} in {studies.shown(address)}, {params.tuning.trials} trials")
         threads = jobs.num_threads(params.compute.workers, workers)[0]
         search.run(Search(study, address, task, threads, say), workers)
-        found = outcome.summary(name, sampler, study, own, params.tuning)
+        found = outcome.summary(task, sampler, study)
         if sampler == "tpe":
             found |= _verdict(params, task, study, say)
         _write(root, paths, task, study, found, say)
+
+
+def _check_earlier(root: Path, paths: StudyPaths, task: Task) -> None:
+    """Raise an InputError if the results that would be replaced are of another task."""
+    if not paths.summary.is_file():
+        return
+    rules = read_json(paths.summary, CONTROL).get("rules", {})
+    if rules.get("task") != task.digest:
+        summary, preset = (path.relative_to(root) for path in (paths.summary, paths.preset))
+        raise InputError(
+            f"{summary}: given results of another robot, reward, budget or settings, allowed: of "
+            f"those of {task.name}; rename or delete it (and {preset}, if it is there) first"
+        )
 
 
 def task_of(root: Path, params: Params, name: str) -> Task:
@@ -89,12 +104,10 @@ def study_name(task: Task, sampler: SamplerName) -> str:
     """Return the name of a study: that of everything which its trials depend on."""
     code = training_code(task.space.agent.algorithm, Path(seed_run.__file__))
     content = [
-        task.world.xml,
-        *(block.model_dump() for block in (task.world.env, task.training, task.space.agent)),
+        *task.content,
         task.tuning.model_dump(include=outcome.OF_A_STUDY),
         repr(task.space.ranges),
         [search.WORST, search.FEWEST, search.WARM_UP],
-        hashlib.sha256(task.demonstrations or b"").hexdigest(),
         list(map(effective_code.read, sorted(code))),
         digest(LOCK) if LOCK.is_file() else "",
     ]
@@ -136,7 +149,7 @@ def _write(
     draws = drawn["draws"] if is_its_control else []
     if drawn and not is_its_control:
         path = control.relative_to(root)
-        say(f"{task.name}: {path} is of other ranges or rules; `{CONTROL}` renews it")
+        say(f"{task.name}: {path} is of another task, ranges or rules; `{CONTROL}` renews it")
     unit = "Value" if task.tuning.target_return is None else "Minus seconds"
     better = None
     if found.get("verdict") == "better":

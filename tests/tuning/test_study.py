@@ -169,11 +169,12 @@ def test_the_control_draws_at_random_and_judges_nothing(whole: Path, tmp_path: P
     run(root, 12)  # now with the control on its page
     page = Paths(root).study("pgpe").page
     assert "random draws, expected best" in page.read_text(encoding="utf-8")
-    of_others = found | {"rules": found["rules"] | {"ranges": {}}}
-    paths.summary.write_text(json.dumps(of_others), encoding="utf-8")
-    told = "\n".join(run(root, 12))
-    assert "results/tuning/pgpe-random.json is of other ranges or rules" in told
-    assert "random draws, expected best" not in page.read_text(encoding="utf-8")
+    for others in ({"ranges": {}}, {"task": "0badcafe"}):
+        of_others = found | {"rules": found["rules"] | others}
+        paths.summary.write_text(json.dumps(of_others), encoding="utf-8")
+        told = "\n".join(run(root, 12))
+        assert "results/tuning/pgpe-random.json is of another task, ranges or rules" in told
+        assert "random draws, expected best" not in page.read_text(encoding="utf-8")
 
 
 def test_other_settings_begin_another_study(tmp_path: Path) -> None:
@@ -182,6 +183,28 @@ def test_other_settings_begin_another_study(tmp_path: Path) -> None:
     run(root, 1, spread_penalty=0.0)
     run(root, 2)
     assert [number for number, *_ in records(database(root))] == [0, 0, 1]
+
+
+def test_results_of_another_task_are_not_replaced(tmp_path: Path) -> None:
+    """As those of the same agent in another preset; the rules of a search may change."""
+    root = project(tmp_path)
+    run(root, 1)
+    paths = Paths(root).study("pgpe")
+    before = paths.summary.read_text(encoding="utf-8")
+    params = small_params(1)
+    others = {
+        "env": params.env.model_copy(update={"max_episode_steps": 30}),
+        "training": params.training.model_copy(update={"evaluations": 3}),
+        "agents": {"pgpe": params.agents["pgpe"].model_copy(update={"generations": 3})},
+        "robot": params.robot.model_copy(update={"gear": 200.0}),
+    }
+    for name, block in others.items():
+        other = params.model_copy(update={name: block})
+        with pytest.raises(InputError, match=r"pgpe\.json: .* rename or delete it .*tuned-pgpe"):
+            tune.run(root, other, "pgpe", say=lambda _: None)
+    assert paths.summary.read_text(encoding="utf-8") == before
+    paths.summary.rename(paths.summary.with_name("pgpe-before.json"))
+    tune.run(root, other, "pgpe", say=lambda _: None)
 
 
 def test_other_libraries_begin_another_study(
