@@ -10,7 +10,6 @@ import optuna
 
 from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import effective_code
-from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, digest, read_bytes, read_json
 from jumping_ant.base.paths import Paths, StudyPaths
 from jumping_ant.compute import jobs
@@ -49,14 +48,14 @@ def run(
 
     Raises:
         InputError: There is no such agent, it has no search space, it lacks demonstrations or
-            memory, results are of another task, or the storage cannot be used.
+            memory, or the storage cannot be used.
         StoppedError: A signal asked for a stop; another call resumes.
         WorkerError: The workers of a seed died repeatedly.
     """
     task = task_of(root, params, name)
     paths = Paths(root).study(name, is_control=sampler == "random")
     address = storage or f"{studies.FILE}{paths.study}"
-    _check_earlier(root, paths, task)
+    _tell_of_replaced(root, paths, task, say)
     own = task.space
     if own.outside:
         say(f"{name}: outside of what is searched, and so no trial: {', '.join(own.outside)}")
@@ -74,16 +73,17 @@ def run(
         _write(root, paths, task, study, found, say)
 
 
-def _check_earlier(root: Path, paths: StudyPaths, task: Task) -> None:
-    """Raise an InputError if the results that would be replaced are of another task."""
+def _tell_of_replaced(
+    root: Path, paths: StudyPaths, task: Task, say: Callable[[str], None]
+) -> None:
+    """Say before the search if the results that it will replace are of another task."""
     if not paths.summary.is_file():
         return
     rules = read_json(paths.summary, CONTROL).get("rules", {})
     if rules.get("task") != task.digest:
-        summary, preset = (path.relative_to(root) for path in (paths.summary, paths.preset))
-        raise InputError(
-            f"{summary}: given results of another robot, reward, budget or settings, allowed: of "
-            f"those of {task.name}; rename or delete it (and {preset}, if it is there) first"
+        say(
+            f"{task.name}: {paths.summary.relative_to(root)} is of another robot, reward, budget "
+            "or settings, and is replaced when this search ends; rename it to keep it"
         )
 
 

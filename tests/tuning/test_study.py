@@ -185,26 +185,24 @@ def test_other_settings_begin_another_study(tmp_path: Path) -> None:
     assert [number for number, *_ in records(database(root))] == [0, 0, 1]
 
 
-def test_results_of_another_task_are_not_replaced(tmp_path: Path) -> None:
+def test_results_of_another_task_are_told_before_they_are_replaced(tmp_path: Path) -> None:
     """As those of the same agent in another preset; the rules of a search may change."""
-    root = project(tmp_path)
+    root, params = project(tmp_path), small_params(1)
     run(root, 1)
-    paths = Paths(root).study("pgpe")
-    before = paths.summary.read_text(encoding="utf-8")
-    params = small_params(1)
     others = {
         "env": params.env.model_copy(update={"max_episode_steps": 30}),
         "training": params.training.model_copy(update={"evaluations": 3}),
         "agents": {"pgpe": params.agents["pgpe"].model_copy(update={"generations": 3})},
         "robot": params.robot.model_copy(update={"gear": 200.0}),
     }
-    for name, block in others.items():
-        other = params.model_copy(update={name: block})
-        with pytest.raises(InputError, match=r"pgpe\.json: .* rename or delete it .*tuned-pgpe"):
-            tune.run(root, other, "pgpe", say=lambda _: None)
-    assert paths.summary.read_text(encoding="utf-8") == before
-    paths.summary.rename(paths.summary.with_name("pgpe-before.json"))
-    tune.run(root, other, "pgpe", say=lambda _: None)
+    tasks = [params, *(params.model_copy(update={name: own}) for name, own in others.items())]
+    assert len({tune.task_of(root, task, "pgpe").digest for task in tasks}) == len(tasks)
+    first: list[str] = []
+    tune.run(root, tasks[-1], "pgpe", say=first.append)
+    assert "pgpe.json is of another robot, reward, budget or settings" in first[0]
+    again: list[str] = []
+    tune.run(root, tasks[-1], "pgpe", say=again.append)
+    assert "of another" not in again[0]
 
 
 def test_other_libraries_begin_another_study(
