@@ -1,6 +1,6 @@
 """The claims on perturbed episodes, fixed in docs/claims.md; a family of their own."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -36,11 +36,11 @@ def table(params: Params, played: Played) -> Table:
                 for name, own in severe.items()
             ),
             Row(None, "Where body, floor and forces are others, looking at the robot helps: {0} "
-                "keeps more of its return than {1}.", keeps_more_paired(played, world)),
+                "keeps more of its return than {1}.", keeps_more(played, world, findings.paired)),
         )),
         (pairs("pgpe", "sac dqn"), (
             Row(9, "{0} is robust: under perturbations, it keeps more of its return than {1}.",
-                keeps_more(played)),
+                keeps_more(played, NAMES, findings.independent)),
         )),
     )  # fmt: skip
 
@@ -65,32 +65,23 @@ def overtakes(params: Params, played: Played, conditions: Sequence[Condition]) -
     return compare
 
 
-def keeps_more_paired(played: Played, names: Collection[str]) -> Compare:
-    """Ask whether the first agent keeps more than the second from the same starts.
+def keeps_more(played: Played, names: Collection[str], compared: Callable[..., Finding]) -> Compare:
+    """Ask whether the first agent keeps more than the second.
 
-    Of what is kept, the mean over all levels of some perturbations (`findings.paired`).
+    Of what is kept, the mean over all levels of some perturbations.
+
+    Args:
+        played: What each agent returns under each condition.
+        names: The perturbations.
+        compared: The test: `findings.paired`, as agents play the same starts, or
+            `findings.independent`.
     """
 
     def compare(case: Case) -> Finding | None:
         if not _are_played(played, case, names):
             return None
         samples = case.samples(lambda agent: _kept(played, agent, names))
-        return findings.paired(KEPT, *samples, case.params)
-
-    return compare
-
-
-def keeps_more(played: Played) -> Compare:
-    """Ask whether the first agent keeps more than the second, over all perturbations.
-
-    The same mean, and the rank test (`findings.independent`).
-    """
-
-    def compare(case: Case) -> Finding | None:
-        if not _are_played(played, case, NAMES):
-            return None
-        samples = case.samples(lambda agent: _kept(played, agent, NAMES))
-        return findings.independent(KEPT, *samples, case.params)
+        return compared(KEPT, *samples, case.params)
 
     return compare
 
