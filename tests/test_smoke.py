@@ -8,6 +8,7 @@ import imageio.v3 as iio
 import mlflow
 from finished_project import Project
 from mlflow.entities import Run, ViewType
+from rerun.chunk import RrdReader
 from ruamel.yaml import YAML
 
 from jumping_ant.experiment import params_file, presets
@@ -32,6 +33,9 @@ def test_everything_is_there_and_up_to_date(project: Project) -> None:
         assert frames.shape[1:] == (120, 160, 3)
         assert frames.std() > 5 and (frames[0] != frames[-1]).any()
         assert (project.folder / "media" / f"{agent}.rrd").stat().st_size > 10_000
+    recordings = list((project.folder / "media").glob("*.rrd"))
+    ids = {entry.recording_id for path in recordings for entry in RrdReader(path).recordings()}
+    assert len(ids) == len(recordings) == len(AGENTS) + 2, "`make view` opens them together"
     comparison = json.loads(
         (project.folder / "results" / "comparison.json").read_text(encoding="utf-8")
     )

@@ -35,6 +35,7 @@ def record(
     worlds: Mapping[str, World],
     trajectories: Mapping[str, Trajectory],
     stories: Mapping[str, Story],
+    name: str = "lineup",
     title: str = "All agents",
     describe: Page = about.lineup_page,
 ) -> bytes:
@@ -44,6 +45,7 @@ def record(
         worlds: Each agent's robot and task.
         trajectories: The episode of each agent.
         stories: What is known about them.
+        name: The recording's identifier. A viewer merges recordings that share one.
         title: What the recording is called.
         describe: Writes its page of text.
     """
@@ -70,7 +72,7 @@ def record(
     labels = {agent: story.label for agent, story in stories.items()}
     moment = layout.around(peak, end)
     opened = layout.lineup_layout(worlds, labels, _groups(stories), moment)
-    return write("lineup", title, opened, log)
+    return write(name, title, opened, log)
 
 
 def _groups(stories: Mapping[str, Story]) -> dict[str, list[str]]:

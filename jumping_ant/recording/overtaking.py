@@ -38,7 +38,8 @@ def record(
 ) -> bytes:
     """Return the episodes under a condition, in words, as an `.rrd` file (see `lineup.record`)."""
     describe = partial(about.overtaking_page, condition=condition)
-    return lineup.record(worlds, trajectories, stories, "A learner and a metronome", describe)
+    title = "A learner and a metronome"
+    return lineup.record(worlds, trajectories, stories, "overtaking", title, describe)
 
 
 def film(

@@ -7,6 +7,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 from recorded import Content
+from rerun.chunk import RrdReader
 from small_project import make_params, write_perturbed, write_project
 
 from jumping_ant.actions import ActionSet
@@ -168,6 +169,8 @@ def test_the_film_has_both_and_their_names(shown: dict[str, Any], known_params: 
 def test_the_recording_tells_what_it_shows(shown: dict[str, Any], tmp_path: Path) -> None:
     path = tmp_path / "overtaking.rrd"
     path.write_bytes(overtaking.record(**shown, condition="push of 2"))
+    (entry,) = RrdReader(path).recordings()
+    assert entry.recording_id == "overtaking"
     text = str(Content(path).shape("/about")["text"])
     assert "Both start alike, with push of 2." in text
     assert "| **high**" in text and "| **low**" in text
