@@ -66,9 +66,15 @@ class Checkout:
 
 
 def with_tools() -> dict[str, str]:
-    """Return this process's environment variables, with this Python's tools first in the path."""
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    return os.environ | telemetry.SWITCHES | {"PATH": path}
+    """Return this process's environment variables, with this Python's tools first in the path.
+
+    DVC keeps what it unpickles in the private folder of this Python's installation.
+    """
+    variables = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    private = Path(sys.prefix) / ".dvc"
+    if os.access(private, os.W_OK):
+        variables["DVC_SITE_CACHE_DIR"] = str(private)
+    return os.environ | telemetry.SWITCHES | variables
 
 
 @contextmanager
