@@ -153,7 +153,7 @@ class _Follower:
         path = Paths(self._root).agent(self._agent).seed(seed).policy
         content = digest(path) if path.exists() else None
         is_shown = content is not None and any(
-            stores.shows(run, content) and run.info.status == "FINISHED"
+            stores.shows(run, content, self._params) and run.info.status == "FINISHED"
             for run in store.seed_runs(self._agent, seed)
         )
         if not is_shown:

@@ -1,9 +1,9 @@
 """`track`: updates MLflow from the files. Files are the source of truth, MLflow mirrors them.
 
-Runs are looked up by agent, seed and the digest of the policy file, and created, repaired or left
-alone; a second call changes nothing, and a call after the store was wiped restores it. The run
-of a seed is nested under a comparison, which is looked up by the digests of all its policies.
-While some policies of `params.yaml` are not trained yet, that is a pending comparison.
+Runs are looked up by agent, seed, parameters and the digest of the policy file, and created,
+repaired or left alone; a second call changes nothing, and a call after the store was wiped restores
+it. The run of a seed is nested under a comparison, which is looked up by the digests of all its
+policies. While some policies of `params.yaml` are not trained yet, that is a pending comparison.
 """
 
 from collections import Counter
@@ -125,7 +125,7 @@ class _Mirror:
         """Tell whether a run is that of a policy, or was when its writer was killed."""
         if stores.is_unclaimed(run, record.params):
             return _agrees(self._store.curve_points(run), record.curve)
-        return stores.shows(run, record.digest)
+        return stores.shows(run, record.digest, record.params)
 
     def _close_comparison(self, run: Run) -> None:
         comparison, store = self._comparison, self._store
@@ -174,7 +174,7 @@ class _Mirror:
     def _mirror_seed(self, record: SeedRecord, parent: Run, agent_models: AgentModels) -> str:
         """Create a run, repair it or leave it alone, and return which."""
         candidates = self._store.seed_runs(record.agent, record.seed)
-        shown = [run for run in candidates if stores.shows(run, record.digest)]
+        shown = [run for run in candidates if stores.shows(run, record.digest, record.params)]
         if any(_is_followed(run) for run in shown or candidates):
             self._say(f"{record.label}: in training, left to the process that follows it")
             return "in training"
@@ -203,7 +203,7 @@ class _Mirror:
         parameters and curve agree, and deleted if another shows the policy. MLflow cannot delete
         points, so a run of the policy whose points contradict the files is deleted, too.
         """
-        own = [run for run in candidates if stores.shows(run, record.digest)]
+        own = [run for run in candidates if stores.shows(run, record.digest, record.params)]
         own.sort(key=lambda run: (run.info.status != "FINISHED", run.info.start_time))
         chosen, points = None, {}
         for run in own + [run for run in candidates if stores.is_unclaimed(run, record.params)]:

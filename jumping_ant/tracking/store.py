@@ -227,16 +227,19 @@ def is_pending(run: Run) -> bool:
     return run.data.tags.get(COMPARISON) == PENDING
 
 
-def shows(run: Run, policy_digest: str) -> bool:
-    """Tell whether a run is that of a policy file."""
-    return bool(run.data.tags.get(POLICY_DIGEST) == policy_digest)
+def shows(run: Run, policy_digest: str, params: Mapping[str, str]) -> bool:
+    """Tell whether a run is that of a policy file, trained with these parameters.
+
+    Agents that do not learn have the same policy whatever the task.
+    """
+    return run.data.tags.get(POLICY_DIGEST) == policy_digest and _has_only(run, params)
 
 
 def is_unclaimed(run: Run, params: Mapping[str, str]) -> bool:
     """Tell whether a run comes from a training with these parameters that was interrupted."""
     tags = run.data.tags
     is_interrupted = LIVE in tags and POLICY_DIGEST not in tags and not is_written(run)
-    return is_interrupted and run.data.params.items() <= params.items()
+    return is_interrupted and _has_only(run, params)
 
 
 def now_ms() -> int:
@@ -261,6 +264,11 @@ def _all(page_of: Callable[[str | None], PagedList[Item]]) -> list[Item]:
         page = page_of(page.token)
         found += page
     return found
+
+
+def _has_only(run: Run, params: Mapping[str, str]) -> bool:
+    """Tell whether a run has none but these parameters; a killed writer may have logged a few."""
+    return bool(run.data.params.items() <= params.items())
 
 
 def _latest(model: LoggedModel) -> dict[str, float]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
+from ruamel.yaml import YAML
 from tracked_project import (
     AGENTS,
     AGGREGATES,
@@ -258,6 +259,35 @@ def test_points_that_contradict_the_files_are_replaced(project: Path) -> None:
     query(project, "UPDATE metrics SET value = 9 WHERE run_uuid = ? AND step = 400", run_id)
     assert "sac seed 0: a run that contradicted the files was deleted" in tracked(project)
     assert meaning(project) == said
+
+
+def test_the_same_policy_in_another_task_leaves_the_earlier_run_alone(project: Path) -> None:
+    """As that of an agent that acts at random, whose returns depend on the task all the same."""
+
+    def weight_and_return() -> list[tuple[str, float]]:
+        sql = "SELECT p.value, m.value FROM runs r JOIN params p USING (run_uuid) "
+        sql += "JOIN latest_metrics m USING (run_uuid) WHERE r.lifecycle_stage = 'active' "
+        sql += "AND r.name = 'sac-seed-0' AND p.key = ? AND m.key = 'validation_return'"
+        return sorted(query(project, sql, "env.reward.torso_height.weight"))
+
+    before = weight_and_return()
+    weigh_height(project, 7.0)
+    for name in ("curve.csv", "validation.csv"):
+        path = project / "models" / "sac" / "seed-0" / name
+        text = path.read_text(encoding="utf-8").replace(",600,", ",700,")
+        path.write_text(text, encoding="utf-8")
+    lines = tracked(project)
+    assert not any("deleted" in line for line in lines) and "4 created" in lines[-1]
+    assert weight_and_return() == sorted([*before, ("7.0", 700.0)])
+    assert tracked(project)[-1].endswith("4 unchanged")
+
+
+def weigh_height(project: Path, weight: float) -> None:
+    path = project / "params.yaml"
+    settings = YAML().load(path.read_text(encoding="utf-8"))
+    settings["env"]["reward"]["torso_height"]["weight"] = weight
+    with path.open("w", encoding="utf-8") as file:
+        YAML().dump(settings, file)
 
 
 def test_retraining_makes_a_new_comparison_that_takes_over_what_it_shares(project: Path) -> None:
