@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import psutil  # type: ignore[import-untyped]
 
 from jumping_ant.base import command_line, machine, output, telemetry
-from jumping_ant.base.errors import WorkerError, reported
+from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file
 from scripts import cost, rates
@@ -67,7 +67,11 @@ def _core_seconds() -> float:
 
 
 def main() -> int:
-    """Estimate, run, compare; return DVC's exit status."""
+    """Estimate, run, compare; return DVC's exit status.
+
+    Raises:
+        WorkerError: One of the first stages failed or was stopped, which the estimate runs.
+    """
     parser = command_line.parser(__doc__)
     parser.add_argument("targets", nargs="*", help="stages to run, with those that they need")
     targets = parser.parse_args().targets
@@ -77,7 +81,7 @@ def main() -> int:
     from dvc.exceptions import DvcException  # type: ignore[import-untyped]
 
     own, found = rates.Rates(), None
-    with suppress(DvcException, WorkerError):  # `dvc repro` fails, too, and says why
+    with suppress(DvcException):  # `dvc repro` fails, too, and says why
         found = cost.estimate(PROJECT_ROOT, PROJECT_ROOT, params, own, targets)
     if found and not found.costs:
         print("Data and pipelines are up to date.")

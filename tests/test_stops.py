@@ -1,0 +1,48 @@
+"""Commands that are stopped, or whose first stage fails, end there."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from jumping_ant.base.files import PROJECT_ROOT
+from scripts.checkout import Checkout, copy_project
+
+CTRL_C = "from . import run\nimport os, signal, time\nos.killpg(0, signal.SIGINT)\ntime.sleep(60)\n"
+
+
+def to_the_end(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """Run Python in a process group of its own, which Ctrl-C reaches as a whole."""
+    process = subprocess.Popen(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=Checkout(folder).environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        start_new_session=True,
+        # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    return process
+
+
+@pytest.mark.parametrize("digest", ["raise SystemExit(3)\n", CTRL_C])
+def test_the_pipeline_does_not_start_after_a_failed_estimate(tmp_path: Path, digest: str) -> None:
+    folder = tmp_path / "project"
+    copy_project(folder)
+    (folder / "stages" / "digest.py").write_text(digest, encoding="utf-8")
+    process = to_the_end(folder, "-m", "scripts.repro")
+    told, errors = process.communicate(timeout=300)
+    assert told.count("Running stage 'digest'") == 1
+    assert process.returncode == 1 and "Traceback" not in errors
+    assert errors.splitlines()[-1].startswith("error: failed to reproduce 'digest'")
+
+
+def test_ctrl_c_ends_a_script_in_a_line() -> None:
+    code = "import os, scripts.cost, signal; os.kill(os.getpid(), signal.SIGINT)"
+    process = to_the_end(PROJECT_ROOT, "-c", code)
+    assert process.communicate(timeout=300) == ("", "stopped by Ctrl-C\n")
+    assert process.returncode == -signal.SIGINT
