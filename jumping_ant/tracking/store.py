@@ -183,9 +183,12 @@ class Store(Connection):
         return len(uploads)
 
     def clear_abandoned(self) -> None:
-        """Mark abandoned runs as killed, and delete empty pending comparisons."""
+        """Mark abandoned runs as killed, and delete empty pending comparisons.
+
+        Runs without a writer's name are other people's.
+        """
         for run in self.search("attributes.status = 'RUNNING'"):
-            if not is_written(run):
+            if WRITER in run.data.tags and not is_written(run):
                 self.client.set_terminated(run.info.run_id, "KILLED")
         for run in self.comparisons():
             if not is_written(run) and not self.children(run):

@@ -203,6 +203,13 @@ def test_a_description_of_the_experiment_that_someone_wrote_stays(project: Path)
     assert query(project, read) == [("Mine",)]
 
 
+def test_a_run_that_someone_writes_stays_open(project: Path) -> None:
+    opened = store.connect(project, timeout_seconds=5, max_retries=0)
+    run = opened.client.create_run(opened.experiment_id, run_name="mine")
+    assert tracked(project)[-1].endswith("4 unchanged")
+    assert opened.client.get_run(run.info.run_id).info.status == "RUNNING"
+
+
 def test_the_last_line_tells_where_to_look(project: Path) -> None:
     lines: list[str] = []
     track(project, lines.append, "http://127.0.0.1:5000/")
