@@ -12,6 +12,7 @@ import mlflow
 import requests
 from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
+from sqlalchemy import make_url
 from sqlalchemy.exc import SQLAlchemyError
 
 from jumping_ant.base import databases
@@ -155,7 +156,9 @@ def mirrored_alone(uri: str, say: Callable[[str], None]) -> Iterator[None]:
 
 def _database(uri: str) -> Path | None:
     """Return the file of a database; None if the store is something else."""
-    return Path(uri.removeprefix("sqlite:///")) if uri.startswith("sqlite:///") else None
+    if not uri.startswith("sqlite"):  # servers and folders are no address of a database
+        return None
+    return Path(make_url(uri).database or "")
 
 
 def _is_empty(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 import ast
 import json
+import shutil
 import socket
 import sqlite3
 import sys
@@ -118,6 +119,19 @@ def test_an_odd_uri_ends_in_one_line(
     told = str(caught.value)
     assert line in told and "\n" not in told
     assert "cret" not in told and "words" not in told
+
+
+@pytest.mark.parametrize("uri", ["sqlite:///x.db?timeout=60", "sqlite+pysqlite:///x.db"])
+def test_a_databases_address_may_name_a_driver_and_options(
+    uri: str, folder: Path, empty_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copy(empty_database, folder / "x.db")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", uri)
+    connection.connect(folder, timeout_seconds=5, max_retries=0)
+    with connection.mirrored_alone(uri, print):
+        pass
+    locks = {"x.db.lock", "x.db.mirror.lock"}
+    assert {path.name for path in folder.iterdir()} == {"x.db", *locks}
 
 
 def test_a_database_in_use_is_not_called_damaged(untracked_project: Path) -> None:
