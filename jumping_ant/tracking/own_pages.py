@@ -26,8 +26,7 @@ Send = Callable[[Message], Awaitable[None]]
 Application = Callable[[Message, Receive, Send], Awaitable[None]]
 
 UNKNOWN = "Open the address that `make ui` printed, or set MLFLOW_TRACKING_TOKEN to its token."
-# Takes the token out of the address bar. A redirection would not do: a browser that follows a link
-# from elsewhere keeps a strict cookie back until a page from here asks.
+# Takes the token out of the address bar and out of the tab's history.
 ENTRANCE = '<script>location.replace("/" + location.hash)</script>'
 
 
@@ -80,17 +79,25 @@ class OwnUserOnly:
     def _entrance(self) -> HTMLResponse:
         headers = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
         page = HTMLResponse(ENTRANCE, headers=headers)
-        page.set_cookie(self._cookie, self._token, httponly=True, samesite="strict")
+        # A strict cookie would be kept back when a link in the report is followed.
+        page.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
         return page
 
 
 def _is_of_another_page(request: HTTPConnection) -> bool:
-    """Tell whether a page from elsewhere, perhaps of another port, has the browser ask."""
+    """Tell whether a page from elsewhere, perhaps of another port, has the browser ask.
+
+    It may lead there by a link; neither may it send a form nor show pages from here in a frame.
+    """
     headers = request.headers
     origin, host = headers.get("origin"), headers.get("host", "")
     if origin is not None and origin.partition("://")[2] != host:
         return True
-    is_link = headers.get("sec-fetch-mode") == "navigate"
+    is_link = (
+        request.scope["method"] == "GET"
+        and headers.get("sec-fetch-mode") == "navigate"
+        and headers.get("sec-fetch-dest", "document") == "document"
+    )
     return headers.get("sec-fetch-site") in ("cross-site", "same-site") and not is_link
 
 

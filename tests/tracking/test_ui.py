@@ -122,7 +122,7 @@ def test_only_the_address_opens_the_pages(served: Served) -> None:
         assert b"location.replace" in entrance.read()
         cookie = entrance.headers["Set-Cookie"]
     assert cookie.startswith(served.cookie["Cookie"] + ";")
-    assert "HttpOnly" in cookie and "samesite=strict" in cookie.lower()
+    assert "HttpOnly" in cookie and "samesite=lax" in cookie.lower()
     assert status(address, served.cookie) == status(address, served.bearer) == 200
     for headers in (
         {},
@@ -188,7 +188,13 @@ def test_pages_of_other_ports_are_not_answered(served: Served) -> None:
         assert status(change, headers, "POST", MODEL) == 403, origin
     image = {**served.cookie, "Sec-Fetch-Site": "same-site", "Sec-Fetch-Mode": "no-cors"}
     assert status(served.address, image) == 403
-    assert status(served.address, image | {"Sec-Fetch-Mode": "navigate"}) == 200, "a link"
+    for site in ("same-site", "cross-site"):
+        link = image | {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate"}
+        assert status(served.address, link) == 200, "a link"
+        assert status(served.address, link | {"Sec-Fetch-Dest": "document"}) == 200, "a link"
+        for other in ("iframe", "frame", "object", "embed"):
+            assert status(served.address, link | {"Sec-Fetch-Dest": other}) == 403, other
+        assert status(change, link | JSON, "POST", MODEL) == 403, "a form"
     own = {**served.cookie, **JSON, "Origin": served.address.rstrip("/")}
     assert status(change, own | {"Sec-Fetch-Site": "same-origin"}, "POST", MODEL) == 200
     assert status(served.address, {**served.bearer, "Host": "evil.example"}) == 403
@@ -241,6 +247,19 @@ def test_the_printed_address_shows_the_table_of_runs(served: Served, open_page: 
     assert visit.page.evaluate("document.cookie") == "", "out of reach of what pages run"
     visit.page.reload()
     visit.wait_for(shown)
+
+
+def test_links_in_the_report_open_the_pages(
+    served: Served, tmp_path: Path, open_page: OpenPage
+) -> None:
+    """Once the printed address has been opened in this browser; the report is a file."""
+    visit = open_page(served.printed)
+    visit.page.wait_for_url(lambda address: served.token not in address)
+    report = tmp_path / "report.html"
+    report.write_text(f'<a href="{visit.page.url}">the runs</a>', encoding="utf-8")
+    visit.page.goto(report.as_uri())
+    visit.page.click("a")
+    visit.wait_for("document.body.innerText.includes('sac, 2 seeds')")
 
 
 def test_a_model_whose_files_were_changed_is_replaced(untracked_project: Path) -> None:
