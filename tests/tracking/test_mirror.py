@@ -4,6 +4,7 @@ import hashlib
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ from tracked_project import (
 )
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import digest, write_bytes, write_text
+from jumping_ant.base.files import PROJECT_ROOT, digest, write_bytes, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import connection, models, pages, reading, records, store
@@ -384,6 +385,25 @@ def test_a_policy_that_is_not_trained_leaves_the_comparison_pending(
     assert [name for name in runs(project) if "comparison" in name] == [
         parent_name(project, "sac-seed-0")
     ]
+
+
+def test_the_stage_depends_on_all_that_it_reads(project: Path) -> None:
+    opened: set[Path] = set()
+    noted = [opened]  # no hook can be removed
+
+    def note(event: str, arguments: tuple[object, ...]) -> None:
+        if event == "open" and isinstance(arguments[0], str | Path):
+            for files in noted:
+                files.add(Path(arguments[0]))
+
+    sys.addaudithook(note)
+    tracked(project)
+    noted.clear()
+    stage = YAML(typ="safe").load((PROJECT_ROOT / "dvc.yaml").read_text("utf-8"))["stages"]["track"]
+    read = {str(path.relative_to(project)) for path in opened if path.is_relative_to(project)}
+    own = ("params.yaml", "mlflow.db", "mlartifacts/")
+    undeclared = [name for name in read if not name.startswith((*own, *stage["deps"]))]
+    assert undeclared == [] and "results/plots/learning_curves.csv" in read
 
 
 def test_nothing_trained_is_no_error(bare_project: Path) -> None:
