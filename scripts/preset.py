@@ -3,9 +3,10 @@
 Usage: python -m scripts.preset NAME
 
 The copy is `.presets/NAME/`, a whole project: `make ui` and `make view` work in it. The project's
-own results do not change. A stopped run resumes from its checkpoints.
+own results do not change. A stopped run resumes from its checkpoints. A copy has one run at a time.
 """
 
+import fcntl
 import signal
 import subprocess
 from collections.abc import Iterator, Sequence
@@ -13,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from jumping_ant.base import command_line, output
-from jumping_ant.base.errors import StoppedError, WorkerError, reported
+from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
@@ -54,9 +55,15 @@ def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
         targets: Stages to run, with those that they need; all by default.
 
     Raises:
+        InputError: Another process does so.
         StoppedError: A signal requested a stop.
         WorkerError: The pipeline failed; its own message is printed above.
     """
+    with _alone(folder):
+        _run(folder, params, targets)
+
+
+def _run(folder: Path, params: Params, targets: Sequence[str]) -> None:
     renew_project(folder)
     with suppress(FileExistsError):  # so that the copy's `make` finds what is installed
         (folder / ".venv").symlink_to(PROJECT_ROOT / ".venv")
@@ -72,6 +79,21 @@ def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
             f"`make repro` in {folder} ended with status {status}; see its output above; "
             "the same command resumes from there"
         )
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep other processes from a copy: each would replace the code that the other runs."""
+    path = folder / ".dvc" / "tmp" / "preset.lock"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise InputError(
+                f"{folder}: another process runs this preset; wait for its end, or stop it"
+            ) from error
+        yield
 
 
 @contextmanager

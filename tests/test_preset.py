@@ -1,14 +1,25 @@
 """A preset in a folder of its own."""
 
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from jumping_ant.base.errors import StoppedError, WorkerError
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file, presets
 from scripts import preset
 from scripts.checkout import Checkout
+
+AGAIN = """
+from pathlib import Path
+from jumping_ant.base.errors import reported
+from jumping_ant.experiment import presets
+from scripts import preset
+with reported():
+    preset.run(Path.cwd(), presets.load("quick"))
+"""
 
 
 def replace_python(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
@@ -32,6 +43,21 @@ def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.M
     replace_python(monkeypatch, tmp_path, "exit 3")
     with pytest.raises(WorkerError, match="ended with status 3; .* the same command resumes"):
         preset.run(tmp_path / "copy", presets.load("quick"))
+
+
+def test_the_same_preset_does_not_run_twice_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The code of the first run would change under it."""
+    (tmp_path / "again.py").write_text(AGAIN, encoding="utf-8")
+    script = f"PYTHONPATH={PROJECT_ROOT} {sys.executable} {tmp_path}/again.py 2> told; exit 0"
+    replace_python(monkeypatch, tmp_path, script)
+    copy = tmp_path / "copy"
+    preset.run(copy, presets.load("quick"))
+    told = (copy / "told").read_text(encoding="utf-8")
+    assert told.startswith(f"error: {copy}: another process runs this preset; wait")
+    assert told.count("\n") == 1
+    preset.run(copy, presets.load("quick"))
 
 
 def test_an_interrupt_waits_for_the_pipeline_to_save(
