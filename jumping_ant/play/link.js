@@ -34,12 +34,44 @@ export function parse(text, content, usual) {
     const given = parts.has(name) ? Number(parts.get(name)) : level;
     if (given >= low && given <= high && given !== level) state.levels[name] = given;
   }
-  try {
-    state.moment = parts.has("moment") ? JSON.parse(atob(parts.get("moment"))) : null;
-  } catch {
-    state.moment = null;
-  }
+  state.moment = moment(parts.get("moment"), state, content);
   return state;
+}
+
+// Return the moment in an address, as pairs of a slot and what its simulation saved, or else null.
+function moment(text, state, content) {
+  try {
+    const pairs = JSON.parse(atob(text ?? ""));
+    const own = [state.a, state.b].map((chosen) => chosen && likeness(chosen.agent, content));
+    return pairs.every(([slot, saved]) => isSaved(saved, own[slot], content.task)) ? pairs : null;
+  } catch {
+    return null;
+  }
+}
+
+// Return an agent whose robot is that of another one, or of the visitor: with the robot and a start.
+function likeness(agent, content) {
+  const robot = content.agents[agent]?.robot ?? Object.keys(content.robots)[0];
+  const { seeds } = Object.values(content.agents).find((one) => one.robot === robot);
+  return { ...content.robots[robot], ...seeds[0].starts[0] };
+}
+
+// Tell whether something is what a simulation of such a robot saves.
+function isSaved({ steps, total, substep, ended, state, torques }, { qpos, qvel, motors }, task) {
+  return isCount(steps, task.max_episode_steps)
+    && isCount(substep, ended ? 0 : task.frame_skip - 1)
+    && [undefined, false, true].includes(ended)
+    && Number.isFinite(total)
+    && areNumbers(state, qpos.length + 2 * qvel.length)
+    && areNumbers(torques, motors.length);
+}
+
+function isCount(given, most) {
+  return Number.isInteger(given) && given >= 0 && given <= most;
+}
+
+function areNumbers(given, count) {
+  return Array.isArray(given) && given.length === count && given.every(Number.isFinite);
 }
 
 function robot(text, content) {
@@ -47,7 +79,8 @@ function robot(text, content) {
   if (!match) return null;
   const [, agent, seed, start] = match;
   if (agent === "you") return { agent, seed: null, start: Number(start) };
-  const own = content.agents[agent]?.seeds.find((one) => one.seed === Number(seed));
+  if (!Object.hasOwn(content.agents, agent)) return null;
+  const own = content.agents[agent].seeds.find((one) => one.seed === Number(seed));
   return own && own.starts[start] ? { agent, seed: own.seed, start: Number(start) } : null;
 }
 

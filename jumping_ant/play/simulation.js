@@ -124,13 +124,13 @@ export class Simulation {
 
   // Return everything that later steps depend on, but for delayed values, as JSON.
   save() {
-    const { data, steps, total, substep } = this;
+    const { data, steps, total, substep, ended } = this;
     const state = [...data.qpos, ...data.qvel, ...data.qacc_warmstart];
-    return { steps, total, substep, state, torques: [...this.torques] };
+    return { steps, total, substep, ended, state, torques: [...this.torques] };
   }
 
   // Resume from what `save` returned, after a `reset` with the same policy and start.
-  restore({ steps, total, substep, state, torques }) {
+  restore({ steps, total, substep, ended = false, state, torques }) {
     const { data, model, mujoco } = this;
     for (let step = 0; step < steps + (substep > 0); step += this.policy.hold) {
       this.choice = this.policy.act(this.observation); // for policies that count or draw
@@ -139,7 +139,7 @@ export class Simulation {
     data.qvel.set(state.slice(model.nq, model.nq + model.nv));
     mujoco.mj_forward(model, data);
     data.qacc_warmstart.set(state.slice(model.nq + model.nv));
-    Object.assign(this, { steps, total, substep, seen: [], torques: Float64Array.from(torques) });
+    Object.assign(this, { steps, total, substep, ended, seen: [], torques: Float64Array.from(torques) });
     this.choice = this.torques;
     this.sent = [this.torques];
     data.ctrl.set(this.anatomy.control_limits.map((own, i) => own * torques[i]));

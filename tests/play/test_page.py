@@ -1,6 +1,7 @@
 """The live page in Chromium and in Firefox, without a network: all agents, every control."""
 
 import json
+from base64 import b64encode
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -162,6 +163,20 @@ def test_a_link_carries_the_very_moment(visit: Visit) -> None:
     assert found[1]["state"][:29] == pytest.approx(wanted[1]["state"][:29], abs=1e-9)
     assert own.input_value("#speed") == "0.25"
     own.select_option("#speed", "1")
+
+
+def test_a_link_to_an_episode_that_has_ended_plays_no_step(visit: Visit) -> None:
+    own = visit.page
+    own.click("#run")
+    moment = ask(visit, "save")
+    moment[0][1] |= {"ended": True, "substep": 0}
+    link = f"#a=dqn.1.0&run=1&moment={b64encode(json.dumps(moment).encode()).decode()}"
+    own.evaluate("(link) => { page.hash = ''; location.hash = '#'; location.hash = link; }", link)
+    visit.wait_for(f"page.frames[0]?.ended && {STEPS} === {moment[0][1]['steps']}")
+    own.wait_for_timeout(200)
+    ((_, saved),) = ask(visit, "save")
+    assert saved["ended"] and saved["steps"] == moment[0][1]["steps"]
+    own.click("#restart")
 
 
 def test_a_round_against_the_metronome_ends_with_scores(visit: Visit) -> None:
