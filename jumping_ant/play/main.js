@@ -86,16 +86,18 @@ class Page {
     requestAnimationFrame((now) => this.draw(now));
   }
 
-  // Take over a part of the state; robots whose choice is in it begin anew.
+  // Take over a part of the state; robots whose choice is in it begin anew. One whose policy cannot be had
+  // leaves the slot as it is.
   async choose(part) {
+    const before = { ...this.state };
     Object.assign(this.state, part);
     const { state } = this;
     this.physics.tell("perturb", { levels: state.levels });
     this.sliders.show(state.levels);
     const moments = new Map(state.moment ?? []);
     for (const [slot, name] of SLOTS.entries()) {
+      if (name in part && !(await this.place(slot, state[name], moments.get(slot)))) state[name] = before[name];
       this.choosers[slot].show(state[name]);
-      if (name in part) await this.place(slot, state[name], moments.get(slot));
     }
     state.moment = null;
     const agents = SLOTS.map((name) => this.content.agents[state[name]?.agent]).filter((own) => own);
@@ -105,10 +107,12 @@ class Page {
     this.run(state.running, state.speed);
   }
 
+  // Put a robot into a slot, or none; return whether its policy could be had.
   async place(slot, chosen, moment) {
     const agent = this.content.agents[chosen?.agent];
     const robot = chosen && (agent?.robot ?? this.robot);
-    const policy = agent ? await this.policy(chosen.agent, chosen.seed) : null;
+    const policy = agent ? await this.policy(chosen.agent, chosen.seed).catch(() => undefined) : null;
+    if (policy === undefined) return false;
     this.robots[slot] = chosen && { label: agent?.label ?? "you", colour: agent?.colour ?? YOURS, policy };
     this.frames[slot] = null;
     this.plots.place(slot, null);
@@ -116,6 +120,7 @@ class Page {
     element(`robot-${SLOTS[slot]}`).hidden = !chosen;
     this.physics.tell("place", { slot, robot, policy, start: chosen && this.startOf(SLOTS[slot]), moment });
     if (chosen) this.tell(slot, chosen, policy);
+    return true;
   }
 
   // Return a slot's start; the visitor's is that of the other robot.
@@ -135,10 +140,17 @@ class Page {
     element(`label-${slot}`).textContent = robot.label;
   }
 
+  // Return a seed's policy; if it cannot be had now, say why, and ask again the next time.
   async policy(agent, seed) {
     const name = `${agent}/${seed}`;
     if (!this.policies.has(name)) this.policies.set(name, this.parts.json(name));
-    return this.policies.get(name);
+    try {
+      return await this.policies.get(name);
+    } catch (error) {
+      this.policies.delete(name);
+      say(error.message);
+      throw error;
+    }
   }
 
   // Return the kind of an agent's policies.

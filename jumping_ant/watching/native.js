@@ -1,8 +1,10 @@
 // The native simulator and its policies, on the server that the page comes from: in place of the page's own.
 
-// Return the JSON of a policy, as in "sac/30".
+// Return the JSON of a policy, as in "sac/30"; an error says why there is none.
 export async function json(name) {
-  return (await fetch(`policies/${name}.json`)).json();
+  const answer = await fetch(`policies/${name}.json`);
+  if (!answer.ok) throw new Error(await answer.text());
+  return answer.json();
 }
 
 // Return what simulates, to be used like the worker, whose messages it understands (`worker.js`).

@@ -22,6 +22,7 @@ from websockets.sync import server as websockets
 from websockets.typing import Origin
 
 from jumping_ant.base import peers
+from jumping_ant.base.errors import InputError
 from jumping_ant.experiment.models import Params
 from jumping_ant.play import content, page, vendor
 from jumping_ant.watching import trained
@@ -103,9 +104,16 @@ class _Site:
         if slash and not name:
             return _response("text/html; charset=utf-8", self._page)
         if name in self._policies:
-            policy = content.policy(self._root, *self._policies[name])
-            return _response("application/json", json.dumps(policy))
+            return self._policy(connection, *self._policies[name])
         return connection.respond(HTTPStatus.NOT_FOUND, "")
+
+    def _policy(self, connection: websockets.ServerConnection, agent: str, seed: int) -> Response:
+        """Answer with a policy, or why there is none now: perhaps it is being trained again."""
+        try:
+            policy = content.policy(self._root, agent, seed)
+        except (InputError, OSError) as error:
+            return connection.respond(HTTPStatus.NOT_FOUND, f"{error}\n")
+        return _response("application/json", json.dumps(policy))
 
     def converse(self, connection: websockets.ServerConnection) -> None:
         """Simulate for a page until it is closed, or says what none says."""

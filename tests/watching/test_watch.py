@@ -25,6 +25,7 @@ from websockets.sync.client import connect
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies.blind import UniformPolicy
@@ -161,6 +162,32 @@ def test_only_the_address_opens_the_page(address: str) -> None:
     with urllib.request.urlopen(address + "policies/pgpe/30.json", timeout=10) as policy:
         assert json.load(policy)["kind"] == "network"
         assert policy.headers["Referrer-Policy"] == "no-referrer"
+
+
+def test_a_policy_that_is_trained_anew_can_be_had_later(
+    address: str, project: Path, open_page: OpenPage, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """`dvc repro` removes it before it trains it."""
+    visit = open_page(address + "#a=random.35.0", width=390, height=420)
+    visit.wait_for("Boolean(window.page?.hasMoved)")
+    path = Paths(project).agent("pgpe").seed(30).policy
+    policy = path.read_bytes()
+    for content, told in [(None, "No such file"), (policy[:99], "policy.zip: ")]:
+        path.unlink()
+        if content is not None:
+            path.write_bytes(content)
+        try:
+            assert status(address + "policies/pgpe/30.json") == 404
+            visit.page.select_option("#agent-a", "pgpe")
+            visit.wait_for(f"document.getElementById('status').textContent.includes('{told}')")
+            visit.wait_for("document.getElementById('agent-a').value === 'random'")
+            assert visit.page.inner_text("#name-a") == "random"
+        finally:
+            path.write_bytes(policy)
+    visit.page.select_option("#agent-a", "pgpe")
+    visit.wait_for("document.getElementById('name-a').textContent === 'PGPE'")
+    assert visit.page_errors == []
+    assert capfd.readouterr().err == ""
 
 
 def test_only_its_own_page_opens_the_simulator(address: str) -> None:
