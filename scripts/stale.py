@@ -1,5 +1,6 @@
 """Which stages DVC would run again, and what they wrote the last time."""
 
+import os
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import chdir, contextmanager
@@ -71,6 +72,9 @@ def written(lock: Path) -> dict[str, float]:
 def shadow(source: Path, params: Params | None, overrides: Sequence[str]) -> Iterator[Path]:
     """Make a copy of the project, for a question: what would other parameters make stale?
 
+    The copy has links to what is in DVC's cache, without which DVC would call outputs stale, and
+    keeps what it writes there.
+
     Args:
         source: The folder whose results count; it need not exist.
         params: The parameters; None are those of `params.yaml` with the overrides.
@@ -90,8 +94,11 @@ def shadow(source: Path, params: Params | None, overrides: Sequence[str]) -> Ite
                 shutil.copytree(source / name, folder / name)
         if (source / "dvc.lock").exists():
             shutil.copy(source / "dvc.lock", folder)
+        cache = Path(parent) / "cache"
+        if (source / ".dvc" / "cache").exists():
+            shutil.copytree(source / ".dvc" / "cache", cache, copy_function=os.symlink)
         (folder / ".dvc" / "config.local").write_text(
-            f"[cache]\n    dir = {source / '.dvc' / 'cache'}\n"
+            f"[cache]\n    dir = {cache}\n"
             f"[core]\n    site_cache_dir = {parent}\n    no_scm = true\n",
             encoding="utf-8",
         )

@@ -1,6 +1,7 @@
 """What a run will cost: stages that DVC finds stale, their work, and this machine's rates."""
 
 import subprocess
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,26 @@ def test_a_stage_is_stale_with_all_that_depends_on_it(pipeline: Path) -> None:
     assert stale.look(pipeline, ["late"]) == ["burn", "late"]
     assert stale.look(pipeline, ["other"]) == ["other"]
     assert stale.written(pipeline / "dvc.lock") == {"burn": 1, "late": 1}
+
+
+def test_a_question_leaves_the_projects_cache_alone(tmp_path: Path) -> None:
+    from dvc.repo import Repo
+
+    cache, digest = (
+        tmp_path / ".dvc" / "cache" / "files" / "md5",
+        "d3b07384d113edec49eaa6238ad5ff00",
+    )
+    cached = cache / digest[:2] / digest[2:]
+    cached.parent.mkdir(parents=True)
+    cached.write_text("foo\n", encoding="utf-8")
+    with stale.shadow(tmp_path, None, []) as folder:
+        (folder / "new").write_text("new", encoding="utf-8")
+        with chdir(folder), Repo() as repo:
+            repo.cache.local.check(digest)
+            repo.add("new")
+            assert len(list(repo.cache.local.all())) == 2
+    assert [path for path in cache.rglob("*") if path.is_file()] == [cached]
+    assert cached.read_text(encoding="utf-8") == "foo\n"
 
 
 def test_episodes_cost_their_control_steps(smoke: Params) -> None:
