@@ -14,13 +14,12 @@ is what results/tuning/ says of the searches for settings, in docs/tuning.md.
 """
 
 import csv
-import json
 from pathlib import Path
 from typing import Any
 
 from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError, reported
-from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
+from jumping_ant.base.files import PROJECT_ROOT, read_json, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file, summaries
 from jumping_ant.tracking import descriptions
@@ -174,7 +173,7 @@ def tuning_sections() -> Sections:
 
 
 def _read(path: Path) -> Any:
-    return json.loads(path.read_text(encoding="utf-8"))
+    return read_json(path, "report")
 
 
 def replace_section(path: Path, name: str, content: str) -> None:

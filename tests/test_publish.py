@@ -31,6 +31,12 @@ def test_a_section_is_replaced_between_its_marks(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8") == TEXT.replace("old\nlines", "new")
 
 
+def test_results_that_are_not_there_are_told_with_what_makes_them(tmp_path: Path) -> None:
+    told = r"comparison.json: No such file or directory; run `dvc repro report`"
+    with pytest.raises(InputError, match=told):
+        publish.results(tmp_path)
+
+
 @pytest.mark.parametrize("mark", ["<!-- part -->", "<!-- end of part -->"])
 def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -> None:
     path = tmp_path / "results.md"
