@@ -11,6 +11,7 @@ from benchmarks.measure import Row
 from benchmarks.settings import CORES
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.machine import processor
+from scripts import marks
 
 RESULTS_PATH = Path(__file__).with_name("results.json")
 README_PATH = Path(__file__).with_name("README.md")
@@ -84,9 +85,7 @@ def fill(text: str, results: Results) -> str:
     """Return a page with its tables filled from results, each between two markers."""
     tables = {"rows": _rows, "profiles": _profiles, "scale": _scale}
     for name, make in tables.items():
-        before, start, rest = text.partition(f"<!-- {name} -->\n")
-        _, end, after = rest.partition(f"<!-- end of {name} -->\n")
-        text = before + start + make(results) + end + after
+        text = marks.replaced(README_PATH, text, name, make(results))
     return text
 
 

@@ -6,11 +6,12 @@ Usage: python -m scripts.module_map (`make map`)
 import ast
 from pathlib import Path
 
+from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT, write_text
+from scripts import marks
 
 PATH = PROJECT_ROOT / "docs" / "map.md"
 LIBRARY = PROJECT_ROOT / "jumping_ant"
-BEGIN, END = "<!-- modules -->\n", "<!-- end of modules -->\n"
 # Shared ground, in the order of the data flow; then the rooms of the stages, side by side.
 GROUND = ["base", "compute", "params", "actions.py", "policies", "sim", "looks", "agents"]
 GROUND += ["experiment"]
@@ -20,10 +21,8 @@ ROOMS += ["play", "tracking", "tuning", "watching", "article"]
 
 def text(before: str) -> str:
     """Return the content of docs/map.md with the current modules."""
-    top, _, rest = before.partition(BEGIN)
-    _, _, bottom = rest.partition(END)
-    sections = "".join(_section(LIBRARY / place) for place in [*GROUND, *ROOMS])
-    return top + BEGIN + sections + END + bottom
+    content = "".join(_section(LIBRARY / place) for place in [*GROUND, *ROOMS])
+    return marks.replaced(PATH, before, "modules", content)
 
 
 def _section(place: Path) -> str:
@@ -45,4 +44,5 @@ def _first_line(path: Path) -> str:
 
 
 if __name__ == "__main__":
-    write_text(PATH, text(PATH.read_text(encoding="utf-8")))
+    with reported():
+        write_text(PATH, text(PATH.read_text(encoding="utf-8")))

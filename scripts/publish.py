@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 from jumping_ant.base import command_line
-from jumping_ant.base.errors import InputError, reported
+from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT, read_json, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file, summaries
 from jumping_ant.tracking import descriptions
-from scripts import animation, markdown
+from scripts import animation, markdown, marks
 from scripts.preset import folder_of
 
 DOCS = PROJECT_ROOT / "docs"
@@ -182,8 +182,8 @@ def replace_section(path: Path, name: str, content: str) -> None:
     Raises:
         InputError: The document lacks a mark.
     """
-    head, _, tail = _parts(path, name)
-    write_text(path, f"{head}{content.rstrip()}{tail}")
+    before = path.read_text(encoding="utf-8")
+    write_text(path, marks.replaced(path, before, name, content))
 
 
 def section(path: Path, name: str) -> str:
@@ -192,19 +192,7 @@ def section(path: Path, name: str) -> str:
     Raises:
         InputError: The document lacks a mark.
     """
-    return _parts(path, name)[1]
-
-
-def _parts(path: Path, name: str) -> tuple[str, str, str]:
-    """Return a document up to a mark and with it, from there to the next, and the rest."""
-    begin, end = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
-    head, found_begin, rest = path.read_text(encoding="utf-8").partition(begin)
-    content, found_end, tail = rest.partition(end)
-    if not (found_begin and found_end):
-        raise InputError(
-            f"{path}: given no {begin.strip()} ... {end.strip()}, between which to write"
-        )
-    return head + begin, content, end + tail
+    return marks.between(path, path.read_text(encoding="utf-8"), name)
 
 
 if __name__ == "__main__":

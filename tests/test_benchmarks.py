@@ -14,10 +14,14 @@ from benchmarks.article_ant import ArticleAnt
 from benchmarks.cost import Cost
 from benchmarks.measure import Row, compare, rate
 from benchmarks.settings import article_agent, default_world
+from jumping_ant.base.errors import InputError
 from jumping_ant.sim.env import RobotEnv
 
 ROW = Row("sac_vs_sb3", ours=1234.56, peer=0.012345, unit="env-steps/s", ratio=2.5, spread=0.125)
-PAGE = "top\n<!-- rows -->\nold\n<!-- end of rows -->\nmid\n<!-- scale -->\n<!-- end of scale -->\n"
+PAGE = (
+    "top\n<!-- rows -->\nold\n<!-- end of rows -->\n<!-- profiles -->\n<!-- end of profiles -->\n"
+    "mid\n<!-- scale -->\n<!-- end of scale -->\n"
+)
 EMPTY = {
     "rows": [],
     "profiles": [],
@@ -97,6 +101,13 @@ def test_report_shows_what_was_measured() -> None:
     assert "mid\n<!-- scale -->\n" in filled
     assert "| environments | 4,096 | 250 | 130 | 99.4 |\n<!-- end of scale -->\n" in filled
     assert "old" not in filled
+
+
+def test_a_page_that_lacks_a_mark_is_left_alone() -> None:
+    results = report.with_row(EMPTY, ROW, ROW_NAMES)
+    for mark in ("<!-- scale -->\n", "<!-- end of rows -->\n"):
+        with pytest.raises(InputError, match="README.md: given no <!--"):
+            report.fill(PAGE.replace(mark, ""), results)
 
 
 def test_a_row_replaces_the_one_of_its_name_and_keeps_the_order() -> None:
