@@ -26,7 +26,7 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base import imports
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies.blind import UniformPolicy
-from jumping_ant.tracking import live, models, serving
+from jumping_ant.tracking import connection, live, models, serving
 
 
 def test_an_unreachable_server_is_told_in_one_line(
