@@ -6,7 +6,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+SECONDS = 120.0  # before a page has failed: other tests run beside this one, perhaps slowly
+expect.set_options(timeout=1000 * SECONDS)
 
 
 @dataclass
@@ -36,7 +39,7 @@ class Visit:
             ),
         )
 
-    def wait_for(self, condition: str, seconds: float = 30.0) -> None:
+    def wait_for(self, condition: str, seconds: float = SECONDS) -> None:
         """Wait until an expression is true, even on a page whose policy forbids `eval`."""
         deadline = time.monotonic() + seconds
         while not self.page.evaluate(condition):
@@ -67,6 +70,7 @@ def launched() -> Iterator[Browser]:
 def open_page(browser: Browser, address: str, width: int = 1600, height: int = 1000) -> Visit:
     """Open an address in a window that remembers nothing of others."""
     visit = Visit(browser.new_page(viewport={"width": width, "height": height}))
+    visit.page.context.set_default_timeout(1000 * SECONDS)  # of pages that it opens, too
     visit.note_all()
     visit.page.goto(address)
     return visit

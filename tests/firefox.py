@@ -14,7 +14,7 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-SECONDS = 60.0  # that an answer may take
+SECONDS = 120.0  # that an answer or a page may take: other tests run beside this one
 SETTINGS = {"webgl.force-enabled": True}  # also where there is only Mesa's software renderer
 HEARD = ("log.entryAdded", "network.beforeRequestSent")
 
@@ -54,7 +54,7 @@ class Window:
         assert answer["type"] == "success", answer
         return json.loads(answer["result"]["value"])
 
-    def wait_for(self, condition: str, seconds: float = 30.0) -> None:
+    def wait_for(self, condition: str, seconds: float = SECONDS) -> None:
         """Wait until an expression is true."""
         deadline = time.monotonic() + seconds
         while not self.evaluate(condition):

@@ -41,7 +41,7 @@ def test_the_table_opens_on_the_agents_with_all_their_seeds(
 ) -> None:
     visit = open_page(f"{address}/{pages.address('1')}")
     for name in AGGREGATES:
-        expect(visit.page.get_by_role("link", name=name)).to_be_visible(timeout=30_000)
+        expect(visit.page.get_by_role("link", name=name)).to_be_visible()
     expect(visit.page.get_by_role("link", name="sac-seed-0")).to_have_count(0)
     texts = cells_of(visit, AGGREGATES[0])
     assert [texts[name] for name in list(pages.AGENT_COLUMNS)[1:6]] == [
@@ -64,7 +64,7 @@ def cells_of(visit: Visit, name: str) -> dict[str, str]:
 
 def test_the_table_of_seeds_has_the_columns_that_matter(address: str, open_page: OpenPage) -> None:
     visit = open_page(f"{address}/{pages.address('1', pages.SEEDS_VIEW)}")
-    expect(visit.page.get_by_role("link", name="pgpe-seed-0")).to_be_visible(timeout=30_000)
+    expect(visit.page.get_by_role("link", name="pgpe-seed-0")).to_be_visible()
     expect(visit.page.get_by_role("link", name="comparison-")).to_be_visible()
     headers = visit.page.locator("[role=columnheader][col-id]").evaluate_all(
         "cells => cells.map(cell => [cell.getBoundingClientRect().left, cell])"
@@ -83,7 +83,7 @@ def test_the_usual_address_leads_to_the_table(address: str, open_page: OpenPage)
     with visit.page.expect_popup() as popup:
         visit.page.get_by_role("link", name="Table of results").click()
     table = popup.value
-    expect(table.get_by_text("evaluation/return_low")).to_be_visible(timeout=30_000)
+    expect(table.get_by_text("evaluation/return_low")).to_be_visible()
     expect(table.get_by_role("button", name=pages.VIEW_NAME)).to_be_visible()
 
 
@@ -91,7 +91,7 @@ def test_a_comparison_shows_its_results(
     address: str, runs: dict[str, str], open_page: OpenPage
 ) -> None:
     visit = open_page(run_page(address, runs["comparison"]))
-    expect(visit.page.get_by_role("cell", name="65 [15, 115]").first).to_be_visible(timeout=30_000)
+    expect(visit.page.get_by_role("cell", name="65 [15, 115]").first).to_be_visible()
     expect(visit.page.get_by_text("SAC leads")).to_be_attached()
     visit.page.get_by_role("tab", name="Artifacts").click()
     for name in ("comparison.json", "params.yaml", "figures"):
@@ -116,16 +116,16 @@ def test_a_run_draws_its_metrics(
     open_page: OpenPage,
 ) -> None:
     visit = open_page(run_page(address, runs[run], part))
-    visit.page.get_by_placeholder("Search metric charts").fill(f"^{chart}$", timeout=30_000)
+    visit.page.get_by_placeholder("Search metric charts").fill(f"^{chart}$")
     titles = visit.page.locator(".js-plotly-plot .xtitle").filter(has_text=axis)
-    expect(titles.first).to_be_visible(timeout=30_000)
+    expect(titles.first).to_be_visible()
     check(visit, address)
 
 
 def test_a_run_plays_its_video(address: str, runs: dict[str, str], open_page: OpenPage) -> None:
     visit = open_page(run_page(address, runs["sac-seed-1"], "/artifacts/media/sac.mp4"))
     video = visit.page.locator("video")
-    expect(video).to_be_visible(timeout=30_000)
+    expect(video).to_be_visible()
     video.evaluate("video => { video.muted = true; return video.play(); }")
     visit.page.wait_for_function("document.querySelector('video').currentTime > 0.2")
     check(visit, address)
@@ -135,10 +135,10 @@ def test_the_registry_shows_the_champion_and_where_it_is_from(
     address: str, open_page: OpenPage
 ) -> None:
     visit = open_page(f"{address}/#/models/jumping-ant-sac/versions/2")
-    expect(visit.page.get_by_text("champion")).to_be_visible(timeout=30_000)
+    expect(visit.page.get_by_text("champion")).to_be_visible()
     expect(
         visit.page.get_by_text("sac, training seed 1: mean return 115 on the held-out")
     ).to_be_visible()
     visit.page.get_by_role("link", name="sac-seed-1").nth(1).click()
-    expect(visit.page.get_by_text("evaluation/return").first).to_be_attached(timeout=30_000)
+    expect(visit.page.get_by_text("evaluation/return").first).to_be_attached()
     check(visit, address)
