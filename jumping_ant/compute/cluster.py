@@ -86,11 +86,16 @@ class Cluster:
                 "asks for one), or unset to compute on this machine"
             ) from error
         self._ray = ray
+        context = ray.get_runtime_context()
+        self._address, self._node = context.gcs_address, context.get_node_id()
         actor: Any = ray.remote(_Worker)
         self._worker = actor.options(num_cpus=1, max_concurrency=2)  # a second thread for `stop`
         self._wanted = kind()
         self._running: dict[Any, tuple[Any, Any]] = {}
-        self._last_look = self._last_seen = time.monotonic()
+        self._last_seen = time.monotonic()
+        self._is_left = threading.Event()
+        self._watch = threading.Thread(target=self._look, daemon=True)
+        self._watch.start()
 
     def run(self, key: Hashable, work: Work) -> None:
         """Start a job."""
@@ -98,10 +103,18 @@ class Cluster:
         self._running[worker.run.remote(pickle.dumps(work))] = key, worker
 
     def news(self, timeout: float) -> Iterator[tuple[Any, News]]:
-        """Wait for news of running jobs; raise an InputError if a machine computes otherwise."""
+        """Wait for news of running jobs.
+
+        Raises:
+            InputError: A machine computes otherwise.
+            WorkerError: The cluster has been lost, for which Ray would wait for ever.
+        """
         ready, _ = self._ray.wait(list(self._running), num_returns=1, timeout=timeout)
-        if time.monotonic() - self._last_look > SECONDS_BETWEEN_LOOKS:
-            self._look()
+        if time.monotonic() - self._last_seen > SECONDS_LOST:
+            raise WorkerError(
+                f"the Ray cluster at {self._address} is lost; once it runs again, the next run "
+                "resumes"
+            )
         for generator in ready:
             key, worker = self._running[generator]
             news = self._next(generator)
@@ -123,18 +136,16 @@ class Cluster:
             return Died(str(error).strip().partition("\n")[0])
 
     def _look(self) -> None:
-        """Raise WorkerError if the cluster has been lost, for which Ray would wait for ever."""
-        context = self._ray.get_runtime_context()
-        if _answers(context.gcs_address) and any(
-            node["Alive"] for node in self._ray.nodes() if node["NodeID"] == context.get_node_id()
-        ):
-            self._last_seen = time.monotonic()
-        self._last_look = time.monotonic()
-        if self._last_look - self._last_seen > SECONDS_LOST:
-            raise WorkerError(
-                f"the Ray cluster at {context.gcs_address} is lost; once it runs again, the next "
-                "run resumes"
-            )
+        """Note when the cluster was last seen, in a thread of its own.
+
+        A cluster that is lost between two calls would keep the second one waiting.
+        """
+        while not self._is_left.wait(SECONDS_BETWEEN_LOOKS):
+            with suppress(self._ray.exceptions.RayError):
+                if _answers(self._address) and any(
+                    node["Alive"] for node in self._ray.nodes() if node["NodeID"] == self._node
+                ):
+                    self._last_seen = time.monotonic()
 
     def stop(self) -> None:
         """Ask all running jobs to stop."""
@@ -143,6 +154,8 @@ class Cluster:
 
     def close(self) -> None:
         """End all processes, and leave the cluster."""
+        self._is_left.set()
+        self._watch.join(SECONDS_FOR_ANSWER)  # of a lost cluster, it may wait for ever
         self._ray.shutdown()
 
 

@@ -105,11 +105,19 @@ def test_a_signal_ends_what_cannot_be_resumed(
     sender.join()
 
 
-@pytest.mark.parametrize("server", ["gcs_server", "raylet"])
+@pytest.mark.parametrize(
+    ("server", "seems_there"),
+    [("gcs_server", False), ("raylet", False), ("gcs_server", True)],
+)
 def test_a_cluster_that_is_lost_is_told(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, server: str
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, server: str, seems_there: bool
 ) -> None:
-    """Ray itself waits for a raylet for ever, and ends its driver without the other server."""
+    """Ray itself waits for a raylet for ever, and ends its driver without the other server.
+
+    A server that is lost after it answered, and before Ray asks it, seems to be there.
+    """
+    if seems_there:
+        monkeypatch.setattr(cluster, "_answers", lambda address: True)
     monkeypatch.setattr(cluster, "SECONDS_LOST", 3.0)
     port = small_ray.free_port()
     monkeypatch.setenv("RAY_ADDRESS", f"127.0.0.1:{port}")
