@@ -1,6 +1,7 @@
 """Jobs on a Ray cluster that is started for the tests."""
 
 import importlib.metadata
+import multiprocessing
 import os
 import re
 import signal
@@ -105,6 +106,17 @@ def test_a_signal_ends_what_cannot_be_resumed(
     sender.join()
 
 
+def loss(folder: Path, seems_there: bool) -> str:
+    """Return what is said of a cluster that is lost; a minute later, Ray may end this process."""
+    cluster.SECONDS_LOST = 3.0
+    if seems_there:
+        cluster._answers = lambda address: True
+    waiting = {key: partial(wait_for_the_end, folder, key) for key in ("a", "b")}
+    with pytest.raises(WorkerError) as caught:
+        collect(waiting, 2)
+    return str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("server", "seems_there"),
     [("gcs_server", False), ("raylet", False), ("gcs_server", True)],
@@ -116,12 +128,8 @@ def test_a_cluster_that_is_lost_is_told(
 
     A server that is lost after it answered, and before Ray asks it, seems to be there.
     """
-    if seems_there:
-        monkeypatch.setattr(cluster, "_answers", lambda address: True)
-    monkeypatch.setattr(cluster, "SECONDS_LOST", 3.0)
     port = small_ray.free_port()
     monkeypatch.setenv("RAY_ADDRESS", f"127.0.0.1:{port}")
-    waiting = {key: partial(wait_for_the_end, tmp_path, key) for key in ("a", "b")}
 
     def lose() -> None:
         while len(list(tmp_path.iterdir())) < 2:
@@ -132,11 +140,12 @@ def test_a_cluster_that_is_lost_is_told(
     with (
         tempfile.TemporaryDirectory(prefix="ray") as folder,
         small_ray.started(folder, port) as ray,
+        multiprocessing.get_context("spawn").Pool(1) as driver,
     ):
         loser = threading.Thread(target=lose)
         loser.start()
-        with pytest.raises(WorkerError, match=r"the Ray cluster at 127.0.0.1:\d+ is lost; once"):
-            collect(waiting, 2)
+        told = driver.apply(loss, (tmp_path, seems_there))
+        assert re.match(r"the Ray cluster at 127.0.0.1:\d+ is lost; once", told)
         loser.join()
 
 
