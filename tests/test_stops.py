@@ -13,9 +13,9 @@ from scripts.checkout import Checkout, copy_project
 CTRL_C = "from . import run\nimport os, signal, time\nos.killpg(0, signal.SIGINT)\ntime.sleep(60)\n"
 
 
-def to_the_end(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+def started(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     """Run Python in a process group of its own, which Ctrl-C reaches as a whole."""
-    process = subprocess.Popen(
+    return subprocess.Popen(
         [sys.executable, *arguments],
         cwd=folder,
         env=Checkout(folder).environment,
@@ -26,7 +26,6 @@ def to_the_end(folder: Path, *arguments: str) -> subprocess.Popen[str]:
         # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    return process
 
 
 @pytest.mark.parametrize("digest", ["raise SystemExit(3)\n", CTRL_C])
@@ -34,7 +33,7 @@ def test_the_pipeline_does_not_start_after_a_failed_estimate(tmp_path: Path, dig
     folder = tmp_path / "project"
     copy_project(folder)
     (folder / "stages" / "digest.py").write_text(digest, encoding="utf-8")
-    process = to_the_end(folder, "-m", "scripts.repro")
+    process = started(folder, "-m", "scripts.repro")
     told, errors = process.communicate(timeout=300)
     assert told.count("Running stage 'digest'") == 1
     assert process.returncode == 1 and "Traceback" not in errors
@@ -43,6 +42,6 @@ def test_the_pipeline_does_not_start_after_a_failed_estimate(tmp_path: Path, dig
 
 def test_ctrl_c_ends_a_script_in_a_line() -> None:
     code = "import os, scripts.cost, signal; os.kill(os.getpid(), signal.SIGINT)"
-    process = to_the_end(PROJECT_ROOT, "-c", code)
+    process = started(PROJECT_ROOT, "-c", code)
     assert process.communicate(timeout=300) == ("", "stopped by Ctrl-C\n")
     assert process.returncode == -signal.SIGINT

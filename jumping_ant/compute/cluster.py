@@ -92,7 +92,7 @@ class Cluster:
         self._worker = actor.options(num_cpus=1, max_concurrency=2)  # a second thread for `stop`
         self._wanted = kind()
         self._running: dict[Any, tuple[Any, Any]] = {}
-        self._last_seen = time.monotonic()
+        self._last_seen = self._last_asked = time.monotonic()
         self._is_left = threading.Event()
         self._watch = threading.Thread(target=self._look, daemon=True)
         self._watch.start()
@@ -110,7 +110,11 @@ class Cluster:
             WorkerError: The cluster has been lost, for which Ray would wait for ever.
         """
         ready, _ = self._ray.wait(list(self._running), num_returns=1, timeout=timeout)
-        if time.monotonic() - self._last_seen > SECONDS_LOST:
+        now = time.monotonic()
+        if now - self._last_asked > SECONDS_LOST:  # after Ctrl-Z, say, nothing has looked since
+            self._last_seen = now
+        self._last_asked = now
+        if now - self._last_seen > SECONDS_LOST:
             raise WorkerError(
                 f"the Ray cluster at {self._address} is lost; once it runs again, the next run "
                 "resumes"
