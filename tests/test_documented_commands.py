@@ -119,6 +119,7 @@ ELSEWHERE = {
     "make verify ALL=1": VERIFY,
     "make verify AGENT=sac SEED=30": VERIFY,
     "make fingerprint": "tests/test_fingerprint.py",
+    "python -m scripts.fingerprint": "tests/test_fingerprint.py",
     "python -m scripts.fingerprint --publish": "writes a document; tests/test_fingerprint.py",
     "make parity": "half an hour of episodes; tests/play/test_parity.py runs short ones",
     "mypy": CHECKS,

@@ -20,7 +20,8 @@ import pytest
 from browser import OpenPage
 from mlflow.exceptions import MlflowException
 from other_user import as_nobody, needs_root, ports_connected_to, status
-from tracked_project import copy_tracked, query, tracked, unset_variables
+from playwright.sync_api import expect
+from tracked_project import AGGREGATES, copy_tracked, query, tracked, unset_variables
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.tracking import ui
@@ -241,12 +242,12 @@ def test_a_port_that_cannot_be_had_ends_in_one_line(project: Path) -> None:
 def test_the_printed_address_shows_the_table_of_runs(served: Served, open_page: OpenPage) -> None:
     visit = open_page(served.printed)
     visit.page.wait_for_url(lambda address: served.token not in address)
-    shown = "document.body.innerText.includes('sac, 2 seeds')"
-    visit.wait_for(shown)
+    shown = visit.page.get_by_role("link", name=AGGREGATES[0])
+    expect(shown).to_be_visible()
     assert "#/experiments/1/runs" in visit.page.url
     assert visit.page.evaluate("document.cookie") == "", "out of reach of what pages run"
     visit.page.reload()
-    visit.wait_for(shown)
+    expect(shown).to_be_visible()
 
 
 def test_links_in_the_report_open_the_pages(
@@ -259,7 +260,7 @@ def test_links_in_the_report_open_the_pages(
     report.write_text(f'<a href="{visit.page.url}">the runs</a>', encoding="utf-8")
     visit.page.goto(report.as_uri())
     visit.page.click("a")
-    visit.wait_for("document.body.innerText.includes('sac, 2 seeds')")
+    expect(visit.page.get_by_role("link", name=AGGREGATES[0])).to_be_visible()
 
 
 def test_a_model_whose_files_were_changed_is_replaced(untracked_project: Path) -> None:
