@@ -16,6 +16,7 @@ from jumping_ant.looks.wording import p_value
 from jumping_ant.tuning.outcome import is_control_of
 
 VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
+NOT_TRAINED = "*These seeds have not been trained yet.*"
 PUBLISHED = PROJECT_ROOT / "docs" / "published" / "ant_sac.csv"
 PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": tables.Column()}
 PUBLISHED_STEPS = (100_000, 200_000)
@@ -40,7 +41,7 @@ def replication_table(first: dict[str, Any], again: dict[str, Any] | None) -> st
         again: The same of `presets/replicate`; None before it has been run.
     """
     if again is None:
-        return "*These seeds have not been trained yet.*"
+        return NOT_TRAINED
     lines = ["| claim | default | adjusted p | other seeds | adjusted p |", f"{'|---' * 5}|"]
     for key in ("claims", "robustness"):
         anew = {claim["text"]: claim for claim in again[key]}

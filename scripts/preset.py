@@ -4,9 +4,11 @@ Usage: python -m scripts.preset NAME
 
 The copy is `.presets/NAME/`, a whole project: `make ui` and `make view` work in it. The project's
 own results do not change. A stopped run resumes from its checkpoints. A copy has one run at a time.
+Seeds that the project or another copy has trained alike are not trained again.
 """
 
 import fcntl
+import os
 import signal
 import subprocess
 from collections.abc import Iterator, Sequence
@@ -67,6 +69,7 @@ def _run(folder: Path, params: Params, targets: Sequence[str]) -> None:
     renew_project(folder)
     with suppress(FileExistsError):  # so that the copy's `make` finds what is installed
         (folder / ".venv").symlink_to(PROJECT_ROOT / ".venv")
+    _share_trainings(folder, params)
     copy = Checkout(folder)
     copy.write_params(params)
     with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
@@ -79,6 +82,17 @@ def _run(folder: Path, params: Params, targets: Sequence[str]) -> None:
             f"`make repro` in {folder} ended with status {status}; see its output above; "
             "the same command resumes from there"
         )
+
+
+def _share_trainings(folder: Path, params: Params) -> None:
+    """Link a copy's seeds that were trained elsewhere; their keys say what they depend on."""
+    for trained in (PROJECT_ROOT, *PROJECT_ROOT.glob(".presets/*")):
+        for agent in params.agents:
+            for path in (trained / ".checkpoints" / agent).glob("*/seed-*.finished"):
+                link = folder / path.relative_to(trained)
+                link.parent.mkdir(parents=True, exist_ok=True)
+                with suppress(OSError):  # it has this one, or is on another disk and trains
+                    os.link(path, link)
 
 
 @contextmanager

@@ -7,10 +7,11 @@ With the preset `default`, which is the default, it writes the pictures of the R
 docs/images/, and README.md's table of claims. With `article` it also writes the table of printed
 values in docs/article.md, from results/article.json; `article-runs` is what
 results/article_tests.csv says of DQN with other versions and contacts, in the same document. With
-`run` it writes SAC's returns beside published ones, too. With `families` the section is in
-docs/families.md, which gets pictures as well, and results/families.json the comparison. With
-`replicate` the verdicts stand beside the default's, and results/replicate.json has them; `tuning`
-is what results/tuning/ says of the searches for settings, in docs/tuning.md.
+`run` it writes SAC's returns beside published ones, too. With `families` and `thesis` the sections
+are in docs/families.md, which gets pictures of the first as well, and the comparisons in
+results/families.json and results/thesis.json. With `replicate` the verdicts stand beside the
+default's, and results/replicate.json has them; `tuning` is what results/tuning/ says of the
+searches for settings, in docs/tuning.md.
 """
 
 import csv
@@ -29,9 +30,10 @@ from scripts.preset import folder_of
 DOCS = PROJECT_ROOT / "docs"
 README = PROJECT_ROOT / "README.md"
 RESULTS = PROJECT_ROOT / "results"
-PRESETS = ("default", "ablations", "article", "run", "hopper", "families", "replicate")
+PRESETS = ("default", "ablations", "article", "run", "hopper", "families", "replicate", "thesis")
 OTHERS = ("article-runs", "tuning")  # no presets
-DOCUMENTS = {"families": DOCS / "families.md"}  # others: docs/results.md
+DOCUMENTS = dict.fromkeys(("families", "thesis"), DOCS / "families.md")  # others: docs/results.md
+KEPT = {name: RESULTS / f"{name}.json" for name in DOCUMENTS}  # comparisons that are in git
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
 FINALS = DOCS / "published" / "ant_v4.csv"
 FIGURES = ("learning_curves", "final_return")
@@ -50,6 +52,8 @@ def main() -> None:
     folder = PROJECT_ROOT if preset == "default" else folder_of(preset)
     if preset == "replicate":
         write_json(REPLICATION, everything(folder))
+    elif preset in KEPT:
+        write_json(KEPT[preset], results(folder))
     for (document, name), content in _sections(preset, folder).items():
         replace_section(document, name, content)
     if preset in PICTURES:
@@ -58,8 +62,6 @@ def main() -> None:
             write_bytes(DOCS / "images" / f"{PICTURES[preset]}{name}.png", picture)
     if preset == "default":
         write_bytes(DOCS / "images" / "jumping.webp", animation.picture())
-    elif preset == "families":
-        write_json(RESULTS / "families.json", results(folder))
 
 
 def _sections(preset: str, folder: Path) -> Sections:
@@ -70,6 +72,8 @@ def _sections(preset: str, folder: Path) -> Sections:
         return runs_sections()
     if preset == "replicate":
         return replication_sections()
+    if preset in KEPT:
+        return kept_sections(preset)
     sections = comparison_sections(preset, results(folder))
     if preset == "default":
         sections |= ceiling_sections() | robustness_sections()
@@ -96,7 +100,8 @@ def committed_sections() -> Sections:
     """Return what documents say of results that are in git."""
     return (
         comparison_sections("default", results(PROJECT_ROOT))
-        | comparison_sections("families", _read(RESULTS / "families.json"))
+        | kept_sections("families")
+        | kept_sections("thesis")
         | ceiling_sections()
         | robustness_sections()
         | replication_sections()
@@ -121,6 +126,13 @@ def comparison_sections(preset: str, compared: dict[str, Any]) -> Sections:
     if preset == "default":
         sections[README, "claims"] = markdown.claim_table(compared["claims"], with_evidence=False)
     return sections
+
+
+def kept_sections(preset: str) -> Sections:
+    """Return what documents say of a comparison that is in git, or is to be."""
+    if not KEPT[preset].exists():
+        return {(DOCUMENTS[preset], preset): markdown.NOT_TRAINED}
+    return comparison_sections(preset, _read(KEPT[preset]))
 
 
 def printed_sections() -> Sections:

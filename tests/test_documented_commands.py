@@ -43,7 +43,7 @@ VIEWS = {"make view AGENT=sac": "sac", "make view AGENT=lineup": "lineup"}
 
 # Commands that the tests named here run, and those that take hours or change the machine.
 CHECKS = "a part of `make test`, as this test is"
-LONG = ("ablations", "families", "hopper", "replicate", "run")
+LONG = ("ablations", "families", "hopper", "replicate", "run", "thesis")
 HOURS = "hours of training; tests/test_pipeline.py makes the parameters, presets/smoke runs"
 ARTICLE = "hours of training; tests/article/test_article_run.py runs it with less"
 MEASURES = "minutes that need the machine for themselves; tests/test_benchmarks.py tests its parts"
@@ -135,6 +135,7 @@ ELSEWHERE = {
     f"{PUBLISH} PRESET=article": "tests/article/test_article_run.py writes this table",
     f"{PUBLISH} PRESET=run": "needs its budget; tests/test_publish.py writes this table",
     f"{PUBLISH} PRESET=replicate": "needs the default's claims; tests/test_publish.py",
+    f"{PUBLISH} PRESET=thesis": "as of families; tests/test_publish.py",
     PUBLISH: "needs films of 13 s; tests/test_publish.py makes its table and pictures",
     "make try": "minutes of training; tests/test_preset.py runs it without",
     "make cost PRESET=families": COST,

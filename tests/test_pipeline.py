@@ -164,6 +164,13 @@ def test_a_replication_has_other_seeds_than_the_default_and_its_later_looks() ->
     assert again.model_copy(update={"seeds": default.seeds}) == default
 
 
+def test_the_thesis_is_a_part_of_the_families_on_the_seeds_of_the_replication() -> None:
+    again, thesis, families = map(presets.load, ("replicate", "thesis", "families"))
+    more = {name: own for name, own in thesis.agents.items() if name not in again.agents}
+    assert again.model_copy(update={"agents": again.agents | more}) == thesis
+    assert more.items() <= families.agents.items() and len(more) == 8
+
+
 def test_ablations_leave_one_thing_out_each() -> None:
     default, agents = params_file.load().agents, presets.load("ablations").agents
     assert agents["sac-unedited"] == default["sac"].model_copy(update={"robot": "unedited"})

@@ -39,6 +39,32 @@ def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
     assert params_file.load(copy / "params.yaml") == params
 
 
+def test_what_was_trained_elsewhere_is_not_trained_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replace_python(monkeypatch, tmp_path, "exit 0")
+    project, copy = tmp_path / "project", tmp_path / "project" / ".presets" / "quick"
+    monkeypatch.setattr(preset, "PROJECT_ROOT", project)
+    kept = [
+        project / ".checkpoints" / "sac" / "a1" / "seed-1.finished",
+        project / ".presets" / "families" / ".checkpoints" / "sac" / "b2" / "seed-1.finished",
+    ]
+    left = [
+        project / ".checkpoints" / "sac" / "a1" / "seed-2.1.checkpoint",  # another process goes on
+        project / ".checkpoints" / "nobody" / "a1" / "seed-1.finished",
+    ]
+    for number, path in enumerate(kept + left):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(str(number), encoding="utf-8")
+    for _ in range(2):
+        preset.run(copy, presets.load("quick"))
+        found = {path.relative_to(copy / ".checkpoints"): path for path in copy.rglob("seed-*")}
+        assert {str(name): path.read_text(encoding="utf-8") for name, path in found.items()} == {
+            "sac/a1/seed-1.finished": "0",
+            "sac/b2/seed-1.finished": "1",
+        }
+
+
 def test_a_pipeline_that_fails_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     replace_python(monkeypatch, tmp_path, "exit 3")
     with pytest.raises(WorkerError, match="ended with status 3; .* the same command resumes"):
