@@ -33,7 +33,7 @@ RESULTS = PROJECT_ROOT / "results"
 PRESETS = ("default", "ablations", "article", "run", "hopper", "families", "replicate", "thesis")
 OTHERS = ("article-runs", "tuning")  # no presets
 DOCUMENTS = dict.fromkeys(("families", "thesis"), DOCS / "families.md")  # others: docs/results.md
-KEPT = {name: RESULTS / f"{name}.json" for name in DOCUMENTS}  # comparisons that are in git
+COMPARISONS = {name: RESULTS / f"{name}.json" for name in DOCUMENTS}  # comparisons that are in git
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
 FINALS = DOCS / "published" / "ant_v4.csv"
 FIGURES = ("learning_curves", "final_return")
@@ -52,8 +52,8 @@ def main() -> None:
     folder = PROJECT_ROOT if preset == "default" else folder_of(preset)
     if preset == "replicate":
         write_json(REPLICATION, everything(folder))
-    elif preset in KEPT:
-        write_json(KEPT[preset], results(folder))
+    elif preset in COMPARISONS:
+        write_json(COMPARISONS[preset], results(folder))
     for (document, name), content in _sections(preset, folder).items():
         replace_section(document, name, content)
     if preset in PICTURES:
@@ -72,8 +72,8 @@ def _sections(preset: str, folder: Path) -> Sections:
         return runs_sections()
     if preset == "replicate":
         return replication_sections()
-    if preset in KEPT:
-        return kept_sections(preset)
+    if preset in COMPARISONS:
+        return stored_sections(preset)
     sections = comparison_sections(preset, results(folder))
     if preset == "default":
         sections |= ceiling_sections() | robustness_sections()
@@ -100,8 +100,8 @@ def committed_sections() -> Sections:
     """Return what documents say of results that are in git."""
     return (
         comparison_sections("default", results(PROJECT_ROOT))
-        | kept_sections("families")
-        | kept_sections("thesis")
+        | stored_sections("families")
+        | stored_sections("thesis")
         | ceiling_sections()
         | robustness_sections()
         | replication_sections()
@@ -128,11 +128,11 @@ def comparison_sections(preset: str, compared: dict[str, Any]) -> Sections:
     return sections
 
 
-def kept_sections(preset: str) -> Sections:
+def stored_sections(preset: str) -> Sections:
     """Return what documents say of a comparison that is in git, or is to be."""
-    if not KEPT[preset].exists():
+    if not COMPARISONS[preset].exists():
         return {(DOCUMENTS[preset], preset): markdown.NOT_TRAINED}
-    return comparison_sections(preset, _read(KEPT[preset]))
+    return comparison_sections(preset, _read(COMPARISONS[preset]))
 
 
 def printed_sections() -> Sections:
