@@ -84,8 +84,8 @@ repro: install ## rerun what a change to params.yaml or to the code affects
 try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (4 to 5 minutes)
 	python -m scripts.preset quick
 
-preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families)
-	@python -m scripts.preset $(PRESET)
+preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families STAGES="compare speed")
+	@python -m scripts.preset $(PRESET) $(STAGES)
 
 article: install ## reproduce what the article printed, into results/article.json (2.5 hours on 2 cores)
 	python -m scripts.article

@@ -1,6 +1,6 @@
 """Run the pipeline with a preset, in a copy of the project of its own.
 
-Usage: python -m scripts.preset NAME
+Usage: python -m scripts.preset NAME [STAGE ...] (`make preset`)
 
 The copy is `.presets/NAME/`, a whole project: `make ui` and `make view` work in it. The project's
 own results do not change. A stopped run resumes from its checkpoints. A copy has one run at a time.
@@ -34,13 +34,17 @@ def main() -> None:
     """Parse the command line and run."""
     parser = command_line.parser(__doc__)
     parser.add_argument("name", help="name of a file in presets/")
-    name = parser.parse_args().name
-    params, folder = presets.load(name), folder_of(name)
-    run(folder, params)
-    print(
-        f"\nThe report: {folder}/results/report.html, films: {folder}/media/*.mp4\n"
-        f"MLflow: make -C {folder} ui, recordings in Rerun: make -C {folder} view AGENT=lineup"
-    )
+    parser.add_argument("stages", nargs="*", help="stages to run, with those that they need")
+    options = parser.parse_args()
+    params, folder = presets.load(options.name), folder_of(options.name)
+    run(folder, params, options.stages)
+    if options.stages:
+        print(f"\nThe results: {folder}/results")
+    else:
+        print(
+            f"\nThe report: {folder}/results/report.html, films: {folder}/media/*.mp4\n"
+            f"MLflow: make -C {folder} ui, recordings in Rerun: make -C {folder} view AGENT=lineup"
+        )
     if len(params.seeds) < FEW_SEEDS:
         print(
             f"{len(params.seeds)} seeds show what the robot does; they prove nothing about which "

@@ -142,6 +142,7 @@ ELSEWHERE = {
     "make cost SET=agents.sac.learning_rate=0.001": COST,
     'make cost SET="evaluate.episodes=64 seeds=[30,31]"': COST,
     **{f"make preset PRESET={name}": HOURS for name in LONG},
+    'make preset PRESET=families STAGES="compare speed"': HOURS,
     "dvc exp run $(cat presets/NAME)": "stands for the presets",
     "python -m scripts.ceiling": "minutes of planning; tests/test_ceiling.py plans less",
     **{command: TUNE for command in ("make tune", "make tune AGENT=td3 PRESET=families")},

@@ -95,6 +95,20 @@ def test_an_interrupt_waits_for_the_pipeline_to_save(
     assert (tmp_path / "copy" / "saved").exists()
 
 
+def test_some_stages_alone_can_be_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    replace_python(monkeypatch, tmp_path, 'echo "$@" > called')
+    copy = tmp_path / ".presets" / "quick"
+    monkeypatch.setattr(preset, "folder_of", lambda name: copy)
+    monkeypatch.setattr("sys.argv", ["preset", "quick", "compare", "speed"])
+    preset.main()
+    assert (copy / "called").read_text(encoding="utf-8") == "-m scripts.repro compare speed\n"
+    told = capsys.readouterr().out
+    assert f"{copy}/results" in told
+    assert "report.html" not in told  # nobody has made it
+
+
 def test_what_is_made_is_told_and_that_few_seeds_prove_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
