@@ -8,7 +8,7 @@ docs/images/, and README.md's table of claims. With `article` it also writes the
 values in docs/article.md, from results/article.json; `article-runs` is what
 results/article_tests.csv says of DQN with other versions and contacts, in the same document. With
 `run` it writes SAC's returns beside published ones, too. With `families` and `thesis` the sections
-are in docs/families.md, which gets pictures of the first as well, and the comparisons in
+are in docs/families.md, which gets pictures as well, and the comparisons in
 results/families.json and results/thesis.json. With `replicate` the verdicts stand beside the
 default's, and results/replicate.json has them; `tuning` is what results/tuning/ says of the
 searches for settings, in docs/tuning.md.
@@ -36,8 +36,12 @@ DOCUMENTS = dict.fromkeys(("families", "thesis"), DOCS / "families.md")  # other
 COMPARISONS = {name: RESULTS / f"{name}.json" for name in DOCUMENTS}  # comparisons that are in git
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
 FINALS = DOCS / "published" / "ant_v4.csv"
-FIGURES = ("learning_curves", "final_return")
-PICTURES = {"default": "", "families": "families-"}  # prefixes of their names in docs/images/
+CURVES_AND_RETURNS = ("learning_curves", "final_return")
+FIGURES = {  # of results/figures/, for docs/images/
+    "default": CURVES_AND_RETURNS,
+    "families": CURVES_AND_RETURNS,
+    "thesis": ("final_return",),
+}
 TUNING = RESULTS / "tuning"
 REPLICATION = RESULTS / "replicate.json"
 RESULTS_PAGE = DOCS / "results.md"
@@ -56,10 +60,10 @@ def main() -> None:
         write_json(COMPARISONS[preset], results(folder))
     for (document, name), content in _sections(preset, folder).items():
         replace_section(document, name, content)
-    if preset in PICTURES:
-        for name in FIGURES:
-            picture = (folder / "results" / "figures" / f"{name}.png").read_bytes()
-            write_bytes(DOCS / "images" / f"{PICTURES[preset]}{name}.png", picture)
+    prefix = "" if preset == "default" else f"{preset}-"
+    for name in FIGURES.get(preset, ()):
+        picture = (folder / "results" / "figures" / f"{name}.png").read_bytes()
+        write_bytes(DOCS / "images" / f"{prefix}{name}.png", picture)
     if preset == "default":
         write_bytes(DOCS / "images" / "jumping.webp", animation.picture())
 
