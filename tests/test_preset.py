@@ -29,6 +29,16 @@ def replace_python(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -
     monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
 
 
+def run_quick(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str, *stages: str) -> Path:
+    """Call the command with `quick` and stages, run a script for Python, return the copy."""
+    replace_python(monkeypatch, folder, script)
+    copy = folder / ".presets" / "quick"
+    monkeypatch.setattr(preset, "folder_of", lambda name: copy)
+    monkeypatch.setattr("sys.argv", ["preset", "quick", *stages])
+    preset.main()
+    return copy
+
+
 def test_the_pipeline_runs_in_a_copy_with_the_presets_parameters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -98,11 +108,7 @@ def test_an_interrupt_waits_for_the_pipeline_to_save(
 def test_some_stages_alone_can_be_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    replace_python(monkeypatch, tmp_path, 'echo "$@" > called')
-    copy = tmp_path / ".presets" / "quick"
-    monkeypatch.setattr(preset, "folder_of", lambda name: copy)
-    monkeypatch.setattr("sys.argv", ["preset", "quick", "compare", "speed"])
-    preset.main()
+    copy = run_quick(monkeypatch, tmp_path, 'echo "$@" > called', "compare", "speed")
     assert (copy / "called").read_text(encoding="utf-8") == "-m scripts.repro compare speed\n"
     told = capsys.readouterr().out
     assert f"{copy}/results" in told
@@ -112,11 +118,7 @@ def test_some_stages_alone_can_be_asked_for(
 def test_what_is_made_is_told_and_that_few_seeds_prove_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    replace_python(monkeypatch, tmp_path, "exit 0")
-    copy = tmp_path / ".presets" / "quick"
-    monkeypatch.setattr(preset, "folder_of", lambda name: copy)
-    monkeypatch.setattr("sys.argv", ["preset", "quick"])
-    preset.main()
+    copy = run_quick(monkeypatch, tmp_path, "exit 0")
     told = capsys.readouterr().out
     assert f"{copy}/results/report.html" in told
     assert "2 seeds show what the robot does; they prove nothing" in told
