@@ -16,7 +16,6 @@ from jumping_ant.looks.wording import p_value
 from jumping_ant.tuning.outcome import is_control_of
 
 VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
-NOT_TRAINED = "*These seeds have not been trained yet.*"
 PUBLISHED = PROJECT_ROOT / "docs" / "published" / "ant_sac.csv"
 PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": tables.Column()}
 PUBLISHED_STEPS = (100_000, 200_000)
@@ -33,15 +32,13 @@ def claim_table(claims: Sequence[dict[str, Any]], with_evidence: bool) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def replication_table(first: dict[str, Any], again: dict[str, Any] | None) -> str:
+def replication_table(first: dict[str, Any], again: dict[str, Any]) -> str:
     """Return the verdicts of the default beside those on other seeds, as Markdown.
 
     Args:
         first: What `publish.everything` returns of the default.
-        again: The same of `presets/replicate`; None before it has been run.
+        again: The same of `presets/replicate`.
     """
-    if again is None:
-        return NOT_TRAINED
     lines = ["| claim | default | adjusted p | other seeds | adjusted p |", f"{'|---' * 5}|"]
     for key in ("claims", "robustness"):
         anew = {claim["text"]: claim for claim in again[key]}

@@ -133,9 +133,7 @@ def comparison_sections(preset: str, compared: dict[str, Any]) -> Sections:
 
 
 def stored_sections(preset: str) -> Sections:
-    """Return what documents say of a comparison that is in git, or is to be."""
-    if not COMPARISONS[preset].exists():
-        return {(DOCUMENTS[preset], preset): markdown.NOT_TRAINED}
+    """Return what documents say of a comparison that is in git."""
     return comparison_sections(preset, _read(COMPARISONS[preset]))
 
 
@@ -162,8 +160,7 @@ def robustness_sections() -> Sections:
 
 def replication_sections() -> Sections:
     """Return what documents say of the claims on other seeds."""
-    again = _read(REPLICATION) if REPLICATION.exists() else None
-    table = markdown.replication_table(everything(PROJECT_ROOT), again)
+    table = markdown.replication_table(everything(PROJECT_ROOT), _read(REPLICATION))
     return {(RESULTS_PAGE, "replicate"): table}
 
 
