@@ -3,9 +3,9 @@
 Usage: python -m soak.mutations FOLDER [--seed SEED] [--each COUNT]
 
 The folder is the project that this process runs from, in which `AGENTS` are trained. A changed file
-may still be read, or is refused as bad input; nothing else may happen. The stage `compare` or
-`speed` runs with each changed table, and draws it. Each reading has limits of time and memory. The
-counts are printed as JSON.
+may still be read, or is refused as bad input; nothing else may happen. The stage `compare`, `speed`
+or `crossings` runs with each changed table, and draws it; with few changes, one table of each
+stage. Each reading has limits of time and memory. The counts are printed as JSON.
 """
 
 import argparse
@@ -80,7 +80,7 @@ def main() -> None:
             payloads.plant(path, read, Path(folder) / "executed", planted)
     few = arguments.each // FEWER
     tables = list(drawn(arguments.folder))
-    if not few:  # one table of each stage: tests/comparison/test_tables.py changes all, undrawn
+    if not few:  # tests/comparison/test_tables.py changes the other tables, undrawn
         tables = list({stage: (path, stage) for path, stage in reversed(tables)}.values())
     for path, stage in tables:
         content = path.read_bytes()
