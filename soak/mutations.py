@@ -79,15 +79,14 @@ def main() -> None:
             read_changed(path, read, changes, _count(counts, arguments.folder, path))
             payloads.plant(path, read, Path(folder) / "executed", planted)
     few = arguments.each // FEWER
-    tables = list(drawn(arguments.folder))
-    if not few:  # tests/comparison/test_tables.py changes the other tables, undrawn
-        tables = list({stage: (path, stage) for path, stage in reversed(tables)}.values())
-    for path, stage in tables:
-        content = path.read_bytes()
-        others = extremes(content, generator, max(1, few))
-        changes = itertools.chain(flips(content, generator, few), others)
+    for stage, tables in drawn(arguments.folder).items():
         draw = partial(run_stage, stage)
-        read_changed(path, draw, changes, _count(counts, arguments.folder, path))
+        # Most of the others are changed by tests/comparison/test_tables.py, without drawing.
+        for path in tables if few else tables[:1]:
+            content = path.read_bytes()
+            others = extremes(content, generator, max(1, few))
+            changes = itertools.chain(flips(content, generator, few), others)
+            read_changed(path, draw, changes, _count(counts, arguments.folder, path))
     found = {name: asdict(count) for name, count in counts.items()}
     print(json.dumps({"mutations": found, "payloads": asdict(planted)}))
 
@@ -141,15 +140,15 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
         yield table, partial(_track, root, one)
 
 
-def drawn(root: Path) -> Iterator[tuple[Path, str]]:
-    """Yield every kind of table that statistics are made of, and the stage that does so."""
+def drawn(root: Path) -> dict[str, list[Path]]:
+    """Return every kind of table that statistics are made of, by the stage that makes them."""
     evaluated = Paths(root).agent(EVALUATED)
     curve = evaluated.seed(params_file.load(Paths(root).params).seeds[0]).curve
-    for path in (curve, evaluated.episodes, evaluated.variants):
-        yield path, "compare"
-    for path in (evaluated.timing, evaluated.scaling, evaluated.machines):
-        yield path, "speed"
-    yield Paths(root).perturbed(EVALUATED), "crossings"
+    return {
+        "compare": [curve, evaluated.episodes, evaluated.variants],
+        "speed": [evaluated.timing, evaluated.scaling, evaluated.machines],
+        "crossings": [Paths(root).perturbed(EVALUATED)],
+    }
 
 
 def read_changed(path: Path, read: Read, changes: Iterable[bytes], count: Count) -> None:
