@@ -116,8 +116,8 @@ QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers
 # Parts that run in parallel, as they often wait for processes. The first takes the longest, one
 # process after another, so the others give way to it.
 SMOKE_TESTS = tests/test_smoke.py tests/test_documented_commands.py tests/tracking
-SOAK_TESTS = tests/test_soak.py tests/compute
-TRAINING_TESTS = tests/training tests/agents tests/article tests/test_notebook.py tests/test_verify.py
+SOAK_TESTS = tests/test_soak.py tests/compute tests/test_fingerprint.py tests/test_verify.py
+TRAINING_TESTS = tests/training tests/agents tests/article tests/test_notebook.py
 PAGES_TESTS = tests/play tests/report tests/tuning tests/watching
 GIVE_WAY = CI=1 nice -n 15
 

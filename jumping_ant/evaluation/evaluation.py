@@ -26,6 +26,7 @@ defined in `jumping_ant.evaluation.motion`.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import mujoco
@@ -34,6 +35,7 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from jumping_ant.base import progress
 from jumping_ant.evaluation import motion, variants
 from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.episodes import EPISODE_KEYS
@@ -43,7 +45,7 @@ from jumping_ant.looks.measures import TERM
 from jumping_ant.params.blocks import EvaluateParams
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
-from jumping_ant.sim.rollout import Episode, Play
+from jumping_ant.sim.rollout import LARGEST_BATCH, Episode, Play
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
@@ -113,12 +115,13 @@ def play(
     others = variants.make(world, block.algorithm, published, final, start, num_threads)
     versions = {seed: {PUBLISHED: policy} | others[seed] for seed, policy in published.items()}
     num_episodes = variant_names.num_episodes(block, params.evaluate)
-    return play_versions(world, params.evaluate, versions, num_episodes, num_threads)
+    return play_versions(world, params.evaluate, agent, versions, num_episodes, num_threads)
 
 
 def play_versions(
     world: World,
     settings: EvaluateParams,
+    agent: str,
     policies: Mapping[int, Mapping[str, Policy]],
     num_episodes: Mapping[str, int],
     num_threads: int = 1,
@@ -128,6 +131,7 @@ def play_versions(
     Args:
         world: The robot and the task.
         settings: The held-out episodes.
+        agent: The agent's name.
         policies: Versions of each seed's policy by name; one of them is `PUBLISHED`.
         num_episodes: On how many episodes of a seed's block each version is played.
         num_threads: Threads that step the simulations; nothing depends on it.
@@ -142,17 +146,22 @@ def play_versions(
                     {"seed": seed, "variant": version, "episode": number, "episode_seed": start}
                 )
                 plays.append((policy, start))
-    measured = _measured(world, settings, plays, num_threads)
+    measured = _measured(world, settings, agent, plays, num_threads)
     return [key | own for key, own in zip(keys, measured, strict=True)]
 
 
 def _measured(
-    world: World, settings: EvaluateParams, plays: Sequence[Play], num_threads: int
+    world: World, settings: EvaluateParams, agent: str, plays: Sequence[Play], num_threads: int
 ) -> list[dict[str, float]]:
     """Return the quantities of episodes; those of the same policy and start run once."""
     keys = [(id(policy), start) for policy, start in plays]
     different = dict(zip(keys, plays, strict=True))
-    episodes = rollout.play(world, list(different.values()), num_threads)
+    once = list(different.values())
+    parts = (
+        list(rollout.play(world, once[first : first + LARGEST_BATCH], num_threads))
+        for first in range(0, len(once), LARGEST_BATCH)
+    )
+    episodes = chain.from_iterable(progress.shown(parts, len(once), agent, "held-out episodes"))
     measured = {
         key: measure(world, settings, episode)
         for key, episode in zip(different, episodes, strict=True)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.base import progress
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import RobustnessParams
 from jumping_ant.policies.policy import Policy
@@ -56,13 +57,14 @@ def play(
 ) -> dict[Case, float]:
     """Play the episodes of an agent's seeds whose policies are given; return each one's return."""
     own = [case for case in cases(params, agent) if case.seed in policies]
-    found = returns(world, params.robustness.episode_steps, policies, own, num_threads)
+    found = returns(world, params.robustness.episode_steps, agent, policies, own, num_threads)
     return dict(zip(own, found.tolist(), strict=True))
 
 
 def returns(
     world: World,
     episode_steps: int,
+    agent: str,
     policies: Mapping[int, Policy],
     played: Sequence[Case],
     num_threads: int = 1,
@@ -72,16 +74,17 @@ def returns(
     Args:
         world: The robot and the task.
         episode_steps: Length of the episodes [control steps].
+        agent: The agent's name.
         policies: Each seed's policy.
         played: The episodes.
         num_threads: Threads that step the simulations; nothing depends on it.
     """
     short = World(world.xml, world.env.model_copy(update={"max_episode_steps": episode_steps}))
-    parts = [
+    parts = (
         _together(short, policies, played[first : first + LARGEST_BATCH], num_threads)
         for first in range(0, len(played), LARGEST_BATCH)
-    ]
-    return np.concatenate([np.empty(0), *parts])
+    )
+    return np.concatenate([np.empty(0), *progress.shown(parts, len(played), agent, "episodes")])
 
 
 def _together(

@@ -77,9 +77,10 @@ def _mirror(store: Store, paths: StudyPaths, say: Callable[[str], None]) -> None
 
 
 def _mirror_trial(store: Store, study: Run, run: Run | None, row: Mapping[str, Any]) -> None:
-    if run is None:
-        tags = {TRIAL: row["trial"], stores.PARENT: study.info.run_id}
-        run = store.create_run(f"trial {row['trial']}", tags)
+    tags = {STATE: row["state"]} | ({REASON: row["reason"]} if row["reason"] else {})
+    if run is None:  # with all its tags, as each call waits for the disk
+        its = {TRIAL: row["trial"], stores.PARENT: study.info.run_id}
+        run = store.create_run(f"trial {row['trial']}", its | tags)
     own = {"value": trials.value(dict(row))}
     for place, value in enumerate(row["returns"].split()):
         own[f"return/seed_{place + 1}"] = float(value)
@@ -88,7 +89,7 @@ def _mirror_trial(store: Store, study: Run, run: Run | None, row: Mapping[str, A
     desired = Desired(
         params={key: str(value) for key, value in json.loads(row["settings"]).items()},
         metrics={key: value for key, value in own.items() if math.isfinite(value)},
-        tags={STATE: row["state"]} | ({REASON: row["reason"]} if row["reason"] else {}),
+        tags=tags,
     )
     store.apply(run, desired)
     store.client.set_terminated(run.info.run_id, STATUS[row["state"]])

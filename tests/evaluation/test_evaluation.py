@@ -53,7 +53,9 @@ def evaluate(
 ) -> tuple[pd.DataFrame, Trajectory]:
     """Return the episodes of published policies, and the trajectory of the median one."""
     versions = {seed: {PUBLISHED: policy} for seed, policy in policies.items()}
-    rows = evaluation.play_versions(world, params.evaluate, versions, {PUBLISHED: 3}, num_threads)
+    rows = evaluation.play_versions(
+        world, params.evaluate, "sac", versions, {PUBLISHED: 3}, num_threads
+    )
     found = evaluation.evaluate(world, params.evaluate, "random", policies, rows)
     return found.episodes, found.median
 
@@ -249,7 +251,7 @@ def test_the_same_policy_is_played_once_and_for_as_long_as_asked(
     counts = {PUBLISHED: 3, "final": 2, "signed": 1}
     played, play = [], rollout.play
     monkeypatch.setattr(rollout, "play", lambda _, of, n: played.append([*of]) or play(_, of, n))
-    rows = evaluation.play_versions(short_world, short.evaluate, versions, counts)
+    rows = evaluation.play_versions(short_world, short.evaluate, "sac", versions, counts)
     found = evaluation.evaluate(short_world, short.evaluate, "random", {5: published}, rows)
     assert played[0] == [*((published, start) for start in (24, 25, 26)), (other, 24)]
     assert found.variants[["seed", "variant", "episodes"]].values.tolist() == [

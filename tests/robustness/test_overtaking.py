@@ -49,7 +49,7 @@ def test_a_recorded_episode_is_the_one_that_counts(
 ) -> None:
     episode = recorded.play(world, STEPS, Player("mine", 3, policy), condition, START)
     case = Case(condition, 3, START)
-    (expected,) = playing.returns(world, STEPS, {3: policy}, [case])
+    (expected,) = playing.returns(world, STEPS, "sac", {3: policy}, [case])
     assert episode.episode_return == pytest.approx(expected, abs=1e-12)
     assert episode.frame_skip == (10 if condition.perturbation == "integration" else 5)
     assert episode.timestep * episode.frame_skip == pytest.approx(world.dt)

@@ -74,7 +74,7 @@ def returns(
     world: World, policy: Policy, played: Sequence[tuple[Condition, int]], num_threads: int = 1
 ) -> Array:
     cases = [Case(own, 0, start) for own, start in played]
-    return playing.returns(world, STEPS, {0: policy}, cases, num_threads)
+    return playing.returns(world, STEPS, "sac", {0: policy}, cases, num_threads)
 
 
 def fields(model: mujoco.MjModel) -> dict[str, Array]:
