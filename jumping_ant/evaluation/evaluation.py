@@ -26,7 +26,6 @@ defined in `jumping_ant.evaluation.motion`.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import Any
 
 import mujoco
@@ -35,8 +34,7 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from jumping_ant.base import progress
-from jumping_ant.evaluation import motion, variants
+from jumping_ant.evaluation import motion, playing, variants
 from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.episodes import EPISODE_KEYS
 from jumping_ant.experiment.models import Params
@@ -45,7 +43,7 @@ from jumping_ant.looks.measures import TERM
 from jumping_ant.params.blocks import EvaluateParams
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
-from jumping_ant.sim.rollout import LARGEST_BATCH, Episode, Play
+from jumping_ant.sim.rollout import Episode, Play
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
@@ -112,7 +110,7 @@ def play(
     """
     block, start = params.agent(agent), params.training.evaluation_seed
     published, final = ({seed: own[i] for seed, own in policies.items()} for i in (0, 1))
-    others = variants.make(world, block.algorithm, published, final, start, num_threads)
+    others = variants.make(world, agent, block.algorithm, published, final, start, num_threads)
     versions = {seed: {PUBLISHED: policy} | others[seed] for seed, policy in published.items()}
     num_episodes = variant_names.num_episodes(block, params.evaluate)
     return play_versions(world, params.evaluate, agent, versions, num_episodes, num_threads)
@@ -156,12 +154,7 @@ def _measured(
     """Return the quantities of episodes; those of the same policy and start run once."""
     keys = [(id(policy), start) for policy, start in plays]
     different = dict(zip(keys, plays, strict=True))
-    once = list(different.values())
-    parts = (
-        list(rollout.play(world, once[first : first + LARGEST_BATCH], num_threads))
-        for first in range(0, len(once), LARGEST_BATCH)
-    )
-    episodes = chain.from_iterable(progress.shown(parts, len(once), agent, "held-out episodes"))
+    episodes = playing.play(world, list(different.values()), agent, "held-out", num_threads)
     measured = {
         key: measure(world, settings, episode)
         for key, episode in zip(different, episodes, strict=True)

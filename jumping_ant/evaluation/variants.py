@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.base.seeding import derive
+from jumping_ant.evaluation import playing
 from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.models import SELECTION_EPISODES
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy, Stateless
-from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
@@ -77,6 +77,7 @@ class NearestLevels(Stateless):
 
 def make(
     world: World,
+    agent: str,
     algorithm: str,
     published: Mapping[int, Policy],
     final: Mapping[int, Policy],
@@ -87,6 +88,7 @@ def make(
 
     Args:
         world: The robot and the task.
+        agent: The agent's name.
         algorithm: What trained the policies.
         published: Each seed's published policy.
         final: Each seed's policy at the end of training.
@@ -95,7 +97,7 @@ def make(
     """
     samples = {}
     if algorithm in variant_names.SAMPLED:
-        samples = _best_samples(world, final, validation_seed, num_threads)
+        samples = _best_samples(world, agent, final, validation_seed, num_threads)
     variants = {}
     for seed, policy in published.items():
         made = {"final": final[seed], **_discrete(policy, world.env)}
@@ -118,7 +120,7 @@ def _discrete(policy: Policy, env: EnvParams) -> dict[str, Policy]:
 
 
 def _best_samples(
-    world: World, final: Mapping[int, Policy], validation_seed: int, num_threads: int
+    world: World, agent: str, final: Mapping[int, Policy], validation_seed: int, num_threads: int
 ) -> dict[int, Policy]:
     """Return the best of each seed's samples: after a few episodes, finalists play the others."""
     episodes = range(validation_seed, validation_seed + SELECTION_EPISODES)
@@ -132,7 +134,8 @@ def _best_samples(
     def totals(played: Mapping[int, Sequence[Policy]], starts: range) -> Array:
         """Return sums of returns, shape (num_seeds, policies of each)."""
         plays = [(one, start) for own in played.values() for one in own for start in starts]
-        returns = rollout.returns(world, plays, num_threads)
+        episodes = playing.play(world, plays, agent, "validation", num_threads)
+        returns = np.array([episode.rewards.sum() for episode in episodes])
         return np.asarray(returns.reshape(len(played), -1, len(starts)).sum(axis=2))
 
     first = totals(samples, episodes[:FIRST_EPISODES])

@@ -88,7 +88,9 @@ def test_levels_are_the_nearest_up_to_the_agents_amplitude(
 def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, short: EnvParams) -> None:
     def names(algorithm: str, policy: Any) -> list[str]:
         own = {3: policy}
-        found = variants.make(World(robot_xml, short), algorithm, own, own, VALIDATION_SEED)
+        found = variants.make(
+            World(robot_xml, short), algorithm, algorithm, own, own, VALIDATION_SEED
+        )
         return list(found[3])
 
     policy, discrete = linear(0.1), ["signed", "three", "rounded_full", "rounded"]
@@ -119,7 +121,7 @@ def test_commands_at_full_amplitude_are_those_at_half_where_the_two_are_equal(
 ) -> None:
     for amplitude in (1.0, 0.5):
         own = {3: replace(linear(0.1), actions=ActionSet(amplitude=amplitude))}
-        found = variants.make(World(robot_xml, short), "sac", own, own, VALIDATION_SEED)[3]
+        found = variants.make(World(robot_xml, short), "sac", "sac", own, own, VALIDATION_SEED)[3]
         is_same = found["rounded_full"] is found["rounded"]  # and so is played once
         assert is_same == (amplitude == 0.5)
         full: Any = found["rounded_full"]
@@ -129,7 +131,7 @@ def test_commands_at_full_amplitude_are_those_at_half_where_the_two_are_equal(
 def test_the_best_sample_wins_two_rounds_of_validation(robot_xml: str, short: EnvParams) -> None:
     world, centers = World(robot_xml, short), {7: linear(0.5), 9: linear(0.4)}
     episodes = [VALIDATION_SEED + i for i in range(SELECTION_EPISODES)]
-    found = variants.make(world, "pgpe", centers, centers, VALIDATION_SEED)
+    found = variants.make(world, "pgpe", "pgpe", centers, centers, VALIDATION_SEED)
     for seed, center in centers.items():
         generator = np.random.default_rng(variants.derive(seed, "samples"))
         samples = [center.sample(generator) for _ in range(variants.NUM_SAMPLES)]
@@ -145,6 +147,6 @@ def test_the_best_sample_wins_two_rounds_of_validation(robot_xml: str, short: En
 
 def test_without_spread_the_best_sample_is_the_center(robot_xml: str, short: EnvParams) -> None:
     own = {0: linear(0.0)}
-    found = variants.make(World(robot_xml, short), "pgpe", own, own, VALIDATION_SEED)
+    found = variants.make(World(robot_xml, short), "pgpe", "pgpe", own, own, VALIDATION_SEED)
     best: Any = found[0]["best_sample"]
     np.testing.assert_array_equal(best.weight, own[0].weight)
