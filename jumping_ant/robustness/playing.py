@@ -1,8 +1,10 @@
 """Held-out episodes of an agent's policies, under every perturbation and under none."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -93,7 +95,20 @@ def _together(
     envs = PerturbedVectorEnv(world, [(case.condition, case.start) for case in played], num_threads)
     beside = SideBySide([(policies[case.seed], case.start) for case in played])
     total = np.zeros(len(played))
-    with np.errstate(over="ignore", invalid="ignore"):  # where a simulation falls apart
+    with _simulations_may_fall_apart():
         for step in rollout.steps(envs, envs.begin(), beside.act, beside.hold):
             total += step.rewards
     return total
+
+
+@contextmanager
+def _simulations_may_fall_apart() -> Iterator[None]:
+    """Let numbers overflow in silence, and MuJoCo warn of it in MUJOCO_LOG.TXT alone."""
+    usual, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    quiet.logto_console = False
+    quiet.set()
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield
+    finally:
+        usual.set()

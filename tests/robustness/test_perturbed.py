@@ -1,6 +1,7 @@
 """Environments that are perturbed: each in what its condition says, and in nothing else."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -245,13 +246,27 @@ def test_tilted_starts_are_in_the_air(world: World, angle: float) -> None:
     assert np.array_equal(envs.qpos[0, 7:], envs.qpos[1, 7:])
 
 
-def test_a_simulation_that_falls_apart_ends_alone(world: World, policy: Policy) -> None:
-    """One step of implicitfast for each control step."""
-    played = [(Condition("integration", 1.0), START), (NONE, START)]
+def test_a_simulation_that_falls_apart_ends_alone(
+    world: World,
+    policy: Policy,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """One step of implicitfast for each control step, and motors that are much too strong.
+
+    MuJoCo warns in its log alone.
+    """
+    monkeypatch.chdir(tmp_path)
+    conditions = [Condition("integration", 1.0), Condition("motor_strength", 1e6), NONE]
+    played = [(own, START) for own in conditions]
     usual = returns(world, policy, [(NONE, START)])
     together = returns(world, policy, played)
     assert np.isfinite(together).all()
-    assert together[1] == usual[0]
+    assert together[2] == usual[0]
+    assert "WARNING" not in "".join(capfd.readouterr())
+    assert "WARNING" in (tmp_path / "MUJOCO_LOG.TXT").read_text(encoding="utf-8")
+    assert mujoco.MjLogConfig.get().logto_console, "as before"
 
 
 def test_a_robot_in_a_plane_is_perturbed_in_it() -> None:
