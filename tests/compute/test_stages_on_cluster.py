@@ -49,12 +49,14 @@ def play(project: Checkout, stage: str, agent: str, before: str = "") -> str:
 def test_the_files_are_the_same(
     project: Checkout, ray_address: str, monkeypatch: pytest.MonkeyPatch, stage: str, agent: str
 ) -> None:
-    written, results = [], project.folder / "results"
+    told, written, results = [], [], project.folder / "results"
     for address in ("local", ray_address):
         monkeypatch.setenv("RAY_ADDRESS", address)
         shutil.rmtree(results)
-        assert play(project, stage, agent) == ""
+        told.append(play(project, stage, agent).splitlines())
         written.append({path: path.read_bytes() for path in results.rglob("*.*")})
+    assert told[0] and all(f"{agent}: " in line and " episodes" in line for line in told[0])
+    assert told[1] == []  # what workers say stays on their machines
     assert written[0] == written[1]
     assert len(written[0]) == {"evaluate": 5, "robustness": 1}[stage]
 
