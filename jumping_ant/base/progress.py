@@ -18,7 +18,7 @@ def shown(
     """Yield parts as they come, and show how much of the work they are.
 
     Args:
-        parts: What is computed, each part as long as the work that it is.
+        parts: The results; the length of a part is its share of the work.
         total: The length of all parts.
         name: Whose work it is.
         unit: What the work is counted in.
