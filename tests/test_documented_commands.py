@@ -130,7 +130,7 @@ ELSEWHERE = {
     "make article": ARTICLE,
     "make decide": "hours of training; tests/test_decide.py decides with made-up results",
     "python -m scripts.article --measure": ARTICLE,
-    "python -m scripts.article_runs": "10 to 20 core-hours; tests/article/test_article_runs.py",
+    "python -m scripts.article_runs": "about 18 core-hours; tests/article/test_article_runs.py",
     f"{PUBLISH} PRESET=article-runs": "tests/article/test_article_runs.py writes this table",
     f"{PUBLISH} PRESET=article": "tests/article/test_article_run.py writes this table",
     f"{PUBLISH} PRESET=run": "needs its budget; tests/test_publish.py writes this table",
