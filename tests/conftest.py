@@ -6,6 +6,7 @@ numbers take them from here.
 
 import os
 from collections.abc import Iterator
+from functools import cache
 from typing import TYPE_CHECKING
 
 import browser
@@ -14,6 +15,7 @@ import pytest
 from finished_project import Project
 from playwright.sync_api import Browser
 
+from jumping_ant.base import effective_code
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
@@ -62,6 +64,14 @@ ENV = EnvParams(
     reward=article.ENV.reward,
 )
 EVALUATE = EvaluateParams(episodes=10, baseline_episodes=10, seed=1000000, min_airborne_seconds=0.1)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def code_is_cut_once() -> Iterator[None]:
+    """Each training digests all of its code, which takes longer than a small training itself."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(effective_code, "effective", cache(effective_code.effective))
+        yield
 
 
 @pytest.fixture(scope="session")
