@@ -65,11 +65,11 @@ def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
         StoppedError: A signal requested a stop.
         WorkerError: The pipeline failed; its own message is printed above.
     """
-    with _alone(folder):
-        _run(folder, params, targets)
+    with _alone(folder) as lock:
+        _run(folder, params, targets, lock)
 
 
-def _run(folder: Path, params: Params, targets: Sequence[str]) -> None:
+def _run(folder: Path, params: Params, targets: Sequence[str], lock: int) -> None:
     renew_project(folder)
     with suppress(FileExistsError):  # so that the copy's `make` finds what is installed
         (folder / ".venv").symlink_to(PROJECT_ROOT / ".venv")
@@ -78,7 +78,10 @@ def _run(folder: Path, params: Params, targets: Sequence[str]) -> None:
     copy.write_params(params)
     with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
         called = ["python", "-m", "scripts.repro", *targets]
-        status = subprocess.run(called, cwd=folder, env=copy.environment).returncode
+        # It holds the lock, too: a kill of this process alone leaves the pipeline running.
+        status = subprocess.run(
+            called, cwd=folder, env=copy.environment, pass_fds=[lock]
+        ).returncode
     if interrupts:
         raise StoppedError("the same command resumes from the last checkpoints")
     if status:
@@ -100,8 +103,12 @@ def _share_trainings(folder: Path, params: Params) -> None:
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Keep other processes from a copy: each would replace the code that the other runs."""
+def _alone(folder: Path) -> Iterator[int]:
+    """Keep other processes from a copy: each would replace the code that the other runs.
+
+    Yields:
+        The open file that is locked, until all processes that have it open have ended.
+    """
     path = folder / ".dvc" / "tmp" / "preset.lock"
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8") as lock:
@@ -111,7 +118,7 @@ def _alone(folder: Path) -> Iterator[None]:
             raise InputError(
                 f"{folder}: another process runs this preset; wait for its end, or stop it"
             ) from error
-        yield
+        yield lock.fileno()
 
 
 @contextmanager

@@ -1,5 +1,7 @@
 """A preset in a folder of its own."""
 
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -94,6 +96,26 @@ def test_the_same_preset_does_not_run_twice_at_once(
     assert told.startswith(f"error: {copy}: another process runs this preset; wait")
     assert told.count("\n") == 1
     preset.run(copy, presets.load("quick"))
+
+
+def test_a_preset_whose_process_was_killed_still_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pipeline that it started does: the lock is the pipeline's, too."""
+    (tmp_path / "again.py").write_text(AGAIN, encoding="utf-8")
+    again = f"PYTHONPATH={PROJECT_ROOT} {sys.executable} {tmp_path}/again.py 2> told"
+    replace_python(monkeypatch, tmp_path, f"kill -9 $PPID; sleep 1; {again}")
+    (tmp_path / "copy").mkdir()
+    code = f"from scripts.checkout import Checkout\nCheckout.environment = {Checkout.environment}\n"
+    killed = subprocess.run(
+        [sys.executable, "-c", code + AGAIN],
+        cwd=tmp_path / "copy",
+        env=os.environ | {"PYTHONPATH": str(PROJECT_ROOT)},
+        capture_output=True,  # waits for what still writes
+    )
+    assert killed.returncode == -signal.SIGKILL
+    told = (tmp_path / "copy" / "told").read_text(encoding="utf-8")
+    assert "another process runs this preset" in told
 
 
 def test_an_interrupt_waits_for_the_pipeline_to_save(
