@@ -67,8 +67,11 @@ EVALUATE = EvaluateParams(episodes=10, baseline_episodes=10, seed=1000000, min_a
 
 
 @pytest.fixture(scope="session", autouse=True)
-def code_is_cut_once() -> Iterator[None]:
-    """Each training digests all of its code, which takes longer than a small training itself."""
+def comments_are_removed_once() -> Iterator[None]:
+    """Cache code without its comments: each training digests all of its code anew.
+
+    That takes longer than a small training itself.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(effective_code, "effective", cache(effective_code.effective))
         yield
