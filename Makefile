@@ -87,7 +87,7 @@ try: install ## see robots learn to jump, and everything that comes of it, in .p
 preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families STAGES="compare speed")
 	@python -m scripts.preset $(PRESET) $(STAGES)
 
-article: install ## reproduce what the article printed, into results/article.json (2.5 hours on 2 cores)
+article: install ## reproduce what the article printed, into results/article.json (3.5 hours on 2 cores)
 	python -m scripts.article
 
 decide: install ## train more seeds for the agents of open claims, into results/decided.json
