@@ -10,8 +10,9 @@ results/article_tests.csv says of DQN with other versions and contacts, in the s
 `run` it writes SAC's returns beside published ones, too. With `families` and `thesis` the sections
 are in docs/families.md, which gets pictures as well, and the comparisons in
 results/families.json and results/thesis.json. With `replicate` the verdicts stand beside the
-default's, and results/replicate.json has them; `tuning` is what results/tuning/ says of the
-searches for settings, in docs/tuning.md.
+default's, and results/replicate.json has them; `decided` is what results/decided.json says of the
+claims that more seeds were added for (`make decide`), in docs/results.md, and `tuning` what
+results/tuning/ says of the searches for settings, in docs/tuning.md.
 """
 
 import csv
@@ -31,7 +32,7 @@ DOCS = PROJECT_ROOT / "docs"
 README = PROJECT_ROOT / "README.md"
 RESULTS = PROJECT_ROOT / "results"
 PRESETS = ("default", "ablations", "article", "run", "hopper", "families", "replicate", "thesis")
-OTHERS = ("article-runs", "tuning")  # no presets
+OTHERS = ("article-runs", "decided", "tuning")  # no presets
 DOCUMENTS = dict.fromkeys(("families", "thesis"), DOCS / "families.md")  # others: docs/results.md
 COMPARISONS = {name: RESULTS / f"{name}.json" for name in DOCUMENTS}  # comparisons that are in git
 OTHER_TASKS = ("run", "hopper")  # for which the article makes no claims
@@ -74,6 +75,8 @@ def _sections(preset: str, folder: Path) -> Sections:
         return tuning_sections()
     if preset == "article-runs":
         return runs_sections()
+    if preset == "decided":
+        return decided_sections()
     if preset == "replicate":
         return replication_sections()
     if preset in COMPARISONS:
@@ -109,6 +112,7 @@ def committed_sections() -> Sections:
         | ceiling_sections()
         | robustness_sections()
         | replication_sections()
+        | decided_sections()
         | printed_sections()
         | runs_sections()
         | finals_sections()
@@ -162,6 +166,12 @@ def replication_sections() -> Sections:
     """Return what documents say of the claims on other seeds."""
     table = markdown.replication_table(everything(PROJECT_ROOT), _read(REPLICATION))
     return {(RESULTS_PAGE, "replicate"): table}
+
+
+def decided_sections() -> Sections:
+    """Return what documents say of the claims that more seeds were added for."""
+    looked_at = [claim for claim in _read(RESULTS / "decided.json")["claims"] if "look" in claim]
+    return {(RESULTS_PAGE, "decided"): markdown.claim_table(looked_at, with_evidence=True)}
 
 
 def runs_sections() -> Sections:

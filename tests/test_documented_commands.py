@@ -134,6 +134,7 @@ ELSEWHERE = {
     f"{PUBLISH} PRESET=article-runs": "tests/article/test_article_runs.py writes this table",
     f"{PUBLISH} PRESET=article": "tests/article/test_article_run.py writes this table",
     f"{PUBLISH} PRESET=run": "needs its budget; tests/test_publish.py writes this table",
+    f"{PUBLISH} PRESET=decided": "tests/test_publish.py writes this table",
     f"{PUBLISH} PRESET=replicate": "needs the default's claims; tests/test_publish.py",
     f"{PUBLISH} PRESET=thesis": "as of families; tests/test_publish.py",
     PUBLISH: "needs films of 13 s; tests/test_publish.py makes its table and pictures",
