@@ -3,6 +3,9 @@
 MuJoCo reads the environment variable `MUJOCO_GL` when it is imported. If it is not set, MuJoCo uses
 GLFW, which needs a screen. `select_backend` corrects this at any time before the first picture. It
 stores its choice in `MUJOCO_GL`, where Gymnasium's renderer and child processes find it.
+
+Mesa's software renderer and triton, which comes with torch's builds for CUDA and is imported by its
+optimisers, each hold an LLVM. Triton's must come first: the other order is a segmentation fault.
 """
 
 import functools
@@ -10,6 +13,7 @@ import importlib
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from typing import Any
 
 import mujoco
@@ -53,6 +57,7 @@ def select_backend() -> str:
 def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
     """Open an off-screen renderer; use it as a context manager, so that it is closed."""
     backend = select_backend()
+    _load_triton()
     visual = model.vis.global_
     visual.offwidth = max(visual.offwidth, width)
     visual.offheight = max(visual.offheight, height)
@@ -74,11 +79,18 @@ def gymnasium_renderer(
 
     if off_screen:
         select_backend()
+    _load_triton()
     visual = model.vis.global_
     visual.offwidth = max(visual.offwidth, width)
     visual.offheight = max(visual.offheight, height)
     camera = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, "track")
     return MujocoRenderer(model, data, width=width, height=height, camera_id=camera)
+
+
+def _load_triton() -> None:
+    """Import triton before there is an OpenGL context, where it is installed (0.3 s)."""
+    with suppress(ImportError):
+        importlib.import_module("triton")
 
 
 def _first_that_draws() -> str:

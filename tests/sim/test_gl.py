@@ -6,6 +6,9 @@ A process keeps its backend, so each test asks a fresh one.
 import os
 import subprocess
 import sys
+from pathlib import Path
+
+import pytest
 
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.sim import gl
@@ -82,3 +85,26 @@ def test_without_any_backend_the_message_says_what_to_install() -> None:
     assert "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0" in message
     assert "egl: " in message
     assert "osmesa: " in message
+
+
+DRAW_AND_LEARN = """
+import gymnasium, torch
+import jumping_ant.sim.env
+
+env = gymnasium.make("JumpingAnt-v0", render_mode="rgb_array")
+env.reset()
+env.render()
+torch.optim.Adam([torch.zeros(1, requires_grad=True)])
+import triton
+print(triton.__file__)
+"""
+
+
+@pytest.mark.long
+def test_a_picture_goes_with_the_triton_of_builds_for_cuda(tmp_path: Path) -> None:
+    """Its LLVM after Mesa's is a segmentation fault."""
+    command = ["pip", "install", "--quiet", "--no-deps", "--target", str(tmp_path), "triton==3.7.1"]
+    subprocess.run([sys.executable, "-m", *command], check=True)
+    process = run(DRAW_AND_LEARN, PYTHONPATH=str(tmp_path))
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.startswith(str(tmp_path))
