@@ -186,11 +186,12 @@ def _log(store: Store, record: SeedRecord, run: Run, model: LoggedModel | None) 
         )
     interface = policy_file.read_interface(record.policy_path, (record.agent, record.seed))
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model"
+        path, policy = Path(folder) / "model", Path(folder) / record.policy_path.name
+        shutil.copyfile(record.policy_path, policy)  # MLflow refuses links, as DVC's cache may make
         mlflow.pyfunc.save_model(
             path,
             python_model=str(CODE),
-            artifacts={"policy": str(record.policy_path)},
+            artifacts={"policy": str(policy)},
             code_paths=[str(PACKAGE_DIR)],
             signature=_signature(interface),
             input_example=np.zeros((1, interface.num_observations or 1)),

@@ -61,6 +61,21 @@ def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
     assert parent_name(project, "sac-seed-1") == comparison
 
 
+def test_files_may_be_links_into_a_cache(untracked_project: Path) -> None:
+    """As with DVC's `cache.type symlink`."""
+    cache = untracked_project.parent / "cache"
+    cache.mkdir()
+    outputs = [untracked_project / name for name in ("models", "media", "results")]
+    files = [path for folder in outputs for path in folder.rglob("*") if path.is_file()]
+    for number, path in enumerate(files):
+        path.rename(cache / str(number))
+        path.symlink_to(cache / str(number))
+    tracked(untracked_project)
+    stored = (untracked_project / "mlartifacts").rglob("artifacts/policy.zip")
+    trained = (untracked_project / "models").rglob("policy.zip")
+    assert {digest(path) for path in stored if not path.is_symlink()} == set(map(digest, trained))
+
+
 def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
     comparison = next(name for name in runs(project) if name.startswith("comparison"))
     metrics = content(project, "metrics", comparison)
