@@ -4,6 +4,7 @@ import json
 import os
 from functools import partial
 
+import committed
 import numpy as np
 import pytest
 
@@ -32,7 +33,7 @@ EMPTY = {
 
 @pytest.fixture(scope="module")
 def results() -> dict:
-    return json.loads(report.RESULTS_PATH.read_text(encoding="utf-8"))
+    return json.loads(committed.text("benchmarks/results.json"))
 
 
 def test_compare_takes_medians_over_pairs() -> None:

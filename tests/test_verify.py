@@ -1,11 +1,11 @@
 """Published seeds, retrained from nothing and compared."""
 
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import committed
 import pytest
 
 from jumping_ant.base.errors import InputError
@@ -14,10 +14,8 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import presets
 from scripts import verify
 
-SEEDS = [
-    int(seed)
-    for seed in json.loads(Paths(PROJECT_ROOT).agent("dqn").training.read_text(encoding="utf-8"))
-]
+DQN = "results/agents/dqn"
+SEEDS = [int(seed) for seed in json.loads(committed.text(f"{DQN}/training.json"))]
 IS_SHALLOW = ("git", "-C", str(PROJECT_ROOT), "rev-parse", "--is-shallow-repository")
 is_whole = pytest.mark.skipif(
     subprocess.run(IS_SHALLOW, capture_output=True).stdout.strip() != b"false",
@@ -62,8 +60,7 @@ def test_differences_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     ours, theirs = tmp_path / "ours", tmp_path / "theirs"
     first, second, *_, last = SEEDS
     for root in (ours, theirs):
-        folder = Paths(root).agent("dqn").training.parent
-        shutil.copytree(Paths(PROJECT_ROOT).agent("dqn").training.parent, folder)
+        committed.extract(root, DQN)
     assert verify.compare(theirs, ours, "dqn", first, "abc")
     assert capsys.readouterr().out == f"dqn seed {first}: same bytes as published (commit abc)\n"
     paths = Paths(ours).agent("dqn")

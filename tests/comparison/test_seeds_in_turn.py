@@ -4,15 +4,13 @@ import csv
 import heapq
 from collections.abc import Iterable
 
+import committed
 import pytest
-
-from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.base.paths import Paths
 
 
 def seconds(agent: str) -> list[float]:
     """Return what each seed took to train."""
-    text = Paths(PROJECT_ROOT).agent(agent).timing.read_text(encoding="utf-8")
+    text = committed.text(f"results/timing/{agent}/timing.csv")
     last = {row["seed"]: float(row["seconds"]) for row in csv.DictReader(text.splitlines())}
     return list(last.values())
 

@@ -2,13 +2,13 @@
 
 import json
 
+import committed
 import pytest
 
-from jumping_ant.base.files import PROJECT_ROOT as ROOT
 from jumping_ant.play import reference
 
-README = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-PUBLISHED = json.loads((ROOT / "results" / "play.json").read_text(encoding="utf-8"))
+README = " ".join(committed.text("README.md").split())
+PUBLISHED = json.loads(committed.text("results/play.json"))
 
 
 @pytest.mark.parametrize("agent", PUBLISHED["agents"])
