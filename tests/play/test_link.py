@@ -1,6 +1,7 @@
 """Addresses with the page's state in node: whatever they hold, the page gets what it can use."""
 
 import json
+import shutil
 import subprocess
 from base64 import b64encode
 from typing import Any
@@ -20,6 +21,9 @@ CONTENT = {
     "sliders": [],
     "task": {"max_episode_steps": 100, "frame_skip": 5},
 }
+pytestmark = pytest.mark.skipif(
+    not shutil.which("node"), reason="no node here; run `scripts/environment.sh browser`"
+)
 USUAL = {"a": None, "b": None, "speed": 1, "running": True, "levels": {}}
 PARSE = """
 const { format, parse } = await import(process.argv[1]);

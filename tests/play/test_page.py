@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import firefox
 import pytest
 from browser import Visit, launched, open_page
 
@@ -199,18 +198,3 @@ def test_marks_and_sizes(visit: Visit, live: str) -> None:
     own.set_viewport_size({"width": 390, "height": 800})
     assert own.evaluate("document.documentElement.scrollWidth") <= 390, "it scrolls sideways"
     own.set_viewport_size({"width": 390, "height": 420})
-
-
-def test_firefox_runs_all_agents_too(live: str, settings: Params, tmp_path: Path) -> None:
-    with firefox.launched(tmp_path / "profile") as window:
-        window.open(live, 1200, 700)
-        window.wait_for(MOVED)
-        for name in settings.agents:
-            chosen = json.dumps({"a": {"agent": name, "seed": 1, "start": 0}})
-            window.evaluate(f"page.choose({chosen}).then(() => null)")
-            window.wait_for(f"{STEPS} > 2 && {STEPS} < 60")
-            window.wait_for("document.getElementById('origin-a').textContent.endsWith('here')")
-        if window.evaluate("document.getElementById('no-webgl').hidden") is False:
-            assert "no WebGL" in window.evaluate("document.getElementById('no-webgl').innerText")
-        assert window.evaluate("document.documentElement.scrollWidth") <= 1200
-        assert window.errors == [] == window.requests

@@ -23,6 +23,9 @@ from scripts import parity
 EXACT = "commands"  # a policy that sees, and whose torques have no rounding
 START, STEPS = 7, 30  # the seed of an episode, and its control steps
 STATES = 40
+pytestmark = pytest.mark.skipif(
+    not shutil.which("node"), reason="no node here; run `scripts/environment.sh browser`"
+)
 
 
 def world_of(kind: str) -> World:
@@ -69,7 +72,6 @@ def answers(
     worlds: Mapping[str, World], known: Mapping[str, Mapping[str, Policy]]
 ) -> dict[str, list[Any]]:
     """What node answers for each robot: errors of each policy, then returns of some episodes."""
-    assert shutil.which("node"), "no node here; run `scripts/environment.sh browser`"
     found = {}
     for kind, world in worlds.items():
         tasks = [
