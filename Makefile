@@ -31,19 +31,23 @@ endif
 export PYTHON TORCH_INDEX
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-# Containers often set it. But uv installs packages without byte code, so each of a run's many
-# processes would compile what it imports anew: almost half of the CPU time of the smoke preset.
-unexport PYTHONDONTWRITEBYTECODE
+# Containers often set the first. But uv installs packages without byte code, so each of a run's many
+# processes would compile what it imports anew: almost half of the CPU time of the smoke preset. ROS
+# sets the second, to packages of its own. The last is how other tools know coding agents.
+unexport PYTHONDONTWRITEBYTECODE PYTHONPATH PYTHONHOME AGENT
 
 .DEFAULT_GOAL := help
-.PHONY: help install shared champions try cost repro preset article decide tune parity check style test test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install shared champions try cost repro preset article decide tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
 	test-pages test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
-	@sed -nE 's/^([a-z]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
+	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
 
-install: .venv/.packages .venv/.rendering .venv/.page .venv/bin/ffmpeg .venv/.dvc ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
+install: .venv/.packages .venv/.rendering .venv/.page .venv/bin/ffmpeg ## install what is missing, into .venv (TORCH_INDEX= for CUDA)
 
+ifneq ($(shell cat .venv/.packages 2>/dev/null),$(shell scripts/environment.sh stamp 2>/dev/null))
+.PHONY: .venv/.packages
+endif
 .venv/.packages: requirements.lock pyproject.toml
 	@scripts/environment.sh packages
 
@@ -56,10 +60,6 @@ install: .venv/.packages .venv/.rendering .venv/.page .venv/bin/ffmpeg .venv/.dv
 # Rerun plays films with the `ffmpeg` that it finds.
 .venv/bin/ffmpeg: | .venv/.packages
 	@ln -sf "$$(python -c 'import imageio_ffmpeg; print(imageio_ffmpeg.get_ffmpeg_exe())')" $@
-
-# DVC unpickles data from this folder. Its default is in /var/tmp, where all users may write.
-.venv/.dvc: | .venv/.packages
-	@dvc config --quiet --local core.site_cache_dir "$(CURDIR)/$@" && mkdir -m 700 $@
 
 .venv/.browser: .venv/.packages
 	@scripts/environment.sh browser
@@ -108,6 +108,11 @@ style:
 test: install .venv/.browser .venv/.shared ## check style, types and behaviour
 	@$(MAKE) --no-print-directory --jobs=6 --keep-going \
 		test-smoke test-soak test-training test-pages test-rest style
+	@for tool in chromium node; do command -v $$tool >/dev/null || \
+		echo "test: no $$tool here, so tests of pages were skipped"; done
+
+test-all: test ## all of these, and tests that download hundreds of megabytes
+	pytest -q -m long
 
 QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers.py \
 	tests/looks/test_looks.py tests/looks/test_naming.py tests/looks/test_wording.py \
@@ -164,9 +169,8 @@ publish: install ## write the results into README.md and docs/ (PRESET=families 
 ui: install ## bring MLflow up to date and open its pages on this machine (PORT=5000)
 	@python -m jumping_ant.tracking.ui --port $(PORT)
 
-# Rerun sends no telemetry if CI is set; its own switch for that changes the user's settings.
 view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
-	CI=1 rerun --bind 127.0.0.1 media/$(AGENT).rrd
+	@python -m scripts.view $(AGENT:*=)
 
 watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=30)
 	@python -m jumping_ant.watching.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))

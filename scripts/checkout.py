@@ -16,10 +16,12 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from jumping_ant.base import telemetry
+from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment.models import Params
 
 RESULTS = ("assets", "dvc.lock", "media", "models", "results")  # outputs of runs
+NAME_YOURSELF = 'git config --global user.name "NAME" && git config --global user.email ADDRESS'
 
 
 @dataclass(frozen=True)
@@ -66,15 +68,9 @@ class Checkout:
 
 
 def with_tools() -> dict[str, str]:
-    """Return this process's environment variables, with this Python's tools first in the path.
-
-    DVC keeps what it unpickles in the private folder of this Python's installation.
-    """
-    variables = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    private = Path(sys.prefix) / ".dvc"
-    if os.access(private, os.W_OK):
-        variables["DVC_SITE_CACHE_DIR"] = str(private)
-    return os.environ | telemetry.SWITCHES | variables
+    """Return this process's environment variables, with this Python's tools first in the path."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    return os.environ | telemetry.SWITCHES | {"PATH": path}
 
 
 @contextmanager
@@ -107,12 +103,33 @@ def renew_project(folder: Path) -> None:
 
 def project_files() -> list[str]:
     """Return what git tracks or would track, as paths from the project's root."""
-    listing = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-    names = subprocess.run(
-        listing, cwd=PROJECT_ROOT, encoding="utf-8", capture_output=True, check=True
-    )
-    listed = filter(None, names.stdout.split("\0"))
+    listing = git("ls-files", "-z", "--cached", "--others", "--exclude-standard")
+    listed = filter(None, listing.split("\0"))
     return [name for name in listed if (PROJECT_ROOT / name).is_file()]  # not deleted since
+
+
+def git(*arguments: str) -> str:
+    """Return what git prints of the project.
+
+    Raises:
+        InputError: It is no repository of this user's, or git refuses; git's message says why.
+    """
+    done = subprocess.run(
+        ["git", *arguments], cwd=PROJECT_ROOT, encoding="utf-8", capture_output=True
+    )
+    if done.returncode:
+        reason = " ".join(done.stderr.split()) or f"git {shlex.join(arguments)} fails"
+        raise InputError(f"{PROJECT_ROOT}: {reason}; without a repository, run `git init` there")
+    return done.stdout
+
+
+def warn_of_no_name() -> None:
+    """Say how to name oneself to git, if nobody has: experiments of DVC are commits."""
+    try:
+        for key in ("user.name", "user.email"):
+            git("config", key)
+    except InputError:
+        print(f"git knows no name, without which `dvc exp run` stops: {NAME_YOURSELF}", flush=True)
 
 
 def _copy(names: Iterable[str], folder: Path) -> None:

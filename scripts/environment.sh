@@ -4,9 +4,10 @@
 #   scripts/environment.sh packages   install the Python packages of requirements.lock into .venv
 #   scripts/environment.sh rendering  install a rendering library, if none is found
 #   scripts/environment.sh page       fetch the libraries of the live page from the npm registry
-#   scripts/environment.sh browser    install browsers and node for the page tests, if they are missing
+#   scripts/environment.sh browser    install a browser and node for the page tests, if they are missing
 #   scripts/environment.sh peers      install the packages of benchmarks/requirements.lock as well
 #   scripts/environment.sh shared     install the packages of shared.lock as well
+#   scripts/environment.sh stamp      print what .venv/.packages holds if all is installed
 #   scripts/environment.sh lock       renew all locks from pyproject.toml
 #   scripts/environment.sh lock-more  renew all but requirements.lock, beside what is in that
 #
@@ -117,24 +118,48 @@ install_torch() {
     if [ -n "$TORCH_INDEX" ]; then
         UV_HTTP_TIMEOUT=${UV_HTTP_TIMEOUT-20} UV_HTTP_RETRIES=${UV_HTTP_RETRIES-1} \
             uv_install --default-index "$TORCH_INDEX" "$requirement" && return
-        echo "install: no torch from $TORCH_INDEX, so the usual index's build is installed: on" \
-            "Linux with CUDA, which takes several gigabytes" >&2
+        echo "install: no torch from $TORCH_INDEX, so the usual index's build is installed, on" \
+            "Linux with CUDA: 6.7 GB in all instead of 2.8. TORCH_INDEX=URL names another index" >&2
     fi
     "$UV" pip install --python .venv/bin/python "$requirement" # with CUDA's own packages
 }
 
+# Have every Python of .venv find what belongs to it, where no `activate` was typed, too: its tools,
+# as stages run by the name `python`, and a private folder for what DVC unpickles (by default in
+# /var/tmp, where all users may write).
+link_tools() {
+    local folder
+    folder=$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+    mkdir -p -m 700 .venv/.dvc
+    cat >"$folder/environment.pth" <<'END'
+import os, sys; os.environ["PATH"] = f"{sys.prefix}/bin:{os.environ.get('PATH', os.defpath)}"
+import os, sys; os.environ.setdefault("DVC_SITE_CACHE_DIR", f"{os.path.realpath(sys.prefix)}/.dvc")
+END
+}
+
+# Print where .venv is, and its Python: its scripts name both, so that it works with no other.
+stamp() {
+    cd .venv 2>/dev/null && pwd -P && bin/python -V
+}
+
 install_packages() {
+    [ ! -L .venv ] || stop ".venv belongs to $(readlink .venv). Run \`make install\` in that project," \
+        "or \`rm .venv\` to have an environment here"
+    # An environment that was moved, or has lost its Python, is made anew.
+    [ ! -e .venv/.packages ] || [ "$(cat .venv/.packages)" = "$(stamp)" ] || rm -rf .venv
     find_uv
     take_over_settings_of_pip
     .venv/bin/python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null ||
         "$UV" venv --quiet --clear --seed --python "$(find_python)" .venv
-    echo "install: the packages of requirements.lock, into .venv"
+    echo "install: the packages of requirements.lock, into .venv: 2.8 GB, or 6.7 GB with CUDA, which" \
+        "comes where TORCH_INDEX=$TORCH_INDEX cannot be reached"
     grep -v '^torch==' requirements.lock | uv_install --require-hashes -r - ||
         stop "not all packages could be installed, see above. If one had to be compiled, run:" \
             "sudo apt-get install gcc python3-dev. Python 3.11 to 3.13 need no compiler."
     install_torch "$(grep '^torch==' requirements.lock)"
     uv_install --quiet --no-build-isolation -e .
-    touch .venv/.packages
+    link_tools
+    stamp >.venv/.packages
 }
 
 can_render() {
@@ -162,12 +187,11 @@ install_page() {
 install_browser() {
     local missing=()
     command -v chromium >/dev/null || missing+=(chromium)
-    command -v firefox-esr >/dev/null || command -v firefox >/dev/null || missing+=(firefox-esr)
     command -v node >/dev/null || missing+=(nodejs)
     if [ ${#missing[@]} -eq 0 ] || apt_install "${missing[@]}"; then
         touch .venv/.browser
     else
-        echo "install: no ${missing[*]}, so the page tests will fail;" \
+        echo "install: no ${missing[*]}, so tests of pages are skipped;" \
             "on Debian run: sudo apt-get install ${missing[*]}" >&2
     fi
 }
@@ -248,7 +272,8 @@ page) install_page ;;
 browser) install_browser ;;
 peers) install_more benchmarks/requirements.lock peers ;;
 shared) install_more shared.lock shared ;;
+stamp) stamp ;;
 lock) renew_locks ;;
 lock-more) renew_locks more ;;
-*) stop "given '${1:-}', allowed: packages, rendering, page, browser, peers, shared, lock, lock-more" ;;
+*) stop "given '${1:-}', allowed: packages, rendering, page, browser, peers, shared, stamp, lock, lock-more" ;;
 esac

@@ -71,6 +71,8 @@ def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
 
 def _run(folder: Path, params: Params, targets: Sequence[str], lock: int) -> None:
     renew_project(folder)
+    if (folder / ".venv").is_symlink():  # perhaps to where this project was before
+        (folder / ".venv").unlink()
     with suppress(FileExistsError):  # so that the copy's `make` finds what is installed
         (folder / ".venv").symlink_to(PROJECT_ROOT / ".venv")
     _share_trainings(folder, params)

@@ -18,7 +18,7 @@ from jumping_ant.base import command_line, machine, output, telemetry
 from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file
-from scripts import cost, rates
+from scripts import checkout, cost, rates
 
 SECONDS_BETWEEN_LOOKS = 0.5
 
@@ -76,6 +76,8 @@ def main() -> int:
     parser.add_argument("targets", nargs="*", help="stages to run, with those that they need")
     targets = parser.parse_args().targets
     params = params_file.load()
+    checkout.git("rev-parse", "--git-dir")  # DVC needs a repository, and says less of what it lacks
+    checkout.warn_of_no_name()
     telemetry.switch_off()
     from dvc.cli import main as dvc  # type: ignore[import-untyped]
     from dvc.exceptions import DvcException  # type: ignore[import-untyped]

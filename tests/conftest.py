@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 # EvoTorch.
 os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 
+# Commits of tests, and DVC's experiments, have an author, also where git knows none.
+os.environ |= {f"GIT_{who}_NAME": "Test" for who in ("AUTHOR", "COMMITTER")}
+os.environ |= {f"GIT_{who}_EMAIL": "test@example.org" for who in ("AUTHOR", "COMMITTER")}
+
 # Threads that wait for others of a matrix product spin for a while, which is fastest if each has a
 # core of its own. Tests run beside each other: there a measurement of two threads takes ten times
 # the CPU time. Torch reads the variable when it is imported.

@@ -1,9 +1,7 @@
 """Surroundings that are not as usual: another locale, no docstrings, limits, a poor container."""
 
 import os
-import re
 import shutil
-import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -50,38 +48,6 @@ def test_text_is_utf_8_whatever_the_locale(project: Path, stage: str) -> None:
             }
         )
     assert outputs[0] == outputs[1] != {}
-
-
-def test_dvc_keeps_its_notes_where_nobody_else_can_write(project: Path) -> None:
-    """It unpickles them. By default they lie in a folder of /var/tmp that all users may change."""
-    (project / ".venv").mkdir()
-    (project / ".venv" / ".packages").touch()  # as if all were installed
-    environment = with_tools()
-    environment.pop("DVC_SITE_CACHE_DIR", None)  # else it would count instead
-    subprocess.run(["make", ".venv/.dvc"], cwd=project, env=environment, check=True)
-    told = subprocess.run(
-        ["dvc", "doctor"], cwd=project, env=environment, encoding="utf-8", capture_output=True
-    ).stdout
-    private = project / ".venv" / ".dvc"
-    assert place_of_notes(told).is_relative_to(private)
-    assert stat.S_IMODE(private.stat().st_mode) == 0o700
-
-
-def test_dvc_keeps_the_notes_on_copies_there_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    copy = Checkout(tmp_path / "copy")
-    copy_project(copy.folder)
-    private = tmp_path / ".venv" / ".dvc"
-    private.mkdir(parents=True)
-    monkeypatch.setattr(sys, "prefix", str(private.parent))
-    assert place_of_notes(copy.run("dvc", "doctor").stdout).is_relative_to(private)
-
-
-def place_of_notes(told: str) -> Path:
-    """Return the folder that `dvc doctor` told of."""
-    (place,) = re.findall(r"Repo.site_cache_dir: (.+)", told)
-    return Path(place)
 
 
 EVERY_STAGE = """
