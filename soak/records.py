@@ -1,17 +1,19 @@
-"""The records of a comparison in MLflow, while its server and its database come and go.
+"""The records of a comparison in MLflow, while its server comes and goes and its tables are locked.
 
-Several trainings write at once to a server on PostgreSQL. Meanwhile server and database are killed
-and restarted, and tables are locked. Afterwards runs, models and an experiment are deleted by hand.
-After each, what `track` leaves must be what the files say.
+Several trainings write at once to a server on SQLite. Meanwhile the server is killed and restarted,
+and its tables are locked. Afterwards runs, models and an experiment are deleted by hand. After
+each, what `track` leaves must be what the files say.
 """
 
 import os
 import random
+import sqlite3
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,12 +28,12 @@ from jumping_ant.experiment import params_file, presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.tracking import reading
 from scripts.checkout import Checkout
-from soak import mlflow_server, postgres
+from soak import mlflow_server
 from soak import project as projects
 from soak.mlflow_server import Server
-from soak.postgres import Postgres
 
 EXPERIMENT = "jumping-ant"
+DATABASE = "mlflow.db"
 SECONDS_LOCKED = 25.0  # longer than `track` waits
 SECONDS_BETWEEN = 10.0  # of calm, in which records are written
 
@@ -61,17 +63,14 @@ def keep(
     project.seconds("dvc", "repro", "build")
     with (
         tempfile.TemporaryDirectory() as name,
-        postgres.running() as database,
-        mlflow_server.running(Path(name) / "server", database.create("mlflow")) as server,
+        mlflow_server.running(Path(name) / "server", f"sqlite:///{name}/{DATABASE}") as server,
     ):
-        log = Path(name) / "log"
+        log, database = Path(name) / "log", Path(name) / DATABASE
         os.environ["MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR"] = "false"
         start = partial(projects.start, project, log=log, MLFLOW_TRACKING_URI=server.uri)
         disturbances: dict[str, Callable[[], None]] = {
             "server killed": lambda: _restart(server),
-            "database killed": lambda: _kill(database),
-            "database stopped": lambda: _stop(database),
-            "table locked": lambda: _lock(database, "runs"),
+            "table locked": lambda: _lock(database),
         }
         counts = {name: Count() for name in disturbances}
         trainings = [
@@ -118,20 +117,9 @@ def _restart(server: Server) -> None:
     server.start()
 
 
-def _kill(database: Postgres) -> None:
-    database.kill()
-    time.sleep(1.0)
-    database.start()
-
-
-def _stop(database: Postgres) -> None:
-    database.stop()
-    time.sleep(1.0)
-    database.start()
-
-
-def _lock(database: Postgres, table: str) -> None:
-    with database.locked(table, "mlflow"):
+def _lock(database: Path) -> None:
+    with closing(sqlite3.connect(database, SECONDS_LOCKED, isolation_level=None)) as connection:
+        connection.execute("BEGIN EXCLUSIVE")
         time.sleep(SECONDS_LOCKED)
 
 
