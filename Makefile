@@ -37,7 +37,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 unexport PYTHONDONTWRITEBYTECODE PYTHONPATH PYTHONHOME AGENT
 
 .DEFAULT_GOAL := help
-.PHONY: help install shared champions try cost repro preset article decide tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install shared try cost repro preset article decide tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
 	test-pages test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -71,9 +71,6 @@ endif
 	@scripts/environment.sh shared
 
 shared: install .venv/.shared ## install what machines share records and files by: PostgreSQL, SSH, S3
-
-champions: install ## name each agent's best policy for DVC and GTO, in champions/
-	python -m scripts.champions
 
 cost: install ## estimate what a run will take, before it runs (PRESET=families, SET=agents.sac.total_steps=90000)
 	@python -m scripts.cost $(if $(PRESET:default=),--preset $(PRESET)) $(if $(SET),--set $(SET))
@@ -151,7 +148,7 @@ test-rest:
 bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (20 minutes)
 	python -m benchmarks
 
-soak: install .venv/.shared ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
+soak: install ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
 	python -m soak --minutes $(MINUTES)
 
 verify: install ## retrain a published seed and compare its bytes (AGENT=sac SEED=30, or ALL=1)

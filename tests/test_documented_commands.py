@@ -50,12 +50,11 @@ MEASURES = "minutes that need the machine for themselves; tests/test_benchmarks.
 SOAK = "half an hour; tests/test_soak.py runs a little of each part"
 VERIFY = "minutes of training; tests/test_verify.py verifies another agent"
 TUNE = "hours of training; tests/tuning/test_study.py tunes a small agent"
-SHARED = "needs servers; soak/records.py starts them"
-REMOTE = "needs machines; soak/remotes.py makes some"
+SHARED = "needs servers; tests/tracking/test_postgres.py starts one"
+REMOTE = "needs other machines, or hours of training"
 COST = "a test below asks for other values; tests/test_cost.py"
 GRID = "dvc exp run --queue -S agents.sac.learning_rate=0.0003,0.001,0.003"
-CLUSTER = "needs machines; soak/cluster.py makes some"
-RELEASE = "tests/tracking/test_champions.py releases one"
+CLUSTER = "needs machines; tests/small_ray.py starts a cluster of one"
 SERVER_ONCE = (
     "sudo -u postgres createuser --pwprompt robots && "
     "sudo -u postgres createdb --owner robots mlflow"
@@ -102,18 +101,8 @@ ELSEWHERE = {
     **dict.fromkeys(S3, REMOTE),
     **dict.fromkeys((GRID, "dvc queue start --jobs 3", "dvc exp run --temp"), REMOTE),
     **{f"dvc exp {way} origin NAME": REMOTE for way in ("push", "pull")},
-    "make champions": RELEASE,
-    'make champions && git add champions && git commit -m "Name the champions"': RELEASE,
-    "gto register champions:sac && gto assign champions:sac --version v0.0.1 --stage release": (
-        RELEASE
-    ),
-    "git push --tags": RELEASE,
-    "dvc artifacts get URL champions:sac --stage release -o policy.zip": RELEASE,
     **dict.fromkeys(RAY, CLUSTER),
-    "python -m soak.cluster": "ten minutes, as root",
-    'python -m soak.cluster "head killed"': "minutes, as root",
-    "python -m soak.cluster population": "minutes, as root",
-    "python -m soak.remotes": "ten minutes, as root",
+    "python -m soak.cluster": "a command of an earlier commit",
     SHARED_SEARCH: "hours of training; tests/tuning/test_study.py shares a small one",
     "make lock": "asks package indexes for the newest versions",
     "make check": CHECKS,
