@@ -5,7 +5,6 @@ makes of it.
 """
 
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -33,28 +32,19 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
     with TemporaryDirectory() as folder:
         params = Path(shutil.copy(root / "params.yaml", folder))
         words = path.read_text(encoding="utf-8").split()  # as a shell splits them
-        override(params, [word for word in words if word != "-S"], f"presets/{name}")
+        _override(params, [word for word in words if word != "-S"], f"presets/{name}")
         return params_file.check(params_file.read(params), f"presets/{name}")
 
 
-def override(params: Path, overrides: Sequence[str], where: str) -> None:
-    """Change values of a params file, as `dvc exp run -S` does.
-
-    Args:
-        params: The file.
-        overrides: What to change, as in `agents.sac.total_steps=60000`.
-        where: Where the overrides come from, for errors.
-
-    Raises:
-        InputError: They are no overrides of what there is, or DVC is not installed.
-    """
+def _override(params: Path, overrides: list[str], where: str) -> None:
+    """Change values of a params file, as `dvc exp run -S` does."""
     try:
         from dvc.exceptions import InvalidArgumentError  # type: ignore[import-untyped]
         from dvc.utils.hydra import apply_overrides  # type: ignore[import-untyped]
     except ImportError as error:
         raise InputError("presets: DVC reads them; install the package's extra `track`") from error
     try:
-        apply_overrides(params, list(overrides))
+        apply_overrides(params, overrides)
     except (InvalidArgumentError, ValueError) as error:  # the second: encoding, keys of lists
         told = " ".join(str(error.__cause__ or error).split())
         raise InputError(f"{where}: not overrides of params.yaml: {told}") from error
