@@ -11,7 +11,6 @@ SEED ?=
 TRIALS ?=
 SAMPLER ?=
 STORAGE ?=
-SET ?=
 ALL ?=
 
 # Disable the telemetry of all tools.
@@ -37,7 +36,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 unexport PYTHONDONTWRITEBYTECODE PYTHONPATH PYTHONHOME AGENT
 
 .DEFAULT_GOAL := help
-.PHONY: help install shared try cost repro preset article decide tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install shared try repro preset article decide tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
 	test-pages test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -72,10 +71,7 @@ endif
 
 shared: install .venv/.shared ## install what machines share records and files by: PostgreSQL, SSH, S3
 
-cost: install ## estimate what a run will take, before it runs (PRESET=families, SET=agents.sac.total_steps=90000)
-	@python -m scripts.cost $(if $(PRESET:default=),--preset $(PRESET)) $(if $(SET),--set $(SET))
-
-repro: install ## rerun what a change to params.yaml or to the code affects
+repro: install ## list, then rerun, what a change to params.yaml or to the code affects
 	@python -m scripts.repro
 
 try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (4 to 5 minutes)
