@@ -1,14 +1,17 @@
 """Train as the article does, over several seeds, and check whether its printed values recur.
 
-Usage: python -m scripts.article [--measure] [--folder FOLDER] [--tests TESTS]
+Usage: python -m scripts.article [--agents AGENT ...] [--seeds SEED ...] [--measure]
+    [--folder FOLDER] [--tests TESTS]
 
 Runs the whole pipeline with `presets/article` in a copy of the project, `.presets/article/`, which
 takes hours (see scripts.preset). Then tests the trained agents as the article did, which takes
 minutes, and writes results/article.json and results/article/*.png. What is said of DQN's printed
-value rests on all seeds of its run in results/article_tests.csv (see `scripts.article_runs`).
+value rests on all seeds of its run in results/article_tests.csv (see docs/article.md). With
+`--agents` or `--seeds` only these are trained and tested, and the copy's results/ gets the outcome.
 """
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +24,17 @@ from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks.looks import looks
-from scripts import article_runs, preset
+from scripts import preset
 
 RESULTS = PROJECT_ROOT / "results"
+MORE_TESTS = RESULTS / "article_tests.csv"
 
 
 def main() -> None:
     """Parse the command line, run and measure."""
     parser = command_line.parser(__doc__)
+    parser.add_argument("--agents", nargs="+", default=[], help="only train and test these")
+    parser.add_argument("--seeds", nargs="+", default=[], help="only train and test these")
     parser.add_argument("--measure", action="store_true", help="only measure what is trained")
     parser.add_argument(
         "--folder",
@@ -42,10 +48,13 @@ def main() -> None:
     options = parser.parse_args()
     if options.tests < 1:
         parser.error(f"--tests: given {options.tests}, allowed: 1 or more")
+    agents, params = chosen(options.agents), with_seeds(presets.load("article"), options.seeds)
+    is_part = bool(options.agents or options.seeds)
     if not options.measure:
-        preset.run(options.folder, presets.load("article"))
+        preset.run(options.folder, params, [f"train@{name}" for name in agents] if is_part else ())
     started = time.perf_counter()
-    content = measure(options.folder, options.tests)
+    seeds = params.seeds if options.seeds else None
+    content = measure(options.folder, options.tests, agents if is_part else None, seeds)
     hours = content["training"]["hours_on_2_cores"]
     print(
         f"training took {hours:.2g} hours on 2 cores (the measured seconds of all seeds, halved), "
@@ -53,36 +62,62 @@ def main() -> None:
     )
 
 
-def measure(folder: Path, num_tests: int) -> dict[str, Any]:
+def chosen(agents: Sequence[str]) -> list[str]:
+    """Return the article's agents that a command line names, all if it names none."""
+    if unknown := [name for name in agents if name not in reproduction.AGENTS]:
+        allowed = ", ".join(reproduction.AGENTS)
+        raise InputError(f"--agents: given {unknown[0]!r}, allowed: {allowed}")
+    return [name for name in reproduction.AGENTS if name in agents or not agents]
+
+
+def with_seeds(params: Params, seeds: Sequence[str]) -> Params:
+    """Return parameters with the seeds that a command line names, if it names any."""
+    if not seeds:
+        return params
+    numbers = (int(seed) if seed.removeprefix("-").isdecimal() else seed for seed in seeds)
+    return params_file.check(params.model_dump() | {"seeds": [*dict.fromkeys(numbers)]}, "--seeds")
+
+
+def measure(
+    folder: Path,
+    num_tests: int,
+    agents: Sequence[str] | None = None,
+    seeds: Sequence[int] | None = None,
+) -> dict[str, Any]:
     """Measure the trained agents of a project, and write the results into this one.
 
     Args:
         folder: Folder of the project that trained them.
         num_tests: Number of tests of each policy.
+        agents: Those to measure, whose results are then written into `folder`; all by default.
+        seeds: Those of these to measure; all that are trained by default.
 
     Returns:
         The content of `results/article.json`.
 
     Raises:
-        InputError: Nothing is trained there.
+        InputError: Nothing is trained there, or not these seeds.
     """
     if not (folder / "params.yaml").exists():
         raise InputError(f"{folder}: given no project, allowed: what `make article` has trained")
     params = params_file.load(folder / "params.yaml")
-    measured = reproduction.reproduce(folder, params, num_tests)
+    if others := set(seeds or ()).difference(params.seeds):
+        allowed = ", ".join(map(str, params.seeds))
+        raise InputError(f"--seeds: given {min(others)}, allowed: {allowed}, trained in {folder}")
+    measured = reproduction.reproduce(folder, params, num_tests, agents, seeds)
     is_articles = _settings(params) == _settings(presets.load("article"))
     content = measured.summary() | {
         "article_settings": is_articles,
         "machine": machine.describe() | {"cores": machine.num_cores()},
     }
-    tests = article_runs.tests(article_runs.PATH, "preset")
-    if is_articles and len(tests):
+    if is_articles and agents is None and MORE_TESTS.is_file():
         dqn = content["printed"]["dqn"]
-        dqn |= reproduction.place(dqn["value"], tests)
-    write_json(RESULTS / "article.json", content)
+        dqn |= reproduction.place(dqn["value"], reproduction.recorded(MORE_TESTS, "preset"))
+    results = RESULTS if agents is None else folder / "results"
+    write_json(results / "article.json", content)
     own = looks({name: catalogue.row(agent).family for name, agent in params.agents.items()})
     for name, figure in article_figures.draw(measured, own).items():
-        write_bytes(RESULTS / "article" / f"{name}.png", article_figures.picture(figure))
+        write_bytes(results / "article" / f"{name}.png", article_figures.picture(figure))
     return content
 
 

@@ -83,37 +83,6 @@ def printed_table(printed: dict[str, Any]) -> str:
     return "\n".join([head, *rows])
 
 
-def runs_table(summary: dict[str, Any]) -> str:
-    """Return DQN's runs with other versions and contacts, and their differences, as Markdown.
-
-    Args:
-        summary: What `article_runs.summary` returns.
-    """
-    if not summary["runs"]:
-        return "*None of these seeds has been trained yet.*"
-    runs = [
-        f"| `{name}` | {len(own['means'])} | "
-        f"{wording.estimate(np.median(own['means']), min(own['means']), max(own['means']), 2)} | "
-        f"{_judgement(own)} |"
-        for name, own in summary["runs"].items()
-    ]
-    pairs = [
-        f"| `{pair['first']}` against `{pair['second']}` | {wording.percent(pair['probability'])} "
-        f"[{wording.percents(pair['low'], pair['high'])}] % | {wording.p_value(pair['p'])} |"
-        for pair in summary["pairs"]
-    ]
-    lines = [
-        "| run | policies | their mean returns: median [all] | tests as far out | p | reproduced |",
-        "|---|---|---|---|---|---|",
-        *runs,
-        "",
-        "| runs | a policy of the first returns more than one of the second | p, exact rank test |",
-        "|---|---|---|",
-        *pairs,
-    ]
-    return "\n".join(lines)
-
-
 def _judgement(own: dict[str, Any]) -> str:
     """Return three cells of a printed value: how many tests lay as far out, p, and the verdict."""
     tests, found = own["tests"], own["probability"]

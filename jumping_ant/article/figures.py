@@ -26,13 +26,15 @@ NUM_COLOURS = 48
 
 
 def draw(reproduction: Reproduction, looks: Mapping[str, Look]) -> dict[str, Figure]:
-    """Draw all figures, by agent; `looks` are by the agents' names."""
+    """Draw the figures of the agents that were tested; `looks` are by the agents' names."""
     with style.context(STYLES):
         figures = {
             agent: _draw_totals(agent, trace, looks[agent])
             for agent, trace in reproduction.totals.items()
         }
-        return figures | {"pgpe": _draw_fitness(reproduction.fitness, looks["pgpe"])}
+        if reproduction.fitness:
+            figures["pgpe"] = _draw_fitness(reproduction.fitness, looks["pgpe"])
+        return figures
 
 
 def picture(figure: Figure) -> bytes:

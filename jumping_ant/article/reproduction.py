@@ -15,8 +15,9 @@ A printed value is one test of one policy. It is not reproduced if it lies too f
 of another policy of ours, and reproduced if there is no doubt that it does not (see `judge`).
 """
 
+import csv
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -76,67 +77,106 @@ class Trace:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All values that are compared with the article."""
+    """All values of some agents that are compared with the article."""
 
     seeds: list[int]
-    totals: Mapping[str, Trace]  # running totals of the rewards in the tests of DQN and SAC
-    fitness: Mapping[str, Trace]  # of PGPE's population by generation: mean, best and median
-    film: Array  # return of PGPE's centre, raw observations, 1,000 steps, (num_seeds, num_tests)
-    trained: Array  # the same with observations normalised as in training, (num_seeds,)
-    control: dict[str, Any]  # how often a command that is always the same reaches DQN's value
     seconds: Mapping[str, list[float]]  # training time by agent and seed [s], without validation
+    totals: Mapping[str, Trace]  # running totals of the rewards in the tests of DQN and SAC
+    # How often a command that is always the same reaches DQN's value.
+    control: dict[str, Any] = field(default_factory=dict)
+    # Of PGPE: its population by generation (mean, best and median); returns of its centre in 1,000
+    # steps, with raw observations, (num_seeds, num_tests), and normalised as in training.
+    fitness: Mapping[str, Trace] = field(default_factory=dict)
+    film: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    trained: Array = field(default_factory=lambda: np.zeros(0))
 
     def summary(self) -> dict[str, Any]:
         """Return all values as JSON-compatible data; docs/article.md describes the keys."""
         printed = {
             agent: trace.last() | {"points": trace.places()} for agent, trace in self.totals.items()
         }
-        printed["dqn"]["control"] = self.control
-        steps = printed_values.PGPE_FILM_STEPS
-        film = (printed_values.PGPE_FILM_FITNESS + steps) / steps * printed_values.TEST_STEPS
-        printed["pgpe"] = self.fitness["fitness_mean"].last() | {
-            "traces": {name: trace.places() for name, trace in self.fitness.items()},
-            "film": place(round(film, 1), self.film),
-            "trained_normalizer": {"ours": self.trained.tolist()} | _spread(self.trained),
-        }
+        if "dqn" in printed:
+            printed["dqn"]["control"] = self.control
+        if self.fitness:
+            steps = printed_values.PGPE_FILM_STEPS
+            film = (printed_values.PGPE_FILM_FITNESS + steps) / steps * printed_values.TEST_STEPS
+            printed["pgpe"] = self.fitness["fitness_mean"].last() | {
+                "traces": {name: trace.places() for name, trace in self.fitness.items()},
+                "film": place(round(film, 1), self.film),
+                "trained_normalizer": {"ours": self.trained.tolist()} | _spread(self.trained),
+            }
         return {
             "printed": printed,
             "seeds": self.seeds,
             "training": {
                 "seconds": self.seconds,
                 "hours_on_2_cores": sum(map(sum, self.seconds.values())) / 2 / 3600,
-                "stated_hours": printed_values.STATED_HOURS,
+                "stated_hours": {name: printed_values.STATED_HOURS[name] for name in self.seconds},
             },
         }
 
 
-def reproduce(root: Path, params: Params, num_tests: int = NUM_TESTS) -> Reproduction:
+def reproduce(
+    root: Path,
+    params: Params,
+    num_tests: int = NUM_TESTS,
+    agents: Sequence[str] | None = None,
+    seeds: Sequence[int] | None = None,
+) -> Reproduction:
     """Run the article's tests on the trained agents of a project.
 
     Args:
         root: Folder of the project.
-        params: Its parameters, which must have all `AGENTS`.
+        params: Its parameters.
         num_tests: Number of tests of each policy.
+        agents: Which of `AGENTS` to test, in this order; all by default.
+        seeds: Which of its seeds to test; all by default.
     """
-    dqn, _, _ = (_agent(params, name) for name in AGENTS)
-    world, seeds = World(robot.read(root), params.env), params.seeds
-    policies = {name: [_final_policy(root, name, seed) for seed in seeds] for name in AGENTS}
-    epsilon = dqn.exploration_final_eps
-    dqn_totals = test(world, policies["dqn"], seeds, num_tests, epsilon=epsilon)
-    centers = policies["pgpe"]
-    films = [without_normalizer(center) for center in centers]
-    return Reproduction(
-        seeds=seeds,
-        totals={
-            "dqn": Trace(printed_values.DQN_TOTALS, dqn_totals),
-            "sac": Trace(printed_values.SAC_TOTALS, test(world, policies["sac"], seeds, num_tests)),
-        },
-        fitness=_fitness(root, params),
-        film=_returns(world, films, seeds, num_tests),
-        trained=_returns(world, centers, seeds, 1)[:, 0],
-        control=control(world, policies["dqn"][0].actions, epsilon, len(seeds) * num_tests),
-        seconds={agent: _training_seconds(root, params, agent) for agent in AGENTS},
-    )
+    agents, seeds = agents or AGENTS, list(seeds or params.seeds)
+    blocks = {name: _agent(params, name) for name in agents}
+    world = World(robot.read(root), params.env)
+    policies = {name: [_final_policy(root, name, seed) for seed in seeds] for name in agents}
+    seconds = {name: _training_seconds(root, params, name, seeds) for name in agents}
+    totals: dict[str, Trace] = {}
+    others: dict[str, Any] = {}
+    if "dqn" in agents:
+        dqns, epsilon = policies["dqn"], blocks["dqn"].exploration_final_eps
+        ours = test(world, dqns, seeds, num_tests, epsilon=epsilon)
+        totals["dqn"] = Trace(printed_values.DQN_TOTALS, ours)
+        others["control"] = control(world, dqns[0].actions, epsilon, len(seeds) * num_tests)
+    if "sac" in agents:
+        ours = test(world, policies["sac"], seeds, num_tests)
+        totals["sac"] = Trace(printed_values.SAC_TOTALS, ours)
+    if "pgpe" in agents:
+        centers = policies["pgpe"]
+        films = [without_normalizer(center) for center in centers]
+        others["fitness"] = _fitness(root, params, seeds)
+        others["film"] = _returns(world, films, seeds, num_tests)
+        others["trained"] = _returns(world, centers, seeds, 1)[:, 0]
+    return Reproduction(seeds, seconds, totals, **others)
+
+
+def recorded(path: Path, run: str) -> Array:
+    """Return the tests of a run in results/article_tests.csv, by increasing seed.
+
+    docs/article.md has the runs: DQN on more seeds.
+
+    Returns:
+        Returns of 1,000 control steps, shape (num_seeds, NUM_TESTS).
+
+    Raises:
+        InputError: The file lacks tests of a seed.
+    """
+    found: dict[int, list[float]] = {}
+    for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines()):
+        if row["run"] == run:
+            found.setdefault(int(row["seed"]), []).append(float(row["return"]))
+    for seed, returns in found.items():
+        if len(returns) != NUM_TESTS:
+            raise InputError(
+                f"{path}: given {len(returns)} tests of {run} {seed}, allowed: {NUM_TESTS}"
+            )
+    return np.array([found[seed] for seed in sorted(found)])
 
 
 def play(
@@ -320,12 +360,12 @@ def _final_policy(root: Path, agent: str, seed: int) -> Any:
     return policy_file.load(paths.final_policy, paths.owner)
 
 
-def _fitness(root: Path, params: Params) -> dict[str, Trace]:
+def _fitness(root: Path, params: Params, seeds: Sequence[int]) -> dict[str, Trace]:
     """Return PGPE's fitness, with the same number of generations for every seed."""
     names = list(printed_values.PGPE_TRACES)
     needed = max(max(printed) for printed in printed_values.PGPE_TRACES.values())
     rows: dict[str, list[Array]] = {name: [] for name in names}
-    for seed in params.seeds:
+    for seed in seeds:
         curve = curves.read(root, params, "pgpe", seed)
         is_generation = ~np.isnan(curve["updates"])  # the other rows are from validation
         path = Paths(root).agent("pgpe").seed(seed).curve
@@ -342,6 +382,6 @@ def _fitness(root: Path, params: Params) -> dict[str, Trace]:
     }
 
 
-def _training_seconds(root: Path, params: Params, agent: str) -> list[float]:
+def _training_seconds(root: Path, params: Params, agent: str, seeds: Sequence[int]) -> list[float]:
     timed = curves.read_timed(root, params, agent)
-    return [float(curve["seconds"][-1]) for curve in timed.values()]
+    return [float(timed[seed]["seconds"][-1]) for seed in seeds]

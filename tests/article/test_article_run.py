@@ -20,7 +20,7 @@ from jumping_ant.looks.looks import looks
 from jumping_ant.sim import robot
 from jumping_ant.training.driver import train
 from scripts import article as command
-from scripts import article_runs, markdown, publish
+from scripts import markdown, preset, publish
 from scripts.checkout import renew_project
 
 TINY: dict[str, dict[str, Any]] = {
@@ -84,16 +84,6 @@ def test_fitness_is_that_of_the_generations_in_the_curve(
     (row,) = [row for row in rows if row["updates"] == "60"]
     point = reproduced.fitness["fitness_median"].places()[2]
     assert (point["at"], point["ours"][1]) == (60, float(row["fitness_median"]))
-
-
-def test_further_seeds_are_trained_and_tested_alike(
-    tiny: tuple[Path, Params],
-    reproduced: reproduction.Reproduction,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(reproduction, "NUM_TESTS", 2)
-    returns = article_runs.ours(tiny[1], "preset", 5)
-    np.testing.assert_array_equal(returns, reproduced.totals["dqn"].ours[1, :, -1])
 
 
 def test_the_contract_of_the_results(reproduced: reproduction.Reproduction) -> None:
@@ -169,10 +159,11 @@ def test_figures_show_each_seed_and_what_was_printed(
 def nine_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Further trainings by the preset, and a folder for results."""
     monkeypatch.setattr(command, "RESULTS", tmp_path)
-    monkeypatch.setattr(article_runs, "PATH", tmp_path / "tests.csv")
+    monkeypatch.setattr(command, "MORE_TESTS", tmp_path / "tests.csv")
     monkeypatch.setattr(reproduction, "NUM_TESTS", 2)
-    for seed in range(9):
-        article_runs.add(article_runs.PATH, "preset", seed, [500.0 + seed, 540.0])
+    rows = [f"preset,{seed},0,{500 + seed}\npreset,{seed},1,540" for seed in reversed(range(9))]
+    text = "\n".join(["run,seed,test,return", "original,3,0,1", *rows, ""])
+    (tmp_path / "tests.csv").write_text(text, encoding="utf-8")
 
 
 @pytest.mark.usefixtures("nine_runs")
@@ -212,6 +203,78 @@ def test_dqns_value_rests_on_all_seeds_of_its_run(
     assert len(dqn["points"][-1]["ours"]) == 2 and dqn["control"]["tests"]["each"] == 4
 
 
+def test_a_seed_that_lacks_recorded_tests_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "tests.csv"
+    path.write_text("run,seed,test,return\npreset,30,0,1.0\n", encoding="utf-8")
+    with pytest.raises(InputError, match="given 1 tests of preset 30, allowed: 50"):
+        reproduction.recorded(path, "preset")
+
+
+@pytest.mark.usefixtures("nine_runs")
+def test_a_part_is_measured_alone(
+    tiny: tuple[Path, Params],
+    reproduced: reproduction.Reproduction,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As it is among others, and the project's own results stay."""
+    root, params = tiny
+    monkeypatch.setattr(presets, "load", lambda name: params)
+    options = ["--measure", "--tests", "2", "--folder", str(root), "--seeds", "5"]
+    for name in ("dqn", "pgpe"):
+        monkeypatch.setattr(sys, "argv", ["article", *options, "--agents", name])
+        command.main()
+        content = json.loads((root / "results" / "article.json").read_text(encoding="utf-8"))
+        assert content["seeds"] == [5]
+        assert list(content["printed"]) == list(content["training"]["seconds"]) == [name]
+        assert content["printed"][name]["ours"] == reproduced.summary()["printed"][name]["ours"][1:]
+        assert (root / "results" / "article" / f"{name}.png").is_file()
+    assert [path.name for path in tmp_path.iterdir()] == ["tests.csv"]
+    with pytest.raises(InputError, match="--seeds: given 9, allowed: 3, 5, trained in "):
+        command.measure(root, 2, ["dqn"], [9])
+
+
+@pytest.mark.parametrize(
+    ("options", "seeds", "targets"),
+    [
+        ([], range(30, 38), []),
+        (["--agents", "sac", "dqn"], range(30, 38), ["train@dqn", "train@sac"]),
+        (["--seeds", "3", "70", "3"], [3, 70], ["train@dqn", "train@sac", "train@pgpe"]),
+    ],
+)
+def test_a_part_is_trained_alone(
+    options: list[str], seeds: list[int], targets: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[Any] = []
+    monkeypatch.setattr(preset, "run", lambda *given: ran.append(given))
+    monkeypatch.setattr(
+        command, "measure", lambda *given: {"training": {"hours_on_2_cores": len(given)}}
+    )
+    monkeypatch.setattr(sys, "argv", ["article", *options])
+    command.main()
+    ((folder, params, stages),) = ran
+    assert folder == PROJECT_ROOT / ".presets" / "article"
+    assert (params.seeds, list(stages)) == (list(seeds), targets)
+    assert params.agents == presets.load("article").agents
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--agents", "sac", "td3"], "--agents: given 'td3', allowed: dqn, sac, pgpe"),
+        (["--seeds", "3", "x"], "--seeds: seeds.1: given 'x', allowed: integer"),
+        (["--seeds", "-3"], "--seeds: seeds.0: given -3, allowed: greater than or equal to 0"),
+    ],
+)
+def test_a_part_that_is_none_is_refused(
+    options: list[str], told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["article", *options])
+    with pytest.raises(InputError) as raised:
+        command.main()
+    assert str(raised.value) == told
+
+
 def test_measuring_nothing_says_so(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="given no project, allowed: what `make article`"):
         command.measure(tmp_path, 2)
@@ -243,9 +306,9 @@ def test_a_shorter_evolution_is_refused(tiny: tuple[Path, Params], tmp_path: Pat
     short.parent.mkdir(parents=True)
     short.write_text("".join([*rows, ",".join(cells) + "\n"]), encoding="utf-8")
     half = params.agent("pgpe").model_copy(update={"generations": 50})
-    fewer = params.model_copy(update={"seeds": [3], "agents": {"pgpe": half}})
+    fewer = params.model_copy(update={"agents": {"pgpe": half}})
     with pytest.raises(InputError, match="given 50 generations, allowed: 100 or more"):
-        reproduction._fitness(tmp_path, fewer)
+        reproduction._fitness(tmp_path, fewer, [3])
 
 
 def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: Path) -> None:
