@@ -36,7 +36,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 unexport PYTHONDONTWRITEBYTECODE PYTHONPATH PYTHONHOME AGENT
 
 .DEFAULT_GOAL := help
-.PHONY: help install shared try repro preset article decide tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
+.PHONY: help install shared try repro preset article tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
 	test-pages test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
 
 help: ## list these commands
@@ -82,9 +82,6 @@ preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=fa
 
 article: install ## reproduce what the article printed, into results/article.json (3.5 hours on 2 cores)
 	python -m scripts.article
-
-decide: install ## train more seeds for the agents of open claims, into results/decided.json
-	python -m scripts.decide
 
 tune: install ## search for an agent's settings, into results/tuning/ (AGENT=sac TRIALS=40)
 	@python -m scripts.tune $(AGENT:*=) $(if $(TRIALS),--trials $(TRIALS)) $(if $(SAMPLER),--sampler $(SAMPLER)) \
