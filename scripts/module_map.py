@@ -16,7 +16,7 @@ LIBRARY = PROJECT_ROOT / "jumping_ant"
 GROUND = ["base", "compute", "params", "actions.py", "policies", "sim", "looks", "agents"]
 GROUND += ["experiment"]
 ROOMS = ["training", "evaluation", "comparison", "recording", "report", "speed", "robustness"]
-ROOMS += ["play", "tracking", "tuning", "watching", "article"]
+ROOMS += ["play", "tracking", "tuning", "article"]
 
 
 def text(before: str) -> str:

@@ -14,10 +14,10 @@ from scripts import module_map
 LIBRARY = ROOT / "jumping_ant"
 GROUND = [name.removesuffix(".py") for name in module_map.GROUND]
 ROOMS = module_map.ROOMS
-# A room imports no other, but for the comparison's numbers, what its pages are made of, watching,
-# which serves the live page and perturbs, and tuning, which trains and compares.
+# A room imports no other, but for the comparison's numbers, what its pages are made of, and tuning,
+# which trains and compares.
 BESIDE = {("report", "comparison"), ("speed", "comparison"), ("speed", "report")}
-BESIDE |= {("watching", "play"), ("watching", "robustness"), ("robustness", "comparison")}
+BESIDE |= {("robustness", "comparison")}
 BESIDE |= {("tuning", room) for room in ("training", "comparison", "report")}
 SWITCH = LIBRARY / "__init__.py"  # every import of the library runs it first
 MODULES = sorted(path for path in LIBRARY.rglob("*.py") if path.stat().st_size and path != SWITCH)

@@ -1,7 +1,4 @@
-"""The live page: MuJoCo, robots and policies in one file, which asks nobody for anything.
-
-`make watch` serves it with the native simulator in their place (`jumping_ant.watching`).
-"""
+"""The live page: MuJoCo, robots and policies in one file, which asks nobody for anything."""
 
 import base64
 import hashlib
