@@ -7,6 +7,7 @@ best. A seed plays its held-out episodes, as the evaluation does. Keys in the wi
 backspace starts the next episode, the right arrow takes the next seed.
 """
 
+import os
 import threading
 import time
 import warnings
@@ -61,11 +62,11 @@ def choose(
     """
     if agent is not None:
         params.agent(agent)
-    trained = {}
+    trained: dict[str, list[int]] = {}
     for name, block in params.agents.items():
         if name == agent or (agent is None and catalogue.row(block).family != BASELINE):
             paths = Paths(root).agent(name)
-            seeds = [own for own in params.seeds if paths.seed(own).policy.is_file()]
+            seeds = [number for number in params.seeds if paths.seed(number).policy.is_file()]
             trained |= {name: content.champions(root, name, seeds)} if seeds else {}
     if not trained:
         command = "make repro" if agent is None else f"dvc repro train@{agent}"
@@ -157,8 +158,8 @@ def _check_display() -> None:
             glfw.default_window_hints()
             if window:
                 return glfw.destroy_window(window)
-        _, reason = glfw.get_error()
-    raise InputError(f"display: no window opens here ({(reason or b'').decode()}); {ELSEWHERE}")
+        reason = os.fsdecode(glfw.get_error()[1] or "")
+    raise InputError(f"display: no window opens here ({reason}); {ELSEWHERE}")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from small_policies import NUMBERS
 from small_project import write_csv
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.policies import policy_file
@@ -20,26 +21,22 @@ from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
 from scripts import watch
 
-ROOT = Path(watch.__file__).parents[1]
 RETURNS = {("metronome", 30): 900, ("sac", 30): 1, ("sac", 35): 5, ("pgpe", 30): 3}  # in validation
 POLICY = NUMBERS["linear"]  # holds its choices for four steps
 
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory, robot_xml: str) -> Path:
-    """A project with code of its own, short episodes and these policies."""
+    """A copy of the project with short episodes and these policies."""
     root = tmp_path_factory.mktemp("project")
     for name in ("jumping_ant", "scripts"):
-        shutil.copytree(ROOT / name, root / name)
-    text = (ROOT / "params.yaml").read_text(encoding="utf-8")
+        shutil.copytree(PROJECT_ROOT / name, root / name)
+    text = (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8")
     text = re.sub(r"max_episode_steps: \d+", "max_episode_steps: 10", text)
-    (root / "params.yaml").write_text(text, encoding="utf-8")
-    (root / "assets").mkdir()
-    (root / "assets" / "edited.xml").write_text(robot_xml, encoding="utf-8")
+    write_all({root / "params.yaml": text, root / "assets" / "edited.xml": robot_xml})
     for owner, mean in RETURNS.items():
         paths = Paths(root).agent(owner[0]).seed(owner[1])
-        paths.policy.parent.mkdir(parents=True)
-        paths.policy.write_bytes(policy_file.owned(POLICY.to_bytes(), owner))
+        write_all({paths.policy: policy_file.owned(POLICY.to_bytes(), owner)})
         row = {"env_steps": 0, "episodes": 1, "return_mean": mean, "return_std": 0}
         write_csv(paths.validation, [{"agent": owner[0], "seed": owner[1]} | row])
     return root
@@ -53,9 +50,9 @@ def test_the_best_is_chosen_and_others_are_refused(root: Path) -> None:
         watch.choose(root, params, "nobody", None)
     with pytest.raises(InputError, match="seed of sac: given 31, allowed: 30, 35$"):
         watch.choose(root, params, "sac", 31)
-    with pytest.raises(InputError, match="none yet; `dvc repro train@dqn` trains them"):
+    with pytest.raises(InputError, match="of dqn: none yet; `dvc repro train@dqn` trains them"):
         watch.choose(root, params, "dqn", None)
-    with pytest.raises(InputError, match="none yet; `make repro` trains them"):
+    with pytest.raises(InputError, match="of learners: none yet; `make repro` trains them"):
         watch.choose(root / "assets", params, None, None)
 
 
@@ -67,14 +64,12 @@ def started(root: Path, display: str) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         encoding="utf-8",
-        # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # ignored in background
     )
 
 
 def test_without_a_display_the_live_page_is_named(root: Path) -> None:
-    watching = started(root, "")
-    _, errors = watching.communicate()
+    _, errors = (watching := started(root, "")).communicate()
     assert watching.returncode == 2 and errors.count("\n") == 1
     assert errors.startswith("error: display: no window opens here (") and "play.html" in errors
 
@@ -86,9 +81,10 @@ def test_episodes_are_those_of_the_evaluation(root: Path, robot_xml: str) -> Non
     expected = rollout.returns(World(robot_xml, params.env), [(POLICY, seed) for seed in seeds])
     server = subprocess.Popen(["Xvfb", "-displayfd", "1"], stdout=subprocess.PIPE, encoding="ascii")
     with server, started(root, f":{server.stdout.readline().strip()}") as watching:
-        for number, total in enumerate(expected):
-            line = f"sac, seed 30, episode {number}: return {total:,.1f} in 10 steps\n"
-            assert watching.stdout.readline() == line
+        lines = [watching.stdout.readline() for _ in seeds]
         watching.send_signal(signal.SIGINT)
-        assert watching.communicate()[1] == "stopped by Ctrl-C\n"
+        _, errors = watching.communicate()
         server.terminate()
+    line = "sac, seed 30, episode {}: return {:,.1f} in 10 steps\n"
+    assert lines == [line.format(*played) for played in enumerate(expected)]
+    assert errors == "stopped by Ctrl-C\n"
