@@ -113,7 +113,7 @@ QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers
 SMOKE_TESTS = tests/test_smoke.py tests/test_documented_commands.py tests/tracking
 SOAK_TESTS = tests/test_soak.py tests/compute tests/test_fingerprint.py tests/test_verify.py
 TRAINING_TESTS = tests/training tests/agents tests/article tests/test_notebook.py
-PAGES_TESTS = tests/play tests/report tests/tuning tests/watching
+PAGES_TESTS = tests/play tests/report tests/tuning
 GIVE_WAY = CI=1 nice -n 15
 
 test-quick:
@@ -162,8 +162,8 @@ ui: install ## bring MLflow up to date and open its pages on this machine (PORT=
 view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 	@python -m scripts.view $(AGENT:*=)
 
-watch: install ## watch a trained policy play, in a window or a browser (AGENT=sac SEED=30)
-	@python -m jumping_ant.watching.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
+watch: install ## watch a trained policy play, in MuJoCo's viewer (AGENT=sac SEED=30)
+	@python -m scripts.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
 
 map: install ## renew docs/map.md, the list of all modules
 	python -m scripts.module_map
