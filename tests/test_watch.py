@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import committed
 import pytest
 from small_policies import NUMBERS
 from small_project import write_csv
@@ -31,7 +32,7 @@ def root(tmp_path_factory: pytest.TempPathFactory, robot_xml: str) -> Path:
     root = tmp_path_factory.mktemp("project")
     for name in ("jumping_ant", "scripts"):
         shutil.copytree(PROJECT_ROOT / name, root / name)
-    text = (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8")
+    text = committed.text("params.yaml")
     text = re.sub(r"max_episode_steps: \d+", "max_episode_steps: 10", text)
     write_all({root / "params.yaml": text, root / "assets" / "edited.xml": robot_xml})
     for owner, mean in RETURNS.items():
