@@ -2,18 +2,26 @@
 
 import html
 import json
+import os
+import re
+import signal
 import sys
+import time
+from pathlib import Path
 
 import imageio.v3 as iio
 import mlflow
-from finished_project import Project
+import pytest
+from finished_project import BACK, COMMIT, Project
 from mlflow.entities import Run, ViewType
 from rerun.chunk import RrdReader
 from ruamel.yaml import YAML
 
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.tracking import store
 from scripts.checkout import RESULTS
+from soak.project import start
 
 AGENTS = list(presets.load("smoke").agents)
 APART = ("results/timing", "results/speed")  # what a clock tells
@@ -22,6 +30,8 @@ COMPUTE = presets.load("smoke").compute.model_dump()
 # tests/training/test_driver.py checks that each family of algorithms trains alike in any process,
 # tests/report/test_apart.py that tables and pages are the same.
 UNTIMED = ("train@sac", "evaluate@sac", "record@sac")
+EXPERIMENT = "dvc exp run --name faster -S agents.sac.learning_rate=0.001"
+FORTH = "git stash pop && dvc checkout"
 
 
 def test_everything_is_there_and_up_to_date(project: Project) -> None:
@@ -189,3 +199,92 @@ def test_an_unknown_agent_is_refused(project: Project) -> None:
     assert done.returncode == 2
     assert f"given 'nobody', allowed: {', '.join(AGENTS)}" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_an_experiment_comes_and_goes(project: Project) -> None:
+    """With an agent more, so that it leaves files where there were none."""
+    mine = project.state()
+    agents = params_file.load(project.folder / "params.yaml").model_dump()["agents"]
+    project.change_params(agents=agents | {"still": agents["random"]})
+    # Stages of every kind of output; the others would take longer and show the same.
+    project.type(f"{EXPERIMENT} evaluate@sac evaluate@still record@still")
+    assert {"record@sac", "compare", "report", "track"} <= project.stale()
+    experiment = project.state()
+    new = experiment.files.keys() - mine.files.keys()
+    assert {name.split("/")[0] for name in new} == {"models", "media", "results"}
+    for forth in (FORTH, "dvc exp apply faster"):
+        project.go_back()
+        assert not project.state().changes(mine)
+        assert project.stale() == set()
+        project.type(forth)
+        assert not project.state().changes(experiment)
+    check_what_changes_show(project)
+    project.go_back()
+
+
+def check_what_changes_show(project: Project) -> None:
+    """Compare an experiment with what is committed, as README.md says."""
+    parameters = json.loads(project.type("dvc params diff --json").stdout)["params.yaml"]
+    rate = parameters["agents.sac.learning_rate"]
+    before = presets.load("smoke").agent("sac").model_dump()["learning_rate"]
+    assert (rate["old"], rate["new"]) == (before, 0.001)
+    metrics = json.loads(project.type("dvc metrics diff --json").stdout)
+    assert set(metrics) == {f"results/agents/{agent}/metrics.json" for agent in ("sac", "still")}
+    shown = project.type("dvc exp show --only-changed --csv").stdout
+    columns = shown.splitlines()[0].split(",")
+    assert {"agents.sac.learning_rate", "results/agents/sac/metrics.json:return"} <= set(columns)
+    assert not any(column.startswith(("agents.dqn", "results/agents/dqn")) for column in columns)
+    assert "faster" in shown
+    project.type("dvc plots diff")
+    page = (project.folder / "dvc_plots" / "index.html").read_text(encoding="utf-8")
+    assert "workspace" in page and "HEAD" in page
+
+
+def test_a_run_that_is_not_committed_is_not_lost(project: Project) -> None:
+    """The commit before it has outputs that are in nobody's cache."""
+    mine = project.state()
+    project.run("git", "reset", "--quiet", ":/^Start")
+    assert project.type(BACK, check=False).returncode
+    assert project.state().changes(mine)
+    project.type(FORTH)
+    assert not project.state().changes(mine)
+    project.type(COMMIT)
+
+
+def test_a_killed_experiment_is_left(project: Project, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    command = ("dvc", "exp", "run", "-S", "agents.sac.total_steps=100000")
+    process = start(project, *command, log=log)
+    while "'train@sac'" not in log.read_text(encoding="utf-8"):
+        assert process.poll() is None, log.read_text(encoding="utf-8")
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert project.run("git", "branch", "--show-current").stdout == ""
+    project.type("git switch main")
+    project.go_back()
+    assert project.stale() == set()
+
+
+@pytest.mark.parametrize("agent", ["sac", "nobody"])
+def test_the_viewer_opens_what_is_there(project: Project, agent: str) -> None:
+    """In a browser, as there is no display."""
+    venv = project.folder / ".venv"
+    venv.symlink_to(sys.prefix)
+    done = project.type(f"timeout 20 make view AGENT={agent}", check=False)
+    venv.unlink()
+    if agent == "nobody":
+        assert "recordings in media/: given 'nobody', allowed: dqn, lineup, " in done.stderr
+    else:
+        assert f"media/{agent}.rrd" in done.stdout + done.stderr
+        assert "a browser shows it at the last address below" in done.stdout
+
+
+def test_the_snippets_run(project: Project) -> None:
+    """One after the other, as they share what takes long: the imports."""
+    readme = (PROJECT_ROOT / "README.md").read_text(encoding="utf-8")
+    program = "\n".join(re.findall(r"^```python\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL))
+    for text, here in {"seed-30": "seed-0", 'render_mode="human"': "render_mode=None"}.items():
+        assert program.count(text) == 1
+        program = program.replace(text, here)
+    project.run("python", "-c", program)
