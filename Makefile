@@ -37,7 +37,7 @@ unexport PYTHONDONTWRITEBYTECODE PYTHONPATH PYTHONHOME AGENT
 
 .DEFAULT_GOAL := help
 .PHONY: help install shared try repro preset article tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
-	test-pages test-rest bench soak verify fingerprint publish ui view watch schema map lock clean
+	test-pages test-rest bench soak verify fingerprint publish ui view watch schema lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -106,11 +106,11 @@ test-all: test ## all of these, and tests that download hundreds of megabytes
 
 QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers.py \
 	tests/looks/test_looks.py tests/looks/test_naming.py tests/looks/test_wording.py \
-	tests/test_pipeline.py tests/test_publish.py
+	tests/test_pipeline.py tests/test_publish.py tests/test_documented_commands.py
 
 # Parts that run in parallel, as they often wait for processes. The first takes the longest, one
 # process after another, so the others give way to it.
-SMOKE_TESTS = tests/test_smoke.py tests/test_documented_commands.py tests/tracking
+SMOKE_TESTS = tests/test_smoke.py tests/tracking
 SOAK_TESTS = tests/test_soak.py tests/compute tests/test_fingerprint.py tests/test_verify.py
 TRAINING_TESTS = tests/training tests/agents tests/article tests/test_notebook.py
 PAGES_TESTS = tests/play tests/report tests/tuning
@@ -164,9 +164,6 @@ view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 
 watch: install ## watch a trained policy play, in MuJoCo's viewer (AGENT=sac SEED=30)
 	@python -m scripts.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
-
-map: install ## renew docs/map.md, the list of all modules
-	python -m scripts.module_map
 
 schema: install ## renew what comes from the catalogue: params.schema.json, a list in dvc.yaml
 	python -m jumping_ant.experiment.schema

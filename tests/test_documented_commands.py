@@ -5,6 +5,7 @@ import shlex
 import shutil
 import subprocess
 from fnmatch import fnmatch
+from itertools import takewhile
 
 from dvc.cli import DvcParserError
 from dvc.cli.parser import get_main_parser
@@ -20,6 +21,7 @@ OF_THE_SYSTEM = ("cd", "export", "source", "sudo")
 BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 PATH = re.compile(r"[\w.<>*-]+(/[\w.<>*-]+)*/?")
 CODE = (".py", ".js", ".sh", ".yaml", ".lock")  # files that are also named without their folders
+EARLIER = re.compile(r"`[^`]+`,? of\s+commit\s+[0-9a-f]{7}")  # a script that has gone
 PLACEHOLDER = re.compile(r"<\w+>|\b[A-Z]{3,}\b|(?<=/)(agent|algorithm|stage)\b")
 # A repository, a key of `info`, and files that users, `make` and `make tune` write.
 ELSEWHERE = {"mdipietro09/RoboticsPy", "reward/low_torso", "off_policy/mine.py", "cluster.yaml"}
@@ -37,7 +39,7 @@ def missing(text: str) -> list[str]:
     """Return the commands and paths of a document that do not exist."""
     blocks = [lines for kind, lines in BLOCK.findall(text) if kind in ("console", "sh", "bash")]
     typed = [line.split(" #")[0].strip() for lines in blocks for line in lines.splitlines()]
-    prose = BLOCK.sub("", text)
+    prose = EARLIER.sub("", BLOCK.sub("", text))
     code = re.findall(r"^ {4}(\S.*)$", prose, re.MULTILINE) + re.findall(r"`([^`]+)`", prose)
     commands = [*filter(None, typed), *(line for line in code if line.split()[0] in TOOLS)]
     parts = [" ".join(part.split()) for command in commands for part in command.split("&&")]
@@ -82,7 +84,8 @@ def module_takes(module: str, *words: str) -> bool:
     path = ROOT / module.replace(".", "/")
     files = [file for file in (path.with_suffix(".py"), path / "__main__.py") if file.is_file()]
     source = "".join(file.read_text(encoding="utf-8") for file in files)
-    return source != "" and all(f'"{word}"' in source for word in words)
+    names = [*takewhile(lambda word: word[0] != "-", words), *(w for w in words if w[0] == "-")]
+    return source != "" and all(f'"{name}"' in source for name in names)
 
 
 def is_path(word: str) -> bool:
