@@ -1,4 +1,4 @@
-"""Measure the rows, or the rows and tables named, for results.json and README.md.
+"""Measure all rows, or those named, for results.json and README.md.
 
 Usage: python -m benchmarks [NAME...]
 """
@@ -21,31 +21,25 @@ ROWS = {
     "pgpe_vs_gymne": "evolution",
     "dqn_vs_sb3": "off_policy",
     "sac_vs_sb3": "off_policy",
-    "dqn_vs_sbx": "jax_peers",
-    "sac_vs_sbx": "jax_peers",
+    "dqn_vs_sbx": "off_policy",
+    "sac_vs_sbx": "off_policy",
     "article_four_seeds_vs_script": "four_seeds",
     "render_vs_record_video": "rendering",
     "checkpoint_overhead": "checkpoint",
 }
-PIPELINE_ROWS = (
-    "tracking_overhead",
-    "peak_memory",
-    "noop_repro",
-)  # measured in shared runs of it
+PIPELINE_ROWS = ("tracking_overhead", "peak_memory", "noop_repro")  # measured in one copy of it
 ROW_NAMES = (*ROWS, *PIPELINE_ROWS)
-TABLES = {"profiles": "profiles", "scale": "costs"}  # beside the rows: module and function
-NAMES = (*ROW_NAMES, *TABLES)
 MOST_BUSY = 20.0  # [%] largest load of all cores before a row that gives reliable figures
 
 
 def main() -> None:
     """Measure, and write the results after every row."""
     parser = command_line.parser(__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(ROW_NAMES))
     names = parser.parse_args().names or ROW_NAMES
-    unknown = set(names) - set(NAMES)
+    unknown = set(names) - set(ROW_NAMES)
     if unknown:
-        parser.error(f"given {sorted(unknown)}, allowed: {', '.join(NAMES)}")
+        parser.error(f"given {sorted(unknown)}, allowed: {', '.join(ROW_NAMES)}")
     results = report.load()
     for row in measure(names):
         print(
@@ -55,14 +49,6 @@ def main() -> None:
         )
         results = report.with_row(results, row, ROW_NAMES)
         report.save(results)
-    for table, function in TABLES.items():
-        if table in names:
-            entries = []
-            for entry in getattr(importlib.import_module(f"benchmarks.{table}"), function)():
-                print(entry, flush=True)
-                entries.append(entry)
-            results = report.with_table(results, table, entries)
-            report.save(results)
 
 
 def measure(names: Collection[str]) -> Iterator[Row]:

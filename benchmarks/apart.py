@@ -5,71 +5,42 @@ returns a figure. Contenders must be picklable by name, as `functools.partial` i
 """
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from multiprocessing.connection import Connection
-from typing import TypeVar
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
 
 from benchmarks.measure import Row, compare
 
-Figure = TypeVar("Figure")
+Contender = Callable[[], Callable[[], float]]
+_work: Callable[[], float]  # of this process
 
 
 @contextmanager
-def apart(*contenders: Callable[[], Callable[[], Figure]]) -> Iterator[Callable[[], list[Figure]]]:
+def apart(*contenders: Contender) -> Iterator[Callable[[], list[float]]]:
     """Set contenders up, each in a fresh process, where they wait for their turns.
-
-    Args:
-        contenders: The contenders, which measure at the same time.
 
     Yields:
         A function that runs all of them once, at the same time, and returns a figure of each.
-
-    Raises:
-        EOFError: A contender failed; its traceback is on standard error.
     """
     spawn = multiprocessing.get_context("spawn")
-    connections = []
-    processes = []
-    try:
-        for contender in contenders:
-            here, there = spawn.Pipe()
-            process = spawn.Process(target=_serve, args=(there, contender))
-            process.start()
-            there.close()
-            connections.append(here)
-            processes.append(process)
-        for connection in connections:
-            connection.recv()  # it is set up
-        yield lambda: _turn(connections)
-    finally:
-        for connection in connections:
-            with suppress(BrokenPipeError):  # the contender has failed
-                connection.send(False)
-        for process in processes:
-            process.join()
+    with ExitStack() as stack:
+        pools = [stack.enter_context(ProcessPoolExecutor(1, spawn)) for _ in contenders]
+        setups = [pool.submit(_set_up, own) for pool, own in zip(pools, contenders, strict=True)]
+        for setup in setups:
+            setup.result()
+        yield lambda: [turn.result() for turn in [pool.submit(_measure) for pool in pools]]
 
 
-def compare_apart(
-    name: str,
-    unit: str,
-    ours: Callable[[], Callable[[], float]],
-    peer: Callable[[], Callable[[], float]],
-    repeats: int = 3,
-) -> Row:
+def compare_apart(name: str, unit: str, ours: Contender, peer: Contender, repeats: int = 3) -> Row:
     """Compare two contenders (see `benchmarks.measure.compare`)."""
     with apart(ours) as own, apart(peer) as other:
         return compare(name, unit, lambda: own()[0], lambda: other()[0], repeats)
 
 
-def _turn(connections: Sequence["Connection[bool, Figure]"]) -> list[Figure]:
-    for connection in connections:
-        connection.send(True)
-    return [connection.recv() for connection in connections]
+def _set_up(contender: Contender) -> None:
+    global _work
+    _work = contender()
 
 
-def _serve(connection: Connection, contender: Callable[[], Callable[[], Figure]]) -> None:
-    measure = contender()
-    connection.send(None)
-    while connection.recv():
-        connection.send(measure())
+def _measure() -> float:
+    return _work()

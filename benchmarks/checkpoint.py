@@ -1,6 +1,5 @@
 """The cost of checkpoints: the time of one relative to the interval between them."""
 
-import statistics
 import tempfile
 import threading
 import time
@@ -8,7 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from benchmarks.measure import Row
+from benchmarks.measure import Row, row
 from benchmarks.settings import CORES, default_world
 from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.job import Job
@@ -44,22 +43,13 @@ def checkpoint_overhead() -> Row:
             started = time.perf_counter()
             checkpoints.save(seed, Saved(item.env_steps, 0.0, [], None, "", (), item.content))
             seconds[seed].append(time.perf_counter() - started)
-    costs = [
-        blocked + writing
+    interval = settings.compute.checkpoint_seconds
+    pairs = [
+        (interval + writing + blocked, interval)
         for own in seconds.values()
         for writing, blocked in zip(own[::2], own[1::2], strict=True)
     ]
-    interval = settings.compute.checkpoint_seconds
-    ratios = [(interval + cost) / interval for cost in costs]
-    ratio = statistics.median(ratios)
-    return Row(
-        name="checkpoint_overhead",
-        ours=interval * ratio,
-        peer=interval,
-        unit="s",
-        ratio=ratio,
-        spread=(max(ratios) - min(ratios)) / ratio,
-    )
+    return row("checkpoint_overhead", "s", pairs)
 
 
 def _train(agent: DQNParams, seed: int, stop: threading.Event) -> Iterator[Checkpoint | float]:

@@ -11,7 +11,6 @@ from evotorch.neuroevolution import GymNE
 
 from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
-from benchmarks.cost import MIN_ENV_STEPS, Cost, cost
 from benchmarks.measure import Row, rate
 from benchmarks.settings import CORES, article_agent, default_world
 from jumping_ant.agents import kernels
@@ -19,7 +18,6 @@ from jumping_ant.agents.evolution import trainer
 from jumping_ant.agents.job import Job
 
 GENERATIONS = 2  # per repeat
-EPISODE_STEPS = 10  # [control steps] per policy, when the population grows
 
 
 def pgpe_vs_gymne() -> Row:
@@ -64,18 +62,3 @@ def gymne() -> Callable[[], float]:
     )
     searcher.run(1)  # starts the actors
     return lambda: rate(partial(searcher.run, GENERATIONS), GENERATIONS)
-
-
-def population(size: int) -> Callable[[], Cost]:
-    """Set up measuring the cost of a population of `size` policies, all of training included."""
-    return partial(cost, "PGPE", size, partial(_env_steps_per_second, size))
-
-
-def _env_steps_per_second(population_size: int, num_threads: int) -> float:
-    kernels.use()
-    changes = {"population_size": population_size, "episode_steps": EPISODE_STEPS}
-    agent = article_agent("pgpe").model_copy(update=changes)
-    generations = max(1, MIN_ENV_STEPS // agent.population_size // agent.episode_steps)
-    events = trainer.train(Job(default_world(), agent, seed=0, num_threads=num_threads))
-    env_steps = generations * population_size * EPISODE_STEPS
-    return rate(lambda: list(islice(events, generations)), env_steps)

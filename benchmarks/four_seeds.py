@@ -5,20 +5,18 @@ the rate at which it consumes it.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from benchmarks import evolution, off_policy
-from benchmarks.apart import apart
-from benchmarks.measure import Row, compare
+from benchmarks.apart import Contender, apart
+from benchmarks.measure import Row, row
 from benchmarks.settings import CORES, article_agent
 
 SEEDS = 4
 REPEATS = 3
-
-Contender = Callable[[], Callable[[], float]]
 
 
 def article_four_seeds_vs_script() -> Row:
@@ -30,33 +28,17 @@ def article_four_seeds_vs_script() -> Row:
     """
     workers = min(CORES, SEEDS)
     rounds = math.ceil(SEEDS / workers)
-    seconds, script_seconds = np.zeros(REPEATS), np.zeros(REPEATS)
+    seconds = np.zeros((REPEATS, 2))
     for budget, ours, script in _learners():
         with apart(*[ours] * workers) as own, apart(script) as other:
             for repeat in range(REPEATS):
-                seconds[repeat] += rounds * budget / min(own())
-                script_seconds[repeat] += budget / other()[0]
-    return compare(
-        "article_four_seeds_vs_script",
-        "s",
-        partial(next, iter(seconds.tolist())),
-        partial(next, iter(script_seconds.tolist())),
-        REPEATS,
-    )
+                seconds[repeat] += rounds * budget / min(own()), budget / other()[0]
+    return row("article_four_seeds_vs_script", "s", seconds.tolist())
 
 
-def _learners() -> list[tuple[int, Contender, Contender]]:
-    """Return each learner's budget, the project's training of it and the script's."""
-    return [
-        (
-            article_agent("dqn").total_steps,
-            partial(off_policy.project, "dqn"),
-            partial(off_policy.script, "dqn"),
-        ),
-        (
-            article_agent("sac").total_steps,
-            partial(off_policy.project, "sac"),
-            partial(off_policy.script, "sac"),
-        ),
-        (article_agent("pgpe").generations, partial(evolution.project, 1), evolution.gymne),
-    ]
+def _learners() -> Iterator[tuple[int, Contender, Contender]]:
+    """Yield each learner's budget, the project's training of it and the script's."""
+    for name in ("dqn", "sac"):
+        ours, script = partial(off_policy.project, name), partial(off_policy.script, name)
+        yield article_agent(name).total_steps, ours, script
+    yield article_agent("pgpe").generations, partial(evolution.project, 1), evolution.gymne

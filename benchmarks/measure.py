@@ -6,7 +6,7 @@ other. The median over several such pairs is reported, with their spread.
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 
@@ -31,38 +31,23 @@ class Row:
     spread: float
 
 
+def row(name: str, unit: str, pairs: Sequence[Sequence[float]]) -> Row:
+    """Return the comparison of pairs of figures: ours, and the peer's right after it."""
+    ours, peer = (statistics.median(figures) for figures in zip(*pairs, strict=True))
+    ratios = [own / other for own, other in pairs]
+    ratio = statistics.median(ratios)
+    return Row(name, ours, peer, unit, ratio, spread=(max(ratios) - min(ratios)) / ratio)
+
+
 def compare(
     name: str, unit: str, ours: Callable[[], float], peer: Callable[[], float], repeats: int = 3
 ) -> Row:
-    """Measure both in turn, several times.
-
-    Args:
-        name: Name of the row.
-        unit: Unit of both figures.
-        ours: Does the work the project's way and returns its figure.
-        peer: Does the same work the peer's way and returns its figure.
-        repeats: Pairs of measurements.
-    """
-    pairs = [(ours(), peer()) for _ in range(repeats)]
-    ratios = [own / other for own, other in pairs]
-    ratio = statistics.median(ratios)
-    return Row(
-        name=name,
-        ours=statistics.median(own for own, _ in pairs),
-        peer=statistics.median(other for _, other in pairs),
-        unit=unit,
-        ratio=ratio,
-        spread=(max(ratios) - min(ratios)) / ratio,
-    )
+    """Measure both in turn, several times; each function does its work and returns a figure."""
+    return row(name, unit, [(ours(), peer()) for _ in range(repeats)])
 
 
 def rate(work: Callable[[], object], amount: float) -> float:
-    """Return the amount of work done per second.
-
-    Args:
-        work: Does all of it.
-        amount: How much it is, in any unit.
-    """
+    """Do an amount of work, in any unit, and return how much is done per second."""
     started = time.perf_counter()
     work()
     return amount / (time.perf_counter() - started)

@@ -41,15 +41,9 @@ def main() -> None:
 
 def fill(buffer: ReplayBuffer, num_transitions: int) -> None:
     """Write the memory pages that a number of transitions take."""
-    for column in (
-        buffer.observations,
-        buffer.next_observations,
-        buffer.actions,
-        buffer.rewards,
-        buffer.dones,
-        buffer.timeouts,
-    ):
-        column[:num_transitions] = 0
+    columns = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+    for column in columns:
+        getattr(buffer, column)[:num_transitions] = 0
 
 
 if __name__ == "__main__":

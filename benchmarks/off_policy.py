@@ -1,13 +1,14 @@
-"""DQN and SAC compared with Stable-Baselines3, called as in the article."""
+"""DQN and SAC compared with Stable-Baselines3, called as in the article, and with SBX in JAX."""
 
 import importlib
+import os
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import torch
 
-from benchmarks.apart import compare_apart
+from benchmarks.apart import Contender, compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import article_agent, default_world
@@ -27,19 +28,23 @@ WARM_UP = {"dqn": 1, "sac": 12}
 PAST_EXPLORATION: dict[str, Any] = {"exploration_fraction": 1e-6, "learning_starts": 100}
 
 
-def dqn_vs_sb3() -> Row:
-    """Compare DQN, one thread each."""
-    return _compare("dqn")
-
-
-def sac_vs_sb3() -> Row:
-    """Compare SAC, one thread each."""
-    return _compare("sac")
-
-
-def _compare(algorithm: str) -> Row:
+def versus_sb3(algorithm: str) -> Row:
+    """Compare with Stable-Baselines3, one thread each."""
     ours, peer = partial(project, algorithm), partial(script, algorithm, num_threads=1)
     return compare_apart(f"{algorithm}_vs_sb3", "env-steps/s", ours, peer, REPEATS)
+
+
+def versus_sbx(algorithm: str) -> Row:
+    """Compare with SBX, the like of Stable-Baselines3 in JAX, one core each."""
+    contenders = partial(project, algorithm), partial(script, algorithm, "sbx")
+    ours, peer = (partial(on_one_core, contender) for contender in contenders)
+    return compare_apart(f"{algorithm}_vs_sbx", "env-steps/s", ours, peer, REPEATS)
+
+
+def on_one_core(contender: Contender) -> Callable[[], float]:
+    """Set up a contender in a process that has one core, before JAX counts them."""
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    return contender()
 
 
 def project(algorithm: str) -> Callable[[], float]:
@@ -81,3 +86,7 @@ def script(
     steps = STEPS[algorithm]
     model.learn(steps * WARM_UP[algorithm])
     return lambda: rate(partial(model.learn, steps, reset_num_timesteps=False), steps)
+
+
+dqn_vs_sb3, sac_vs_sb3 = partial(versus_sb3, "dqn"), partial(versus_sb3, "sac")
+dqn_vs_sbx, sac_vs_sbx = partial(versus_sbx, "dqn"), partial(versus_sbx, "sac")

@@ -67,13 +67,8 @@ def peak_memory(project: Checkout) -> Row:
 
 def noop_repro(project: Checkout) -> Row:
     """Compare `dvc repro` with `dvc status` where everything is up to date."""
-    return compare(
-        "noop_repro",
-        "s",
-        partial(project.seconds, "dvc", "repro"),
-        partial(project.seconds, "dvc", "status"),
-        NOOP_REPEATS,
-    )
+    repro, status = (partial(project.seconds, "dvc", command) for command in ("repro", "status"))
+    return compare("noop_repro", "s", repro, status, NOOP_REPEATS)
 
 
 def tracking_overhead(project: Checkout) -> Row:
@@ -87,22 +82,12 @@ def tracking_overhead(project: Checkout) -> Row:
         shutil.rmtree(project.folder / ".checkpoints", ignore_errors=True)  # train from scratch
         return project.seconds(*command)
 
-    return compare(
-        "tracking_overhead",
-        "s",
-        partial(seconds, TRAIN),
-        partial(seconds, TRAIN_UNTRACKED),
-        TRACKED_REPEATS,
-    )
+    tracked, untracked = partial(seconds, TRAIN), partial(seconds, TRAIN_UNTRACKED)
+    return compare("tracking_overhead", "s", tracked, untracked, TRACKED_REPEATS)
 
 
 def shortened(settings: Params, shares: Mapping[str, float]) -> Params:
-    """Return parameters with smaller training budgets.
-
-    Args:
-        settings: The parameters.
-        shares: Remaining share of a budget, by its name in an agent's block.
-    """
+    """Return parameters with training budgets cut to shares, by their names in agents' blocks."""
     agents = {}
     for name, agent in settings.agents.items():
         budgets = {

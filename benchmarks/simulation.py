@@ -97,11 +97,6 @@ def pooled(num_envs: int, num_threads: int) -> Callable[[], float]:
 def raw(world: World, num_envs: int, share: NDArray[np.int64]) -> Callable[[], float]:
     """Set up one process's share of the same simulations, without any environment.
 
-    Args:
-        world: The robot and the task.
-        num_envs: Number of simulations of all processes.
-        share: Numbers of those in this process.
-
     Returns:
         A function that runs them, one after the other, and returns the seconds it took.
     """

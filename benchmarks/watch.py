@@ -39,13 +39,7 @@ def watch(
     environment: Mapping[str, str],
     is_shown: bool = False,
 ) -> Usage:
-    """Run a command and watch it.
-
-    Args:
-        command: What to run.
-        folder: Where to run it.
-        environment: Its environment variables.
-        is_shown: Whether its output is shown as well.
+    """Run a command in a folder and watch it; `is_shown` shows its output as well.
 
     Raises:
         RuntimeError: The command failed.
@@ -79,43 +73,38 @@ def watch(
 
 
 def _sample(mark: str, usage: Usage, started: float, has_ended: threading.Event) -> None:
-    family = _Family(mark)
+    family: dict[psutil.Process, bool] = {}
     while not has_ended.wait(SECONDS_BETWEEN_SAMPLES):
         seconds = time.perf_counter() - started
-        memory = sum(map(_resident_bytes, family.members())) / 2**30
+        family = _judged(mark, family)
+        members = (process for process, is_member in family.items() if is_member)
+        memory = sum(map(_resident_bytes, members)) / 2**30
         if memory > usage.peak_memory:
             usage.peak_memory, usage.peak_seconds = memory, seconds
 
 
-class _Family:
-    """All descendants of a command.
+def _judged(mark: str, known: dict[psutil.Process, bool]) -> dict[psutil.Process, bool]:
+    """Return all running processes, and whether they descend from the command.
 
     Daemons outlive their parents, and some processes overwrite their variables with a title, so a
-    process belongs here as soon as its parent does or it carries the mark, and from then on.
+    process descends from it as soon as its parent does or it carries the mark, and from then on.
     """
+    verdicts: dict[psutil.Process, bool] = {}
+    member_ids = {process.pid for process, is_member in known.items() if is_member}
+    for process in psutil.process_iter():  # parents come before their children
+        if process in known:
+            verdicts[process] = known[process]
+        else:
+            verdicts[process] = _descends(process, mark, member_ids)
+        if verdicts[process]:
+            member_ids.add(process.pid)
+    return verdicts
 
-    def __init__(self, mark: str) -> None:
-        self._mark = mark
-        self._verdicts: dict[psutil.Process, bool] = {}
 
-    def members(self) -> list[psutil.Process]:
-        """Return those that are running."""
-        verdicts: dict[psutil.Process, bool] = {}
-        own_ids = {process.pid for process, is_own in self._verdicts.items() if is_own}
-        for process in psutil.process_iter():  # parents come before their children
-            if process in self._verdicts:
-                verdicts[process] = self._verdicts[process]
-            else:
-                verdicts[process] = self._is_own(process, own_ids)
-            if verdicts[process]:
-                own_ids.add(process.pid)
-        self._verdicts = verdicts
-        return [process for process, is_own in verdicts.items() if is_own]
-
-    def _is_own(self, process: psutil.Process, own_ids: set[int]) -> bool:
-        with suppress(psutil.Error):
-            return process.ppid() in own_ids or process.environ().get(MARK) == self._mark
-        return False
+def _descends(process: psutil.Process, mark: str, member_ids: set[int]) -> bool:
+    with suppress(psutil.Error):
+        return process.ppid() in member_ids or process.environ().get(MARK) == mark
+    return False
 
 
 def _resident_bytes(process: psutil.Process) -> int:
