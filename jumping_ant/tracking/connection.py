@@ -4,7 +4,7 @@ import fcntl
 import os
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,10 +22,6 @@ from jumping_ant.base.paths import home
 from jumping_ant.tracking import internals
 
 EXPERIMENT = "jumping-ant"
-SIGNS_OF_CONFLICT = (
-    "UNIQUE constraint failed", "duplicate key", "already exists", "database is locked",
-    "deadlock detected",
-)  # fmt: skip
 LONGEST_MESSAGE = 300
 SECONDS_FOR_ANSWER = 5
 
@@ -49,13 +45,9 @@ class Connection:
         return is_server(self.uri)
 
 
-class ConflictError(InputError):
-    """Two processes wrote the same thing at once, and the database accepted the other's write."""
-
-
 @contextmanager
 def failures_as_input_errors(uri: str) -> Iterator[None]:
-    """Convert errors of MLflow and its database into one-line input errors, or ConflictErrors."""
+    """Convert errors of MLflow and its database into one-line input errors."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -64,11 +56,8 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
             f"{databases.installation(error)}"
         ) from error
     except (MlflowException, SQLAlchemyError, OSError) as error:
-        is_conflict = any(sign in str(error) for sign in SIGNS_OF_CONFLICT)
-        kind = ConflictError if is_conflict else InputError
-        raise kind(
-            f"MLflow at {databases.without_password(uri)}: {_explain(error, uri)}"
-        ) from error
+        place = databases.without_password(uri)
+        raise InputError(f"MLflow at {place}: {_explain(error, uri)}") from error
 
 
 def connect(
@@ -111,47 +100,40 @@ def _opened_alone(uri: str, project: Path) -> Iterator[None]:
     two do so at once. Before it gives up a database, it would try for minutes.
     """
     path = _database(uri)
-    if databases.is_shared(uri):
-        with databases.held(uri, "jumping-ant opens it"):
-            yield
-        return
-    if path is None:
-        yield
-        return
-    if not path.name:
+    if path is not None and not path.name:
         raise InputError(
             f"MLFLOW_TRACKING_URI: given {uri!r}, allowed: sqlite:///FILE, or a server's address"
         )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.with_name(f"{path.name}.lock").open("w", encoding="utf-8") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if _is_empty(path):
+    with _held(uri, "jumping-ant opens it", "lock", lambda: None):
+        if path is not None and _is_empty(path):
             internals.create_tables(uri, artifacts_uri(project))
         yield
 
 
+def mirrored_alone(uri: str, say: Callable[[str], None]) -> AbstractContextManager[None]:
+    """Keep other processes from mirroring to a database: they would replace each other's runs."""
+    line = "another process is bringing MLflow up to date; waiting for it"
+    return _held(uri, "jumping-ant mirrors to it", "mirror.lock", lambda: say(line))
+
+
 @contextmanager
-def mirrored_alone(uri: str, say: Callable[[str], None]) -> Iterator[None]:
-    """Keep other processes from mirroring to a database: they would replace model files."""
+def _held(uri: str, name: str, suffix: str, wait: Callable[[], None]) -> Iterator[None]:
+    """Hold a lock, beside a database's file or by name in its server; MLflow's server has none."""
     path = _database(uri)
-
-    def tell() -> None:
-        say("another process is bringing MLflow up to date; waiting for it")
-
     if databases.is_shared(uri):
-        with databases.held(uri, "jumping-ant mirrors to it", tell):
+        with databases.held(uri, name, wait):
             yield
-        return
-    if path is None:
+    elif path is None:
         yield
-        return
-    with path.with_name(f"{path.name}.mirror.lock").open("w", encoding="utf-8") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            tell()
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
+    else:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.with_name(f"{path.name}.{suffix}").open("w", encoding="utf-8") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                wait()
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
 
 
 def _database(uri: str) -> Path | None:
@@ -170,7 +152,7 @@ def _is_empty(path: Path) -> bool:
         return bool(version == 0)
     except (sqlite3.Error, OSError) as error:
         if "locked" in str(error):
-            raise ConflictError(f"{path}: in use by another program; try again later") from error
+            raise InputError(f"{path}: in use by another program; try again later") from error
         raise InputError(
             f"{path}: cannot be opened as a database ({error}); "
             "if it is damaged, delete it: `python -m stages.track` recreates it"
@@ -222,15 +204,11 @@ def _explain(error: BaseException, uri: str) -> str:
             return "answers with failures only; see whether its database runs, then try again"
         if isinstance(cause, requests.ConnectionError | requests.Timeout):
             is_up = isinstance(cause, requests.ReadTimeout)
-            how = (
-                "cannot be reached in time; if it is busy, try again later"
-                if is_up
-                else ("cannot be reached; start it")
-            )
-            return f"{how}, or unset MLFLOW_TRACKING_URI to use mlflow.db"
+            busy = " in time; if it is busy, try again later" if is_up else "; start it"
+            return f"cannot be reached{busy}, or unset MLFLOW_TRACKING_URI to use mlflow.db"
         cause = cause.__cause__ or cause.__context__
     message = " ".join(str(error).partition("(Background on this error")[0].split())
-    if "lock timeout" in message:
+    if "lock timeout" in message or "database is locked" in message:
         return "in use by another program; try again later"
     message = databases.without_secret(message, uri)
     return message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "..."

@@ -4,15 +4,12 @@ import json
 import logging
 import os
 import warnings
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 from mlflow.system_metrics.system_metrics_monitor import SystemMetricsMonitor
-from mlflow.utils.file_utils import local_file_uri_to_path
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
-from mlflow.utils.uri import is_local_uri
 
 # Tags that the pages read. The first decides which pages an experiment has.
 EXPERIMENT_KIND = {"mlflow.experimentKind": "custom_model_development"}
@@ -20,13 +17,14 @@ RUN_COLOUR = "mlflow.runColor"
 # Makes the table of runs unfold the comparison above the run, where other runs stay folded; it says
 # nothing about the run except that it has been evaluated.
 UNFOLDED = {"mlflow.runType": "evaluation"}
+FIRST_COLUMN = "attributes.`Run Name`"  # this one and the last two cannot be hidden
+LAST_COLUMNS = ("duration", "runDateAndNestInfo")
 
 
 def saved_view(
     key: str,
     name: str,
-    widths: Mapping[str, int],
-    always_shown: Iterable[str],
+    columns: Sequence[str],
     condition: str = "",
     order: str = "attributes.start_time",
 ) -> dict[str, str]:
@@ -35,8 +33,7 @@ def saved_view(
     Args:
         key: By which an address names it.
         name: By which the menu names it.
-        widths: Of its columns [pixels], in their order.
-        always_shown: Columns that cannot be hidden.
+        columns: Beside those that are always shown, in their order.
         condition: On runs, in the language of searches; empty for all.
         order: The column by which runs are sorted, the largest first.
     """
@@ -46,9 +43,8 @@ def saved_view(
         "orderByAsc": False,
         "startTime": "ALL",
         "lifecycleFilter": "Active",
-        "selectedColumns": [column for column in widths if column not in always_shown],
-        "columnOrder": list(widths),
-        "columnWidths": widths,
+        "selectedColumns": list(columns),
+        "columnOrder": [FIRST_COLUMN, *columns, *LAST_COLUMNS],
     }
     # The times only order the list of views.
     view = {"name": name, "createdAt": 0, "updatedAt": 0, "state": json.dumps(state)}
@@ -77,11 +73,6 @@ def silence() -> None:
 def create_tables(database_uri: str, artifacts_uri: str) -> None:
     """Make the tables of an empty database; the client would quote no folder name for this."""
     SqlAlchemyStore(database_uri, artifacts_uri)
-
-
-def local_folder(location: str) -> Path | None:
-    """Return the folder of artifacts, None if they are not on this machine."""
-    return Path(local_file_uri_to_path(location)) if is_local_uri(location) else None
 
 
 def registered_tag(name: str, version: str) -> dict[str, str]:

@@ -1,17 +1,16 @@
 """Learning curves, and the machine's load, in MLflow while training runs.
 
 A separate process follows the curve files that training writes. So training neither waits for
-MLflow nor fails with it, and a slow or unreachable tracking server costs only the live view:
-`track` completes it from the files. Only this follower knows the load, which the comparison shows:
-one that `track` creates from files alone has none.
+MLflow nor fails with it, and a slow or unreachable tracking server costs only the live view.
+`track` replaces these runs by runs written from the files; only this follower knows the load, which
+the comparison keeps.
 """
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
-from mlflow.entities import Run
+from mlflow.entities import Param, Run
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest
@@ -21,8 +20,7 @@ from jumping_ant.tracking import reading, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors
 from jumping_ant.tracking.internals import Monitor
-from jumping_ant.tracking.reading import Point
-from jumping_ant.tracking.store import Desired, Store
+from jumping_ant.tracking.store import Points, Store
 
 TIMEOUT_SECONDS = 5
 MAX_RETRIES = 0
@@ -58,29 +56,19 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
     survives(follower.finish)
 
 
-@dataclass
-class _Followed:
-    """A run, the curve points that it has, and when each step was first seen [ms since 1970]."""
-
-    run: Run
-    points: dict[Point, float] = field(default_factory=dict)
-    times: dict[int, int] = field(default_factory=dict)
-
-
 class _Follower:
     """Follows the seeds of one agent."""
 
     def __init__(self, agent: str, root: Path) -> None:
         params = params_file.load(root / "params.yaml")
-        self._agent = agent
-        self._root = root
-        self._seeds = params.seeds
+        self._agent, self._root, self._seeds = agent, root, params.seeds
         self._algorithm = params.agent(agent).algorithm
         self._params = records.run_params(root, params, agent)
         self._start = stores.now_ms()
         self._store: Store | None = None
         self._parent: Run | None = None
-        self._followed: dict[int, _Followed] = {}
+        self._followed: dict[int, tuple[Run, Points]] = {}  # by seed, with the points it has
+        self._times: dict[tuple[str, int], int] = {}  # when a run's step was first seen [ms]
         self._monitor: Monitor | None = None
 
     def update(self) -> None:
@@ -98,7 +86,9 @@ class _Follower:
             self._monitor.finish()
         store = self._connect()
         with failures_as_input_errors(store.uri):
-            statuses = {self._end(store, seed) for seed in self._seeds}
+            for seed in self._seeds:
+                self._follow(store, seed)
+            statuses = [self._end(store, seed, run) for seed, (run, _) in self._followed.items()]
             if self._parent is not None:
                 status = "KILLED" if "KILLED" in statuses else "FINISHED"
                 store.client.set_terminated(self._parent.info.run_id, status)
@@ -113,67 +103,55 @@ class _Follower:
         return self._store
 
     def _follow(self, store: Store, seed: int) -> None:
+        """Log a seed's new points."""
         curve = reading.read_curve(self._root, self._agent, seed)
-        if not curve:
+        run, points = self._followed.get(seed, (None, {}))
+        if run is not None and any(curve.get(it, value) != value for it, value in points.items()):
+            store.client.delete_run(run.info.run_id)  # another training has begun
+            run, points = None, {}
+        if curve.keys() <= points.keys() or (run is None and self._is_shown(store, seed)):
             return
-        followed = self._followed.get(seed)
-        if followed is not None and _contradicts(followed.points, curve):
-            store.client.set_terminated(followed.run.info.run_id, "KILLED")
-            followed = None
-        if followed is None:
-            followed = self._followed[seed] = self._open(store, seed, curve)
-        for _, step in curve.keys() - followed.points:  # one resent with its time is no duplicate
-            followed.times.setdefault(step, stores.now_ms())
-        store.apply(followed.run, Desired(curve=curve, times=followed.times), followed.points)
-        followed.points |= curve
+        run = run or self._open(store, seed)
+        self._followed[seed] = run, points
+        new = {point: value for point, value in curve.items() if point not in points}
+        for _, step in new:  # one resent with its time is no duplicate
+            self._times.setdefault((run.info.run_id, step), stores.now_ms())
+        times = {step: self._times[run.info.run_id, step] for _, step in new}
+        store.log_curve(run, new, times)
+        self._followed[seed] = run, {**points, **new}
 
-    def _open(self, store: Store, seed: int, curve: stores.Points) -> _Followed:
-        """Return a run to log to: that of an interrupted training that resumed, or a new one."""
+    def _policy_digest(self, seed: int) -> str | None:
+        path = Paths(self._root).agent(self._agent).seed(seed).policy
+        return digest(path) if path.exists() else None
+
+    def _is_shown(self, store: Store, seed: int) -> bool:
+        """Tell whether the policy was trained before and has its run."""
+        policy = self._policy_digest(seed)
+        return policy is not None and any(
+            run.info.status == "FINISHED" and stores.is_of(run, policy, self._params)
+            for run in store.seed_runs(self._agent, seed)
+        )
+
+    def _open(self, store: Store, seed: int) -> Run:
+        """Return a new run to log to, in place of that of an interrupted training."""
         if self._parent is None:
             self._parent = store.pending_comparison()
             store.take_over(self._parent)
-        tags = {stores.LIVE: "true", stores.PARENT: self._parent.info.run_id}
         for run in store.seed_runs(self._agent, seed):
-            if not stores.is_unclaimed(run, self._params):
-                continue
-            points = {point: values[0] for point, values in store.curve_points(run).items()}
-            if not _contradicts(points, curve):
-                store.take_over(run)
-                store.apply(run, Desired(tags=tags))
-                return _Followed(run, points)
-        run = store.create_seed_run(self._agent, seed, self._algorithm, tags, self._start)
-        store.apply(run, Desired(params=self._params))
-        return _Followed(run)
+            if stores.is_of(run, None, self._params) and not stores.is_written(run):
+                store.client.delete_run(run.info.run_id)
+        tags = stores.seed_tags(self._agent, seed, self._algorithm)
+        tags |= {stores.LIVE: "true", stores.PARENT: self._parent.info.run_id}
+        run = store.create_run(records.run_name(self._agent, seed), tags, self._start)
+        params = [Param(*param) for param in self._params.items()]
+        store.client.log_batch(run.info.run_id, params=params)
+        return run
 
-    def _end(self, store: Store, seed: int) -> str | None:
-        """End a seed's run and return its status; None if it has none, or a redundant one.
-
-        A policy with the same bytes may already have a finished run: then only that one is kept.
-        """
-        path = Paths(self._root).agent(self._agent).seed(seed).policy
-        content = digest(path) if path.exists() else None
-        is_shown = content is not None and any(
-            stores.shows(run, content, self._params) and run.info.status == "FINISHED"
-            for run in store.seed_runs(self._agent, seed)
-        )
-        if not is_shown:
-            self._follow(store, seed)
-        if seed not in self._followed:
-            return None
-        run_id = self._followed[seed].run.info.run_id
-        if is_shown:
-            store.client.set_terminated(run_id, "KILLED")
-            store.client.delete_run(run_id)
-            return None
-        if content is not None:
-            store.client.set_tag(run_id, stores.POLICY_DIGEST, content)
-        status = "KILLED" if content is None else "FINISHED"
-        store.client.set_terminated(run_id, status)
+    def _end(self, store: Store, seed: int, run: Run) -> str:
+        """End a seed's run and return its status."""
+        policy = self._policy_digest(seed)
+        if policy is not None:
+            store.client.set_tag(run.info.run_id, stores.POLICY_DIGEST, policy)
+        status = "KILLED" if policy is None else "FINISHED"
+        store.client.set_terminated(run.info.run_id, status)
         return status
-
-
-def _contradicts(stored: stores.Points, curve: stores.Points) -> bool:
-    """Tell whether a curve has another value where a stored one has a point."""
-    return any(
-        point in stored and not stores.same(stored[point], value) for point, value in curve.items()
-    )

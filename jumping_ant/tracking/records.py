@@ -35,7 +35,6 @@ EVALUATION = "evaluation/"
 AGGREGATE = "aggregate"  # tag of a run of all seeds of an agent: the key of its comparison
 # Of all seeds of an agent: columns of `results/plots/learning_curves.csv`, by metric.
 CURVES_OVER_SEEDS = {"return_iqm": "return_iqm", "return_low": "low", "return_high": "high"}
-SYSTEM = "system/"  # load of the machine; runs of seeds from older versions have it
 
 
 @dataclass(frozen=True)
@@ -64,11 +63,6 @@ class SeedRecord:
     def stage(self) -> str:
         """The stage of the pipeline that trained it."""
         return stage(self.agent)
-
-    @property
-    def label(self) -> str:
-        """Its name in messages."""
-        return f"{self.agent} seed {self.seed}"
 
     @property
     def policy_path(self) -> Path:
@@ -288,12 +282,6 @@ def run_name(agent: str, seed: int) -> str:
 def stage(agent: str) -> str:
     """Return the stage of the pipeline that trains an agent."""
     return f"train@{agent}"
-
-
-def is_of_curve(metric: str) -> bool:
-    """Tell whether a run's metric is a column of its learning curve."""
-    is_of_seed = metric in (TRAIN_SECONDS, VALIDATION_RETURN, FINAL_RETURN)
-    return not is_of_seed and not metric.startswith((EVALUATION, SYSTEM))
 
 
 def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:

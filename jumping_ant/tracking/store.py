@@ -1,52 +1,72 @@
-"""What the project looks up and writes in MLflow: runs, curves, artifacts, models."""
+"""What the project looks up and writes in MLflow. A finished run is written once."""
 
+import hashlib
 import json
 import os
 import subprocess
 import time
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-from mlflow.entities import LoggedModel, Metric, Param, Run, RunTag
+from mlflow.entities import LoggedModel, Metric, Param, Run
 from mlflow.store.entities import PagedList
 
+from jumping_ant.base import process
 from jumping_ant.base.files import digest
-from jumping_ant.base.process import this_process
 from jumping_ant.tracking import connection
 from jumping_ant.tracking.connection import Connection
 from jumping_ant.tracking.internals import UNFOLDED
 from jumping_ant.tracking.reading import Point
-from jumping_ant.tracking.records import AGGREGATE, is_of_curve, run_name, stage
-from jumping_ant.tracking.writers import WRITER, is_written
+from jumping_ant.tracking.records import AGGREGATE, stage
 
 PENDING = "pending"
 
 # Tags. A run of a seed has the first three, a comparison the fourth.
 AGENT, SEED, POLICY_DIGEST, COMPARISON = "agent", "seed", "policy_digest", "comparison"
 ALGORITHM = "algorithm"
-LIVE = "live"  # written while training ran
-ARTIFACTS = "artifact_digests"
+CONTENT = "content_digest"  # of what was written
+SETTINGS = "settings_digest"  # of the parameters of all that a comparison compares
+LIVE = "live"  # shown while training ran
+WRITER = "writer"  # the process that writes the run
 PARENT = "mlflow.parentRunId"
 HOLD = "hold"  # control steps that each of a model's outputs is held for
 GIT_COMMIT, DVC_STAGE, DVC_MD5 = "git_commit", "dvc_stage", "dvc_md5"
+SYSTEM = "system/"  # metrics: the load of the machine while training ran
+SILENT_DAYS = 1  # a run of another host counts as abandoned if it started longer ago
 
 Points = Mapping[Point, float]
 Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
-class Desired:
-    """What a run should show."""
+class Content:
+    """What a finished run shows."""
 
-    params: Mapping[str, str] = field(default_factory=dict)  # MLflow never changes one
+    name: str
+    tags: Mapping[str, str]
+    params: Mapping[str, str] = field(default_factory=dict)
     curve: Points = field(default_factory=dict)
-    times: Mapping[int, int] = field(default_factory=dict)  # of the curve's steps [ms since 1970]
     metrics: Mapping[str, float] = field(default_factory=dict)  # without steps
-    tags: Mapping[str, str] = field(default_factory=dict)
     artifacts: Mapping[str, Path] = field(default_factory=dict)  # files by their path in the run
-    model: LoggedModel | None = None  # has the metrics, too
+    status: str = "FINISHED"
+    # What a run is not told apart by: tags that stay as written, tags that are kept up to date, and
+    # when it began, ended and reached each of the curve's steps [ms since 1970].
+    aside: Mapping[str, str] = field(default_factory=dict)
+    place: Mapping[str, str] = field(default_factory=dict)
+    start: int | None = None
+    end: int | None = None
+    times: Mapping[int, int] = field(default_factory=dict)
+
+    @cached_property
+    def digest(self) -> str:
+        """What tells it from others."""
+        files = {name: digest(path) for name, path in self.artifacts.items()}
+        told = [self.name, dict(self.tags), dict(self.params), dict(self.metrics), files]
+        text = json.dumps([*told, sorted(self.curve.items()), self.status], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -86,101 +106,91 @@ class Store(Connection):
 
     def create_run(self, name: str, tags: Mapping[str, str], start: int | None = None) -> Run:
         """Create a run that this process writes; it began at `start` [ms since 1970], or now."""
-        return self.client.create_run(self.experiment_id, start, self._first_tags(tags), name)
-
-    def create_seed_run(
-        self, agent: str, seed: int, algorithm: str, tags: Mapping[str, str], start: int
-    ) -> Run:
-        """Create the run of an agent and a seed; arguments as in `create_run`."""
-        own = {AGENT: agent, SEED: str(seed), ALGORITHM: algorithm, DVC_STAGE: stage(agent)}
-        return self.create_run(run_name(agent, seed), {**own, **UNFOLDED, **tags}, start)
+        own = {WRITER: process.this_process()}
+        own |= source_tags(tags[DVC_STAGE], self.commit) if DVC_STAGE in tags else {}
+        own |= {GIT_COMMIT: self.commit} if self.commit else {}
+        return self.client.create_run(self.experiment_id, start, {**tags, **own}, name)
 
     def pending_comparison(self) -> Run:
         """Return the run that seeds are nested under until every policy is trained."""
-        found = self.comparisons()
-        return found[0] if found else self.create_run("comparison (pending)", {COMPARISON: PENDING})
-
-    def rename(self, run: Run, name: str, tags: Mapping[str, str]) -> Run:
-        """Make a run one that `create_run` would have created."""
-        self.client.update_run(run.info.run_id, "RUNNING", name)
-        self.apply(run, Desired(tags=self._first_tags(tags)))
-        return self.client.get_run(run.info.run_id)
+        if found := self.comparisons():
+            return found[0]
+        run = self.create_run("comparison (pending)", {COMPARISON: PENDING})
+        self.client.set_terminated(run.info.run_id)
+        return run
 
     def take_over(self, run: Run) -> None:
         """Make this process the writer of a run."""
-        self.client.set_tag(run.info.run_id, WRITER, this_process())
+        self.client.set_tag(run.info.run_id, WRITER, process.this_process())
         self.client.update_run(run.info.run_id, "RUNNING")
 
-    def curve_points(self, run: Run) -> dict[Point, list[float]]:
-        """Return every value of a run's learning curve, without its other metrics."""
-        points: dict[Point, list[float]] = {}
-        for name in filter(is_of_curve, run.data.metrics):
-            for metric in self.client.get_metric_history(run.info.run_id, name):
-                points.setdefault((name, metric.step), []).append(metric.value)
-        return points
+    def shown(
+        self, content: Content, runs: Sequence[Run], has_all: Callable[[Run], bool] | None = None
+    ) -> Run | None:
+        """Return the first of some runs that shows a content, in its place; None if none does."""
+        for run in runs:
+            is_right = run.data.tags.get(CONTENT) == content.digest
+            is_right = is_right and run.info.status == content.status
+            if is_right and self._has_files(run, content) and (has_all is None or has_all(run)):
+                for name, value in changed(run.data.tags, content.place).items():
+                    self.client.set_tag(run.info.run_id, name, value)
+                return run
+        return None
 
-    def apply(self, run: Run, desired: Desired, curve: Container[Point] = ()) -> dict[str, int]:
-        """Write what a run lacks or has otherwise, but for stored points; count it by kind."""
+    def write(
+        self,
+        content: Content,
+        log_model: Callable[[Run], str] | None = None,
+        load: Sequence[Metric] = (),
+    ) -> Run:
+        """Write a run; `log_model` returns the id of the model that has its metrics, too."""
+        tags = {**content.tags, **content.aside, **content.place, CONTENT: content.digest}
+        run = self.create_run(content.name, tags, content.start)
+        run_id, start = run.info.run_id, run.info.start_time
+        params = [Param(*param) for param in content.params.items()]
+        model_id = log_model(run) if log_model else None
+        metrics = [
+            Metric(name, value, start, 0, model_id) for name, value in content.metrics.items()
+        ]
+        self.log_curve(run, content.curve, content.times)
+        self.client.log_batch(run_id, [*metrics, *load], params)
+        for name, path in content.artifacts.items():
+            self.client.log_artifact(run_id, path, os.path.dirname(name) or None)
+        self.client.set_terminated(run_id, content.status, content.end)
+        return run
+
+    def settle(self, content: Content, runs: Sequence[Run]) -> tuple[Run, bool]:
+        """Return the run that shows a content, and whether it was written, in place of others."""
+        shown = self.shown(content, runs)
+        run = shown or self.write(content, load=next(filter(None, map(self._load, runs)), ()))
+        for other in runs:
+            if other.info.run_id != run.info.run_id:
+                self.client.delete_run(other.info.run_id)
+        return run, shown is None
+
+    def log_curve(self, run: Run, curve: Points, times: Mapping[int, int]) -> None:
+        """Log points; each has the time of its step [ms since 1970], or now."""
         now = now_ms()
         points = [
-            Metric(name, value, desired.times.get(step, now), step)
-            for (name, step), value in desired.curve.items()
-            if (name, step) not in curve
+            Metric(name, value, times.get(step, now), step) for (name, step), value in curve.items()
         ]
-        metrics = self._changed_metrics(run, desired)
-        params = [
-            Param(*param) for param in desired.params.items() if param[0] not in run.data.params
-        ]
-        tags = [RunTag(*tag) for tag in changed(run.data.tags, desired.tags).items()]
-        self.client.log_batch(run.info.run_id, points + metrics, params, tags)
-        return {
-            "curve points": len(points),
-            "params": len(params),
-            "metrics": len(metrics),
-            "artifacts": self._upload(run, desired.artifacts),
-            "tags": len(tags),
-        }
+        self.client.log_batch(run.info.run_id, points)
 
-    def _changed_metrics(self, run: Run, desired: Desired) -> list[Metric]:
-        """Return the metrics whose latest value differs, in the run or in its model.
+    def _load(self, run: Run) -> list[Metric]:
+        """Return the load of the machine that a run has, which no file tells."""
+        names = [name for name in run.data.metrics if name.startswith(SYSTEM)]
+        histories = [self.client.get_metric_history(run.info.run_id, name) for name in names]
+        return [metric for history in histories for metric in history]
 
-        A first value has the time of the run's start: two processes that log it at once log the
-        same. MLflow takes a model's values with a run's; one resent with its time is no duplicate.
-        """
-        model = desired.model
-        shown = _latest(model) if model else desired.metrics
-        metrics = []
-        for name, value in desired.metrics.items():
-            latest, is_shown = run.data.metrics.get(name), same(shown.get(name), value)
-            if same(latest, value) and is_shown:
-                continue
-            time_ms = run.info.start_time if latest is None else now_ms()
-            if same(latest, value):
-                history = self.client.get_metric_history(run.info.run_id, name)
-                time_ms = max(metric.timestamp for metric in history)
-            model_id = None if is_shown or model is None else model.model_id
-            metrics.append(Metric(name, value, time_ms, 0, model_id))
-        return metrics
-
-    def _upload(self, run: Run, artifacts: Mapping[str, Path]) -> int:
-        """Upload the files that a run lacks or holds with other content, and count them."""
-        run_id = run.info.run_id
-        sizes: dict[str, int | None] = {}
-        for folder in {os.path.dirname(name) for name in artifacts}:
-            listed = self.client.list_artifacts(run_id, folder or None)
-            sizes |= {entry.path: entry.file_size for entry in listed}
-        digests = json.loads(run.data.tags.get(ARTIFACTS, "{}"))
-        stored = {name: (size, digests.get(name)) for name, size in sizes.items()}
-        wanted = {
-            name: (path.stat().st_size, digest(path)[:16]) for name, path in artifacts.items()
-        }
-        uploads = changed(stored, wanted)
-        for name, (_, content) in uploads.items():
-            self.client.log_artifact(run_id, artifacts[name], os.path.dirname(name) or None)
-            digests[name] = content
-        if uploads:
-            self.client.set_tag(run_id, ARTIFACTS, json.dumps(digests))
-        return len(uploads)
+    def _has_files(self, run: Run, content: Content) -> bool:
+        """Tell whether a run's files are there; they may have been deleted by hand."""
+        stored: dict[str, int | None] = {}
+        for folder in {os.path.dirname(name) for name in content.artifacts}:
+            listed = self.client.list_artifacts(run.info.run_id, folder or None)
+            stored |= {entry.path: entry.file_size for entry in listed}
+        return not changed(
+            stored, {n: path.stat().st_size for n, path in content.artifacts.items()}
+        )
 
     def clear_abandoned(self) -> None:
         """Mark abandoned runs as killed, and delete empty pending comparisons.
@@ -193,12 +203,6 @@ class Store(Connection):
         for run in self.comparisons():
             if not is_written(run) and not self.children(run):
                 self.client.delete_run(run.info.run_id)
-
-    def _first_tags(self, tags: Mapping[str, str]) -> dict[str, str]:
-        """Return the tags of a new run, and those that say who writes it from which code."""
-        own = {WRITER: this_process()} | ({GIT_COMMIT: self.commit} if self.commit else {})
-        source = source_tags(tags[DVC_STAGE], self.commit) if DVC_STAGE in tags else {}
-        return {**tags, **own, **source}
 
 
 def connect(
@@ -214,35 +218,43 @@ def changed(stored: Mapping[str, Any], wanted: Mapping[str, Item]) -> dict[str, 
     return {name: value for name, value in wanted.items() if stored.get(name) != value}
 
 
+def seed_tags(agent: str, seed: int, algorithm: str) -> dict[str, str]:
+    """Return the tags of each run of an agent and a seed."""
+    own = {AGENT: agent, SEED: str(seed), ALGORITHM: algorithm, DVC_STAGE: stage(agent)}
+    return own | UNFOLDED
+
+
 def source_tags(stage: str, commit: str | None) -> dict[str, str]:
     """Return the tags behind MLflow's columns Source and Version."""
     tags = {"mlflow.source.name": stage, "mlflow.source.type": "LOCAL"}
     return tags | ({"mlflow.source.git.commit": commit} if commit else {})
 
 
-def same(stored: float | None, value: float) -> bool:
-    """Tell whether a stored number equals this one, up to the rounding of databases."""
-    return stored is not None and abs(stored - value) <= 1e-9 * max(abs(stored), abs(value))
+def is_of(run: Run, policy_digest: str | None, params: Mapping[str, str]) -> bool:
+    """Tell whether a run is that of a policy trained with these parameters, or is unfinished.
 
-
-def is_pending(run: Run) -> bool:
-    """Tell whether a run is a pending comparison."""
-    return run.data.tags.get(COMPARISON) == PENDING
-
-
-def shows(run: Run, policy_digest: str, params: Mapping[str, str]) -> bool:
-    """Tell whether a run is that of a policy file, trained with these parameters.
-
-    Agents that do not learn have the same policy whatever the task.
+    Agents that do not learn have the same policy whatever the task. A killed writer may have
+    logged none of the parameters.
     """
-    return run.data.tags.get(POLICY_DIGEST) == policy_digest and _has_only(run, params)
+    is_unfinished = run.info.status != "FINISHED"
+    is_of_policy = is_unfinished or run.data.tags.get(POLICY_DIGEST) == policy_digest
+    return is_of_policy and bool(run.data.params.items() <= params.items())
 
 
-def is_unclaimed(run: Run, params: Mapping[str, str]) -> bool:
-    """Tell whether a run comes from a training with these parameters that was interrupted."""
-    tags = run.data.tags
-    is_interrupted = LIVE in tags and POLICY_DIGEST not in tags and not is_written(run)
-    return is_interrupted and _has_only(run, params)
+def is_written(run: Run) -> bool:
+    """Tell whether some process is still writing a run."""
+    if run.info.status != "RUNNING":
+        return False
+    writer = run.data.tags.get(WRITER, "")
+    if process.is_of_this_host(writer):
+        return process.exists(writer)
+    seconds = time.time() - run.info.start_time / 1000
+    return bool(writer) and seconds < SILENT_DAYS * 86_400
+
+
+def is_followed(run: Run) -> bool:
+    """Tell whether a run shows a training that goes on."""
+    return LIVE in run.data.tags and is_written(run)
 
 
 def now_ms() -> int:
@@ -267,13 +279,3 @@ def _all(page_of: Callable[[str | None], PagedList[Item]]) -> list[Item]:
         page = page_of(page.token)
         found += page
     return found
-
-
-def _has_only(run: Run, params: Mapping[str, str]) -> bool:
-    """Tell whether a run has none but these parameters; a killed writer may have logged a few."""
-    return bool(run.data.params.items() <= params.items())
-
-
-def _latest(model: LoggedModel) -> dict[str, float]:
-    ordered = sorted(model.metrics or [], key=lambda metric: metric.timestamp)
-    return {metric.key: metric.value for metric in ordered}

@@ -6,6 +6,7 @@ seeds. As everywhere, files are the source: a study is what `results/tuning/` sa
 
 import json
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from itertools import accumulate
 from pathlib import Path
@@ -13,17 +14,17 @@ from typing import Any
 
 from mlflow.entities import Run
 
-from jumping_ant.base.files import digest, read_json
+from jumping_ant.base.files import read_json
 from jumping_ant.base.paths import Paths, StudyPaths
 from jumping_ant.experiment import trials
 from jumping_ant.tracking import pages
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, mirrored_alone
-from jumping_ant.tracking.store import Desired, Points, Store
+from jumping_ant.tracking.store import PARENT, Content, Points, Store
 
 EXPERIMENT = "jumping-ant-tuning"
 TIMEOUT_SECONDS, MAX_RETRIES = 20, 1
-STUDY, TRIAL, STATE, REASON, FILES = "study", "trial", "state", "reason", "files_digest"  # tags
+STUDY, TRIAL, STATE, REASON = "study", "trial", "state", "reason"  # tags
 BEST = "best_so_far"  # a study's curve, by trial
 STATUS = {"complete": "FINISHED", "pruned": "KILLED"}
 NUMBERS = ("trials", "pruned", "best_value", "before", "after", "difference", "low", "high", "p")
@@ -49,50 +50,47 @@ def _found(root: Path) -> Iterator[StudyPaths]:
 
 
 def _mirror(store: Store, paths: StudyPaths, say: Callable[[str], None]) -> None:
-    """Create a study's runs, or add what they lack."""
+    """Write a study's run, unless there is one of these files, and those of its new trials."""
     summary = read_json(paths.summary, "tune")
-    name, files = summary["study"], [paths.trials, paths.summary, paths.page]
-    content = " ".join(digest(path)[:16] for path in files if path.exists())
-    shown = store.search(f"tags.{STUDY} = '{name}'")
-    run = shown[0] if shown else store.create_run(name, {STUDY: name})
-    if run.data.tags.get(FILES) == content:
-        return
-    table = trials.read(paths.trials)
-    children = {own.data.tags[TRIAL]: own for own in store.children(run)}
-    for row in table:
-        _mirror_trial(store, run, children.get(row["trial"]), row)
+    name, table = summary["study"], trials.read(paths.trials)
     values = {key: summary[key] for key in NUMBERS if summary.get(key) is not None}
     values |= {f"importance/{key}": own for key, own in summary["importance"].items()}
-    history = store.client.get_metric_history(run.info.run_id, BEST)
-    desired = Desired(
+    found = store.search(f"tags.{STUDY} = '{name}'")
+    known = defaultdict[str, list[Run]](list)
+    for trial in (it for run in found for it in store.children(run)):
+        known[trial.data.tags.get(TRIAL, "")].append(trial)
+    content = Content(
+        name=name,
+        tags={STUDY: name},
         params={"agent": summary["agent"], "sampler": summary["sampler"]},
         curve=_best_so_far(table),
         metrics=values,
-        tags={pages.NOTE: _note(summary), FILES: content},
-        artifacts={path.name: path for path in files if path.exists()},
+        artifacts={
+            path.name: path for path in (paths.trials, paths.summary, paths.page) if path.exists()
+        },
+        aside={pages.NOTE: _note(summary)},
     )
-    store.apply(run, desired, {(BEST, point.step) for point in history})
-    store.client.set_terminated(run.info.run_id, "FINISHED")
-    say(f"study {name}: {len(table)} trials, {len(table) - len(children)} new")
+    study, is_new = store.settle(content, found)
+    done = [store.settle(_trial(row, study), known[row["trial"]])[1] for row in table]
+    if is_new or any(done):
+        say(f"study {name}: {len(table)} trials, {sum(done)} new")
 
 
-def _mirror_trial(store: Store, study: Run, run: Run | None, row: Mapping[str, Any]) -> None:
-    tags = {STATE: row["state"]} | ({REASON: row["reason"]} if row["reason"] else {})
-    if run is None:  # with all its tags, as each call waits for the disk
-        its = {TRIAL: row["trial"], stores.PARENT: study.info.run_id}
-        run = store.create_run(f"trial {row['trial']}", its | tags)
+def _trial(row: Mapping[str, Any], study: Run) -> Content:
     own = {"value": trials.value(dict(row))}
     for place, value in enumerate(row["returns"].split()):
         own[f"return/seed_{place + 1}"] = float(value)
     for place, value in enumerate(row["seconds"].split()):
         own[f"seconds/seed_{place + 1}"] = float(value)
-    desired = Desired(
+    reason = {REASON: row["reason"]} if row["reason"] else {}
+    return Content(
+        name=f"trial {row['trial']}",
+        tags={TRIAL: row["trial"], STATE: row["state"]} | reason,
         params={key: str(value) for key, value in json.loads(row["settings"]).items()},
         metrics={key: value for key, value in own.items() if math.isfinite(value)},
-        tags=tags,
+        status=STATUS[row["state"]],
+        place={PARENT: study.info.run_id},
     )
-    store.apply(run, desired)
-    store.client.set_terminated(run.info.run_id, STATUS[row["state"]])
 
 
 def _best_so_far(table: list[dict[str, str]]) -> Points:

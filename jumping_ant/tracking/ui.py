@@ -1,26 +1,73 @@
-"""Bring MLflow up to date, and serve its pages to this user on this machine.
+"""Bring MLflow up to date, and serve its pages to who has the address that is printed.
 
 Usage: python -m jumping_ant.tracking.ui [--port PORT]
 
-The address that it prints has a token, new at each start. Clients of MLflow send it if
-`MLFLOW_TRACKING_TOKEN` is set to it. If `MLFLOW_TRACKING_URI` names a server, that one has the
-pages, and only the update is made.
+MLflow asks nobody who they are: other users of the machine could upload files, and make them a
+champion that is then loaded. So the address has a token, new at each start. Clients of MLflow send
+it if `MLFLOW_TRACKING_TOKEN` is set to it. If `MLFLOW_TRACKING_URI` names a server, that one has
+the pages, and only the update is made.
 """
 
 import argparse
+import hmac
 import secrets
 import socket
+from collections.abc import Awaitable, Callable, MutableMapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
+
+import uvicorn
+from starlette.requests import HTTPConnection
+from starlette.responses import HTMLResponse, PlainTextResponse
 
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.tracking import connection
+from jumping_ant.base.paths import home
+from jumping_ant.tracking import connection, internals
 from jumping_ant.tracking.mirror import track
-from jumping_ant.tracking.own_pages import serve
 
 HOST = "127.0.0.1"
 TOKEN_BYTES = 16
+UNKNOWN = "Open the address that `make ui` printed, or set MLFLOW_TRACKING_TOKEN to its token.\n"
+# Takes the token out of the address bar and out of the tab's history.
+ENTRANCE = '<script>location.replace("/" + location.hash)</script>'
+
+Application = Callable[[MutableMapping[str, Any], Any, Any], Awaitable[None]]
+
+
+class WithToken:
+    """An ASGI application that answers only requests with a token, not of another port's pages.
+
+    The printed address leaves the token in a cookie, which all ports of a machine would get: its
+    name has the port.
+    """
+
+    def __init__(self, application: Application, token: str, port: int) -> None:
+        self._application, self._token, self._cookie = application, token, f"jumping-ant-{port}"
+
+    async def __call__(self, scope: MutableMapping[str, Any], receive: Any, send: Any) -> None:
+        """Answer a request."""
+        answer = self._application
+        if scope["type"] != "lifespan":
+            request = HTTPConnection(scope)
+            kind, _, bearer = request.headers.get("authorization", "").partition(" ")
+            cookie = request.cookies.get(self._cookie)
+            is_known = self._is_token(cookie) or (kind == "Bearer" and self._is_token(bearer))
+            host = request.headers.get("host", "")
+            if request.headers.get("origin", f"http://{host}") != f"http://{host}":
+                answer = PlainTextResponse("This server answers only its own pages.\n", 403)
+            elif scope["path"] == "/" and self._is_token(request.query_params.get("token")):
+                headers = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
+                answer = HTMLResponse(ENTRANCE, headers=headers)
+                # A strict cookie would be kept back when a link in the report is followed.
+                answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
+            elif not is_known:
+                answer = PlainTextResponse(UNKNOWN, 403)
+        await answer(scope, receive, send)
+
+    def _is_token(self, text: str | None) -> bool:
+        return hmac.compare_digest((text or "").encode(), self._token.encode())
 
 
 def main() -> None:
@@ -40,10 +87,13 @@ def run(root: Path, port: int) -> None:
         return
     token = secrets.token_hex(TOKEN_BYTES)
     with _listen(port) as listener:  # before the address is printed: nobody else may answer there
-        place = f"{HOST}:{listener.getsockname()[1]}"
-        track(root, pages_at=f"http://{place}/?token={token}")
+        port = listener.getsockname()[1]
+        track(root, pages_at=f"http://{HOST}:{port}/?token={token}")
         print("Ctrl-C ends the server", flush=True)
-        serve(listener, uri, root, token)
+        application = internals.server(uri, connection.artifacts_uri(home(root)))
+        guarded = WithToken(application, token, port)
+        config = uvicorn.Config(guarded, ws="none", workers=1, log_level="warning")
+        uvicorn.Server(config).run([listener])
 
 
 def _listen(port: int) -> socket.socket:

@@ -24,7 +24,6 @@ from jumping_ant.base.files import PROJECT_ROOT, digest, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import connection, models, pages, reading, records
-from jumping_ant.tracking.mirror import track
 
 
 def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
@@ -37,11 +36,13 @@ def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
         ("return_mean", 300, 301.0),
         ("return_mean", 400, 401.0),
     ]
-    assert ("evaluation_return_mean", 300, 601.0) in metrics
-    assert ("evaluation/return", 0, 115.0) in metrics
-    assert ("train_seconds", 0, 40.0) in metrics
-    assert ("validation_return", 0, 601.0) in metrics
-    assert ("final_return", 0, 51.0) in metrics
+    assert {
+        ("evaluation_return_mean", 300, 601.0),
+        ("evaluation/return", 0, 115.0),
+        ("train_seconds", 0, 40.0),
+        ("validation_return", 0, 601.0),
+        ("final_return", 0, 51.0),
+    } <= set(metrics)
     assert len(metrics) == 4 * 3 + 3 + 1 + 3 + 3, "fluidity, which no seed has, is left out"
     params = dict(content(project, "params", "sac-seed-1"))
     settings = params_file.load(project / "params.yaml")
@@ -49,12 +50,12 @@ def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
     assert params["env.reward.torso_height.span"] == str(settings.env.reward.torso_height.span)
     assert params["robot"] == "edited" and params["robot.mass"] == "0.44"
     tags = dict(content(project, "tags", "sac-seed-1"))
-    policy_path = project / "models" / "sac" / "seed-1" / "policy.zip"
-    assert tags["policy_digest"] == digest(policy_path)
-    assert (tags["agent"], tags["seed"], tags["algorithm"]) == ("sac", "1", "sac")
-    assert tags["dvc_stage"] == "train@sac"
+    policy = project / "models" / "sac" / "seed-1" / "policy.zip"
+    md5 = hashlib.md5(policy.read_bytes()).hexdigest()
+    known = {"agent": "sac", "seed": "1", "algorithm": "sac", "dvc_stage": "train@sac"}
+    assert tags.items() >= (known | {"policy_digest": digest(policy), "dvc_md5": md5}).items()
     files = artifact_dir(project, "sac-seed-1")
-    assert (files / "policy.zip").read_bytes() == policy_path.read_bytes()
+    assert (files / "policy.zip").read_bytes() == policy.read_bytes()
     assert json.loads((files / "machines.json").read_text(encoding="utf-8"))["1"] == {"cpu": "a"}
     assert (files / "media" / "sac.mp4").read_bytes() == b"video of sac"
     assert not (artifact_dir(project, "sac-seed-0") / "media").exists()
@@ -78,23 +79,18 @@ def test_files_may_be_links_into_a_cache(untracked_project: Path) -> None:
 
 def test_the_comparison_shows_its_headline_and_all_media(project: Path) -> None:
     comparison = next(name for name in runs(project) if name.startswith("comparison"))
-    metrics = content(project, "metrics", comparison)
-    assert ("sac/return_iqm", 0, 65.0) in metrics
-    assert ("pgpe/env_steps", 0, 400.0) in metrics
-    assert ("pgpe/train_seconds", 0, 40.0) in metrics
-    assert ("pgpe/return_at_equal_seconds_iqm", 0, 60.0) in metrics
-    assert ("probability_of_improvement/sac_over_pgpe", 0, 0.75) in metrics
+    assert {
+        ("sac/return_iqm", 0, 65.0),
+        ("pgpe/env_steps", 0, 400.0),
+        ("pgpe/train_seconds", 0, 40.0),
+        ("pgpe/return_at_equal_seconds_iqm", 0, 60.0),
+        ("probability_of_improvement/sac_over_pgpe", 0, 0.75),
+    } <= set(content(project, "metrics", comparison))
     files = artifact_dir(project, comparison)
     names = {str(path.relative_to(files)) for path in files.rglob("*") if path.is_file()}
     assert names == {
-        "params.yaml",
-        "robot.json",
-        "comparison.json",
-        "speed.json",
-        "results/report.html",
-        "results/speed.html",
-        "figures/curves.png",
-        "speed/curves.png",
+        *("params.yaml", "robot.json", "comparison.json", "speed.json", "results/report.html"),
+        *("results/speed.html", "figures/curves.png", "speed/curves.png"),
         *(f"media/{agent}.{kind}" for agent in AGENTS for kind in ("mp4", "rrd")),
     }
     note = dict(content(project, "tags", comparison))[pages.NOTE]
@@ -106,68 +102,39 @@ def test_all_seeds_of_an_agent_are_a_run_too(project: Path) -> None:
     """With the interquartile mean and its interval at each step, under the comparison."""
     (parent,) = runs(project, "comparison-%")
     for name in AGGREGATES:
-        assert runs(project, name) == {name: "FINISHED"}
         assert parent_name(project, name) == parent
-        points = query(
-            project,
-            "SELECT key, step, value FROM metrics JOIN runs USING (run_uuid) "
-            "WHERE name = ? AND key LIKE 'return_%' ORDER BY key, step",
-            name,
-        )
-        assert points == [
+        points = content(project, "metrics", name)
+        assert [point for point in points if point[1]] == [
             ("return_high", 200, 205), ("return_high", 400, 405),
             ("return_iqm", 200, 200), ("return_iqm", 400, 400),
             ("return_low", 200, 195), ("return_low", 400, 395),
         ]  # fmt: skip
-        metrics = query(
-            project,
-            "SELECT key, value FROM latest_metrics JOIN runs USING (run_uuid) WHERE name = ?",
-            name,
-        )
-        assert {("evaluation/return", 65.0), ("evaluation/return_worst", 15.0)} <= set(metrics)
+        assert {("evaluation/return", 0, 65.0), ("evaluation/return_worst", 0, 15.0)} <= set(points)
 
 
-def test_the_last_line_tells_where_to_look(project: Path) -> None:
-    lines: list[str] = []
-    track(project, lines.append, "http://127.0.0.1:5000/")
-    assert lines[-1] == f"Look at http://127.0.0.1:5000/{pages.address('1')}"
-
-
-def test_runs_and_models_lead_back_to_the_policy_file(project: Path) -> None:
+def test_models_lead_back_to_the_policy_file(project: Path) -> None:
     policy = project / "models" / "sac" / "seed-1" / "policy.zip"
-    md5 = hashlib.md5(policy.read_bytes()).hexdigest()
-    assert dict(content(project, "tags", "sac-seed-1"))["dvc_md5"] == md5
-    version = query(
-        project,
-        "SELECT description FROM model_versions WHERE name = 'jumping-ant-sac' AND version = 2",
-    )[0][0]
+    sql = "SELECT description FROM model_versions WHERE name = 'jumping-ant-sac' AND version = 2"
+    version = query(project, sql)[0][0]
     assert version.startswith(
         "sac, training seed 1: mean return 115 on the held-out episodes, 601 in validation, "
         "apex of its jumps 2.5 m, share of time in flight 0.25. "
         "Each output is held for 1 control step."
     )
+    md5 = hashlib.md5(policy.read_bytes()).hexdigest()
     assert md5 in version and digest(policy) in version and "train@sac" in version
     metrics = query(
         project,
         "SELECT metric_name, metric_value FROM logged_model_metrics m JOIN logged_models l "
         "ON l.model_id = m.model_id WHERE l.name = 'sac-seed-1'",
     )
-    assert dict(metrics) == {
-        "evaluation/return": 115.0,
-        "evaluation/apex": 2.5,
-        "evaluation/flight": 0.25,
-        "validation_return": 601.0,
-        "final_return": 51.0,
-        "train_seconds": 40.0,
-    }
-
-
-def test_the_best_in_validation_is_champion(untracked_project: Path) -> None:
-    path = untracked_project / "models" / "sac" / "seed-0" / "validation.csv"
-    path.write_text(path.read_text(encoding="utf-8").replace(",600,", ",700,"), encoding="utf-8")
-    tracked(untracked_project)
-    aliases = "SELECT name, version FROM registered_model_aliases ORDER BY name"
-    assert query(untracked_project, aliases) == [("jumping-ant-pgpe", 2), ("jumping-ant-sac", 1)]
+    measured = {"evaluation/return": 115.0, "evaluation/apex": 2.5, "evaluation/flight": 0.25}
+    others = {"validation_return": 601.0, "final_return": 51.0, "train_seconds": 40.0}
+    assert dict(metrics) == measured | others
+    tags = query(project, "SELECT value FROM model_version_tags WHERE key = 'hold'")
+    assert tags == [("1",)] * 4
+    about = query(project, "SELECT DISTINCT description FROM registered_models")
+    assert about == [(models.ABOUT,)] and "tag `hold`" in models.ABOUT
 
 
 def test_validation_is_of_the_policy_that_was_published(untracked_project: Path) -> None:
@@ -179,13 +146,6 @@ def test_validation_is_of_the_policy_that_was_published(untracked_project: Path)
     assert records.read(untracked_project, params).seeds[0].validation_return == 650.0
     paths.validation.unlink()
     assert records.read(untracked_project, params).seeds[0].validation_return is None
-
-
-def test_models_say_how_long_to_hold_an_output(project: Path) -> None:
-    tags = query(project, "SELECT value FROM model_version_tags WHERE key = 'hold'")
-    assert tags == [("1",)] * 4
-    about = query(project, "SELECT DISTINCT description FROM registered_models")
-    assert about == [(models.ABOUT,)] and "tag `hold`" in models.ABOUT
 
 
 def test_the_unedited_robot_has_no_edits(untracked_project: Path) -> None:
@@ -243,14 +203,11 @@ def test_the_uri_is_the_variable_or_the_project(
     assert connection.tracking_uri(tmp_path) == "http://here:1"
 
 
-def test_a_moved_project_is_told_so(project: Path) -> None:
+def test_a_moved_project_or_a_damaged_database_is_told_in_one_line(project: Path) -> None:
     moved = project.with_name("moved")
     shutil.copytree(project, moved)
     with pytest.raises(InputError, match=r"was moved: delete mlflow\.db"):
         tracked(moved)
-
-
-def test_a_damaged_database_is_told_in_one_line(project: Path) -> None:
     (project / "mlflow.db").write_bytes(b"not a database" * 100)
     with pytest.raises(InputError, match="not a database") as caught:
         tracked(project)
@@ -267,9 +224,6 @@ def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
     write_text(path, "agent,seed,env_steps,loss,other\nsac,7,200,1.5,\nsac,7,200,,3\n")
     both = {("loss", 200): 1.5, ("other", 200): 3.0}  # a row of training, and one of an evaluation
     assert reading.read_curve(tmp_path, "sac", 7) == both
-    with pytest.raises(InputError, match="given one of agent sac, seed 7, allowed: rows of agent"):
-        shutil.copytree(path.parent, path.parent.with_name("seed-8"))
-        reading.read_curve(tmp_path, "sac", 8)
 
 
 @pytest.mark.parametrize(

@@ -80,13 +80,8 @@ def test_trials_are_nested_under_their_study(root: Path) -> None:
     best = found["trial 3"]
     assert best.data.params == {"gamma": "0.95", "net_arch": "[64, 64]"}
     assert best.data.metrics == {
-        "value": 7400,
-        **{
-            "return/seed_1": 7400,
-            "return/seed_2": 7420,
-            "seconds/seed_1": 50,
-            "seconds/seed_2": 51,
-        },
+        **{"value": 7400, "return/seed_1": 7400, "return/seed_2": 7420},
+        **{"seconds/seed_1": 50, "seconds/seed_2": 51},
     }
     assert best.info.status == "FINISHED" and found["trial 1"].info.status == "KILLED"
     assert found["trial 2"].data.tags["reason"] == "refused: n_top is 9"
@@ -111,25 +106,24 @@ def test_a_second_call_changes_nothing_and_new_trials_are_added(root: Path) -> N
     assert told(root) == ["study sac-tpe-1234: 4 trials, 2 new"]
     after = runs(root)
     assert before.keys() < after.keys() and len(after) == 5
+    study = after["sac-tpe-1234"].info.run_id
+    assert [run.data.tags.get("mlflow.parentRunId", study) for run in after.values()] == [study] * 5
+    assert before["trial 0"].info.run_id == after["trial 0"].info.run_id
     client = MlflowClient(f"sqlite:///{root}/mlflow.db")
     history = client.get_metric_history(after["sac-tpe-1234"].info.run_id, studies.BEST)
     assert [point.step for point in history] == [0, 3], "no point is there twice"
 
 
 def test_a_control_is_a_study_without_a_verdict(root: Path) -> None:
+    """The pipeline mirrors it, too."""
     own = {key: value for key, value in SUMMARY.items() if key not in ("verdict", "evidence")}
     control = own | {"sampler": "random", "study": "sac-random-1234"}
     write_study(Paths(root).study("sac", is_control=True), ROWS[:2], control)
-    assert told(root) == ["study sac-random-1234: 2 trials, 2 new"]
+    assert "study sac-random-1234: 2 trials, 2 new" in tracked(root)
+    assert told(root) == []
     study = runs(root)["sac-random-1234"]
     assert study.data.params["sampler"] == "random"
     assert study.data.tags["mlflow.note.content"] == "Search for settings of sac."
-
-
-def test_the_pipeline_mirrors_studies_too(root: Path) -> None:
-    write(root, ROWS)
-    assert "study sac-tpe-1234: 4 trials, 4 new" in tracked(root)
-    assert told(root) == []
 
 
 def test_a_project_without_studies_has_no_experiment_for_them(root: Path) -> None:
