@@ -165,7 +165,7 @@ class Target:
     def _is_done(self, new: dict[Path, bytes]) -> bool:
         """Tell whether all is as without interruptions."""
         if self._name == "track":  # its outputs are in MLflow
-            return not re.search("created|repaired", self._run(self._again).told)
+            return not re.search("created|replaced", self._run(self._again).told)
         return self._contents() == new
 
     def _reset(self) -> None:

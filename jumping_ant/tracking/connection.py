@@ -5,7 +5,6 @@ import os
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import mlflow
@@ -26,25 +25,6 @@ LONGEST_MESSAGE = 300
 SECONDS_FOR_ANSWER = 5
 
 
-@dataclass(frozen=True)
-class Connection:
-    """An open MLflow store: its client, the project's experiment, its tracking URI."""
-
-    client: MlflowClient
-    experiment_id: str
-    uri: str
-
-    @property
-    def name(self) -> str:
-        """The tracking URI, without a password."""
-        return databases.without_password(self.uri)
-
-    @property
-    def is_server(self) -> bool:
-        """Whether it is a server."""
-        return is_server(self.uri)
-
-
 @contextmanager
 def failures_as_input_errors(uri: str) -> Iterator[None]:
     """Convert errors of MLflow and its database into one-line input errors."""
@@ -62,22 +42,27 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
 
 def connect(
     root: Path, timeout_seconds: int, max_retries: int, experiment: str = EXPERIMENT
-) -> Connection:
-    """Open the store and an experiment of the project, which is created if needed."""
+) -> tuple[MlflowClient, str, str]:
+    """Open the store and an experiment of the project, which is created if needed.
+
+    Returns:
+        A client, the experiment's id, the tracking URI.
+    """
     uri = tracking_uri(root)
     internals.silence()
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
     databases.limit_waiting(timeout_seconds)
     with failures_as_input_errors(uri), _opened_alone(uri, home(root)):
-        _await_answer(uri)
+        if uri.startswith("http"):  # MLflow would wait for minutes for a sign of life
+            requests.get(f"{uri.rstrip('/')}/health", timeout=SECONDS_FOR_ANSWER)
         is_given = "MLFLOW_TRACKING_URI" in os.environ
         mlflow.set_tracking_uri(uri)  # the model registry needs it
         if not is_given:
             os.environ.pop("MLFLOW_TRACKING_URI", None)  # set, too, but only for this root
         client = MlflowClient(uri)
         experiment_id = _experiment_id(client, uri, home(root), experiment)
-    return Connection(client, experiment_id, uri)
+    return client, experiment_id, uri
 
 
 def tracking_uri(root: Path = PROJECT_ROOT) -> str:
@@ -157,12 +142,6 @@ def _is_empty(path: Path) -> bool:
             f"{path}: cannot be opened as a database ({error}); "
             "if it is damaged, delete it: `python -m stages.track` recreates it"
         ) from error
-
-
-def _await_answer(uri: str) -> None:
-    """Ask a server for a sign of life, of any kind; MLflow would wait for minutes."""
-    if uri.startswith("http"):
-        requests.get(f"{uri.rstrip('/')}/health", timeout=SECONDS_FOR_ANSWER)
 
 
 def is_server(uri: str) -> bool:

@@ -36,17 +36,14 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
     """
     follower = _Follower(agent, root)
     failures: list[InputError] = []
+    rest = "training goes on, and `track` completes MLflow from the files"
 
     def survives(step: Callable[[], None]) -> bool:
         try:
             step()
         except InputError as error:
             if not failures:
-                print(
-                    f"warning: no live curves: {error}; training goes on, and `track` completes "
-                    "MLflow from the files",
-                    file=sys.stderr,
-                )
+                print(f"warning: no live curves: {error}; {rest}", file=sys.stderr)
             failures.append(error)
             return False
         return True
@@ -138,7 +135,7 @@ class _Follower:
             self._parent = store.pending_comparison()
             store.take_over(self._parent)
         for run in store.seed_runs(self._agent, seed):
-            if stores.is_of(run, None, self._params) and not stores.is_written(run):
+            if stores.is_of(run, "", self._params) and not stores.is_written(run):
                 store.client.delete_run(run.info.run_id)
         tags = stores.seed_tags(self._agent, seed, self._algorithm)
         tags |= {stores.LIVE: "true", stores.PARENT: self._parent.info.run_id}

@@ -16,13 +16,14 @@ from pathlib import Path
 
 from mlflow.entities import Run
 
+from jumping_ant.base.databases import without_password
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
 from jumping_ant.experiment import params_file
 from jumping_ant.tracking import internals, pages, studies
 from jumping_ant.tracking import records as files
 from jumping_ant.tracking import store as stores
-from jumping_ant.tracking.connection import failures_as_input_errors, mirrored_alone
+from jumping_ant.tracking.connection import failures_as_input_errors, is_server, mirrored_alone
 from jumping_ant.tracking.models import AgentModels
 from jumping_ant.tracking.records import AGGREGATE, TRAIN_SECONDS, ComparisonRecord, SeedRecord
 from jumping_ant.tracking.store import Content, Store
@@ -42,7 +43,8 @@ def track(
     """
     comparison = files.read(root, params_file.load(root / "params.yaml"))
     if comparison.missing:
-        say(f"not trained yet: {comparison.missing_label}")
+        untrained = ", ".join(f"{agent} seed {seed}" for agent, seed in comparison.missing)
+        say(f"not trained yet: {untrained}")
     store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES)
     with failures_as_input_errors(store.uri), mirrored_alone(store.uri, say):
         done = _mirror(store, comparison, say) if comparison.seeds else Counter[str]()
@@ -50,9 +52,10 @@ def track(
         _describe_experiment(store)
     studies.track(root, say)
     counts = ", ".join(f"{count} {verb}" for verb, count in sorted(done.items()))
-    say(f"MLflow at {store.name}: {counts or 'nothing to show'}")
+    name = without_password(store.uri)
+    say(f"MLflow at {name}: {counts or 'nothing to show'}")
     if pages_at:
-        base = f"{store.name.rstrip('/')}/" if store.is_server else pages_at
+        base = f"{name.rstrip('/')}/" if is_server(store.uri) else pages_at
         say(f"Look at {base}{pages.address(store.experiment_id)}")
 
 
@@ -98,18 +101,23 @@ def _mirror_comparison(
     parent, is_new = store.settle(content, found)
     if is_new:
         say(f"comparison {key[:8]}: created")
-    for record in comparison.aggregates:
-        tags = {stores.AGENT: record.agent, AGGREGATE: key, stores.ALGORITHM: record.algorithm}
+    for agent, entry in comparison.results.get("agents", {}).items():
+        record = next((it for it in comparison.seeds if it.agent == agent), None)
+        if record is None:
+            continue
+        tags = {stores.AGENT: agent, AGGREGATE: key, stores.ALGORITHM: record.algorithm}
+        metrics, curve = comparison.over_seeds(agent)
         content = Content(
-            name=record.name,
+            name=f"{agent}, {int(entry['seeds'])} seeds",
             tags={**tags, **own, **internals.UNFOLDED},
-            curve=record.curve,
-            metrics=record.summary,
+            curve=curve,
+            metrics=metrics,
             place={stores.PARENT: parent.info.run_id, internals.RUN_COLOUR: record.colour},
         )
-        _, is_new = store.settle(content, same(store.aggregates(key, record.agent)))
+        condition = f"tags.{AGGREGATE} = '{key}' and tags.{stores.AGENT} = '{agent}'"
+        _, is_new = store.settle(content, same(store.search(condition)))
         if is_new:
-            say(f"{record.name}: created")
+            say(f"{content.name}: created")
     return parent
 
 
@@ -127,7 +135,8 @@ def _is_complete(store: Store, pending: Run, comparison: ComparisonRecord) -> bo
         record = records.get(str(run.info.run_name))
         return record is not None and stores.is_of(run, record.digest, record.params)
 
-    return not stores.is_written(pending) and all(map(is_own, store.children(pending)))
+    children = store.search(stores.children_of(pending))
+    return not stores.is_written(pending) and all(map(is_own, children))
 
 
 def _mirror_seed(

@@ -18,19 +18,9 @@ from jumping_ant.base.files import CODE_ROOT
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Interface
 from jumping_ant.tracking import internals, pages
+from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.records import SeedRecord
-from jumping_ant.tracking.store import (
-    AGENT,
-    ALGORITHM,
-    DVC_MD5,
-    DVC_STAGE,
-    GIT_COMMIT,
-    HOLD,
-    POLICY_DIGEST,
-    SEED,
-    Store,
-    source_tags,
-)
+from jumping_ant.tracking.store import Store
 
 CHAMPION = "champion"
 ABOUT = (
@@ -78,7 +68,7 @@ class AgentModels:
         tags, note = _origin_tags(record, commit), record.describe(commit)
         model = self._client.create_logged_model(
             *(self._store.experiment_id, record.name, run.info.run_id),
-            tags | source_tags(record.stage, commit) | {pages.NOTE: note},
+            tags | stores.source_tags(record.stage, commit) | {pages.NOTE: note},
             record.params,
         )
         _upload(self._store, record, model)
@@ -179,11 +169,19 @@ def _requirements() -> list[str]:
 
 def _policy_tags(record: SeedRecord) -> dict[str, str]:
     """Return the tags that a policy's model and version are found by."""
-    return {AGENT: record.agent, SEED: str(record.seed), POLICY_DIGEST: record.digest}
+    return {
+        stores.AGENT: record.agent,
+        stores.SEED: str(record.seed),
+        stores.POLICY_DIGEST: record.digest,
+    }
 
 
 def _origin_tags(record: SeedRecord, commit: str | None) -> dict[str, str]:
     """Return the tags that lead back to the code, the pipeline and the file."""
-    tags = {ALGORITHM: record.algorithm, DVC_STAGE: record.stage, DVC_MD5: record.md5}
-    tags |= {GIT_COMMIT: commit} if commit else {}
-    return _policy_tags(record) | tags | {HOLD: str(record.hold)}
+    tags = {
+        stores.ALGORITHM: record.algorithm,
+        stores.DVC_STAGE: record.stage,
+        stores.DVC_MD5: record.md5,
+    }
+    tags |= {stores.GIT_COMMIT: commit} if commit else {}
+    return _policy_tags(record) | tags | {stores.HOLD: str(record.hold)}

@@ -76,7 +76,7 @@ class SeedRecord:
 
     @cached_property
     def hold(self) -> int:
-        """Control steps that each of the policy's choices is held for."""
+        """Control steps that each output is held for."""
         return policy_file.load(self.policy_path, (self.agent, self.seed)).actions.hold
 
     @cached_property
@@ -150,23 +150,6 @@ class SeedRecord:
 
 
 @dataclass(frozen=True)
-class AgentRecord:
-    """All seeds of an agent together, as the comparison sums them up."""
-
-    agent: str
-    algorithm: str
-    seeds: int
-    colour: str
-    summary: dict[str, float]  # interquartile means over seeds, as runs of seeds name them
-    curve: dict[Point, float]  # interquartile mean of the return while learning, and its interval
-
-    @property
-    def name(self) -> str:
-        """The name of its run."""
-        return f"{self.agent}, {self.seeds} seeds"
-
-
-@dataclass(frozen=True)
 class ComparisonRecord:
     """All trained policies of `params.yaml` together."""
 
@@ -185,14 +168,6 @@ class ComparisonRecord:
         """The agents that have a trained policy."""
         return list(dict.fromkeys(record.agent for record in self.seeds))
 
-    @property
-    def missing_label(self) -> str:
-        """The untrained policies in messages: `sac seeds 0, 1; pgpe seeds 1`."""
-        seeds: dict[str, list[str]] = {}
-        for agent, seed in self.missing:
-            seeds.setdefault(agent, []).append(str(seed))
-        return "; ".join(f"{agent} seeds {', '.join(own)}" for agent, own in seeds.items())
-
     @cached_property
     def results(self) -> dict[str, Any]:
         """`results/comparison.json` with `results/speed.json`, empty if there is no comparison."""
@@ -208,23 +183,14 @@ class ComparisonRecord:
         withstood = read_json(path, "crossings") if path.exists() else {}
         return dict(_headlines(self.results)) | dict(_withstood(withstood))
 
-    @cached_property
-    def aggregates(self) -> list[AgentRecord]:
-        """Each agent's seeds together; none if there is no comparison."""
-        points = list(_points_over_seeds(Paths(self.root)))
-        first = {record.agent: record for record in reversed(self.seeds)}
-        return [
-            AgentRecord(
-                agent,
-                first[agent].algorithm,
-                int(own["seeds"]),
-                first[agent].colour,
-                dict(_over_seeds(own)),
-                {point: value for name, point, value in points if name == agent},
-            )
-            for agent, own in self.results.get("agents", {}).items()
-            if agent in first
-        ]
+    def over_seeds(self, agent: str) -> tuple[dict[str, float], dict[Point, float]]:
+        """Return interquartile means over an agent's seeds, as runs of seeds name them.
+
+        And the curve of its return while learning, with the interval.
+        """
+        points = _points_over_seeds(Paths(self.root))
+        curve = {point: value for name, point, value in points if name == agent}
+        return dict(_over_seeds(self.results["agents"][agent])), curve
 
     @property
     def note(self) -> str:
@@ -235,19 +201,11 @@ class ComparisonRecord:
     def artifacts(self) -> dict[str, Path]:
         """Files of the run, by their path in it."""
         paths = Paths(self.root)
-        found = {
-            "params.yaml": paths.params,
-            "robot.json": paths.physique,
-            "comparison.json": paths.comparison,
-            "speed.json": paths.speed,
-            "robustness.json": paths.robustness,
-            "results/report.html": paths.report,
-            "results/speed.html": paths.speed_page,
-            **{
-                f"media/{path.name}": path
-                for path in (paths.lineup, paths.overtaking, paths.overtaking_film)
-            },
-        }
+        plain = (paths.params, paths.physique, paths.comparison, paths.speed, paths.robustness)
+        media = (paths.lineup, paths.overtaking, paths.overtaking_film)
+        found = {path.name: path for path in plain}
+        found |= {f"results/{path.name}": path for path in (paths.report, paths.speed_page)}
+        found |= {f"media/{path.name}": path for path in media}
         for folder in (paths.figures, paths.speed_files):
             found |= {f"{folder.name}/{path.name}": path for path in sorted(folder.glob("*.*"))}
         for agent in self.agents:
@@ -259,18 +217,15 @@ def read(root: Path, params: Params) -> ComparisonRecord:
     """Find every trained policy of `params.yaml`."""
     found, missing = [], []
     looked = looks({name: catalogue.row(block).family for name, block in params.agents.items()})
-    for agent in params.agents:
-        settings = run_params(root, params, agent)
+    for agent, block in params.agents.items():
+        settings, colour = run_params(root, params, agent), looked[agent].colour
         for seed in params.seeds:
             path = Paths(root).agent(agent).seed(seed).policy
-            try:
-                content_digest = digest(path)
-            except FileNotFoundError:
+            if path.exists():
+                own = (agent, seed, block.algorithm, settings, digest(path), colour)
+                found.append(SeedRecord(root, *own))
+            else:
                 missing.append((agent, seed))
-                continue
-            algorithm = params.agent(agent).algorithm
-            colour = looked[agent].colour
-            found.append(SeedRecord(root, agent, seed, algorithm, settings, content_digest, colour))
     return ComparisonRecord(root, found, missing)
 
 
@@ -354,8 +309,7 @@ def _withstood(summary: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
     """Yield `sac/kept_friction`, at its most severe level, `sac/crossing_friction`, ..."""
     for agent, perturbations in summary.get("agents", {}).items():
         for name, own in perturbations.items():
-            told = {"kept": own["retention"][-1], "crossing": own["crossing"]}
-            for what, value in told.items():
+            for what, value in (("kept", own["retention"][-1]), ("crossing", own["crossing"])):
                 if value is not None:
                     yield f"{agent}/{what}_{name}", float(value)
 

@@ -11,16 +11,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+from mlflow import MlflowClient
 from mlflow.entities import LoggedModel, Metric, Param, Run
 from mlflow.store.entities import PagedList
 
 from jumping_ant.base import process
 from jumping_ant.base.files import digest
 from jumping_ant.tracking import connection
-from jumping_ant.tracking.connection import Connection
 from jumping_ant.tracking.internals import UNFOLDED
 from jumping_ant.tracking.reading import Point
-from jumping_ant.tracking.records import AGGREGATE, stage
+from jumping_ant.tracking.records import stage
 
 PENDING = "pending"
 
@@ -70,9 +70,12 @@ class Content:
 
 
 @dataclass(frozen=True)
-class Store(Connection):
-    """An open MLflow store, and what the project does with it."""
+class Store:
+    """An open MLflow store with the project's experiment, and what the project does with it."""
 
+    client: MlflowClient
+    experiment_id: str
+    uri: str
     commit: str | None  # the project's in git; None outside of a repository
 
     def search(self, condition: str) -> list[Run]:
@@ -95,14 +98,6 @@ class Store(Connection):
     def comparisons(self, key: str = PENDING) -> list[Run]:
         """Return the comparisons with a key, newest first."""
         return self.search(f"tags.{COMPARISON} = '{key}'")
-
-    def aggregates(self, key: str, agent: str) -> list[Run]:
-        """Return the runs of all seeds of an agent in a comparison, newest first."""
-        return self.search(f"tags.{AGGREGATE} = '{key}' and tags.{AGENT} = '{agent}'")
-
-    def children(self, run: Run) -> list[Run]:
-        """Return the runs nested under a run."""
-        return self.search(f"tags.`{PARENT}` = '{run.info.run_id}'")
 
     def create_run(self, name: str, tags: Mapping[str, str], start: int | None = None) -> Run:
         """Create a run that this process writes; it began at `start` [ms since 1970], or now."""
@@ -147,11 +142,9 @@ class Store(Connection):
         tags = {**content.tags, **content.aside, **content.place, CONTENT: content.digest}
         run = self.create_run(content.name, tags, content.start)
         run_id, start = run.info.run_id, run.info.start_time
-        params = [Param(*param) for param in content.params.items()]
         model_id = log_model(run) if log_model else None
-        metrics = [
-            Metric(name, value, start, 0, model_id) for name, value in content.metrics.items()
-        ]
+        metrics = [Metric(*it, start, 0, model_id) for it in content.metrics.items()]
+        params = [Param(*it) for it in content.params.items()]
         self.log_curve(run, content.curve, content.times)
         self.client.log_batch(run_id, [*metrics, *load], params)
         for name, path in content.artifacts.items():
@@ -201,7 +194,7 @@ class Store(Connection):
             if WRITER in run.data.tags and not is_written(run):
                 self.client.set_terminated(run.info.run_id, "KILLED")
         for run in self.comparisons():
-            if not is_written(run) and not self.children(run):
+            if not is_written(run) and not self.search(children_of(run)):
                 self.client.delete_run(run.info.run_id)
 
 
@@ -210,7 +203,12 @@ def connect(
 ) -> Store:
     """Open the store of a project; arguments and errors as in `connection.connect`."""
     opened = connection.connect(root, timeout_seconds, max_retries, experiment)
-    return Store(**vars(opened), commit=git_commit(root))
+    return Store(*opened, commit=git_commit(root))
+
+
+def children_of(run: Run) -> str:
+    """Return the condition that runs nested under a run meet."""
+    return f"tags.`{PARENT}` = '{run.info.run_id}'"
 
 
 def changed(stored: Mapping[str, Any], wanted: Mapping[str, Item]) -> dict[str, Item]:
@@ -230,15 +228,14 @@ def source_tags(stage: str, commit: str | None) -> dict[str, str]:
     return tags | ({"mlflow.source.git.commit": commit} if commit else {})
 
 
-def is_of(run: Run, policy_digest: str | None, params: Mapping[str, str]) -> bool:
+def is_of(run: Run, policy_digest: str, params: Mapping[str, str]) -> bool:
     """Tell whether a run is that of a policy trained with these parameters, or is unfinished.
 
     Agents that do not learn have the same policy whatever the task. A killed writer may have
     logged none of the parameters.
     """
-    is_unfinished = run.info.status != "FINISHED"
-    is_of_policy = is_unfinished or run.data.tags.get(POLICY_DIGEST) == policy_digest
-    return is_of_policy and bool(run.data.params.items() <= params.items())
+    is_own = run.info.status != "FINISHED" or run.data.tags.get(POLICY_DIGEST) == policy_digest
+    return is_own and bool(run.data.params.items() <= params.items())
 
 
 def is_written(run: Run) -> bool:

@@ -20,7 +20,7 @@ from jumping_ant.experiment import trials
 from jumping_ant.tracking import pages
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, mirrored_alone
-from jumping_ant.tracking.store import PARENT, Content, Points, Store
+from jumping_ant.tracking.store import PARENT, Content, Points, Store, children_of
 
 EXPERIMENT = "jumping-ant-tuning"
 TIMEOUT_SECONDS, MAX_RETRIES = 20, 1
@@ -57,7 +57,7 @@ def _mirror(store: Store, paths: StudyPaths, say: Callable[[str], None]) -> None
     values |= {f"importance/{key}": own for key, own in summary["importance"].items()}
     found = store.search(f"tags.{STUDY} = '{name}'")
     known = defaultdict[str, list[Run]](list)
-    for trial in (it for run in found for it in store.children(run)):
+    for trial in (it for run in found for it in store.search(children_of(run))):
         known[trial.data.tags.get(TRIAL, "")].append(trial)
     content = Content(
         name=name,

@@ -249,7 +249,7 @@ def test_a_policy_that_is_not_trained_leaves_the_comparison_pending(
 ) -> None:
     project = untracked_project
     (project / "models" / "pgpe" / "seed-1" / "policy.zip").unlink()
-    assert tracked(project)[0] == "not trained yet: pgpe seeds 1"
+    assert tracked(project)[0] == "not trained yet: pgpe seed 1"
     assert parent_name(project, "sac-seed-0") == "comparison (pending)"
     assert set(runs(project).values()) == {"FINISHED"}
     train(project, "pgpe", 1)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,6 @@ import psutil
 import pytest
 from browser import OpenPage
 from mlflow.exceptions import MlflowException
-from other_user import status
 from playwright.sync_api import expect
 from tracked_project import AGGREGATES, copy_tracked, unset_variables
 
@@ -102,6 +101,21 @@ def served(own_project: Path) -> Iterator[Served]:
             served.process.send_signal(signal.SIGINT)
             _, errors = served.process.communicate(timeout=30)
             assert (served.process.returncode, errors) == (0, ""), "Ctrl-C ends it without a word"
+
+
+def status(
+    address: str,
+    headers: Mapping[str, str] | None = None,
+    method: str = "GET",
+    content: bytes | None = None,
+) -> int:
+    """Ask the server, and return the status of its answer."""
+    request = urllib.request.Request(address, content, headers or {}, method=method)
+    try:
+        with urllib.request.urlopen(request, timeout=30) as response:
+            return int(response.status)
+    except urllib.error.HTTPError as error:
+        return error.code
 
 
 def test_only_the_address_opens_the_pages(served: Served) -> None:
