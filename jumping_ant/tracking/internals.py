@@ -45,6 +45,7 @@ def saved_view(
         "lifecycleFilter": "Active",
         "selectedColumns": list(columns),
         "columnOrder": [FIRST_COLUMN, *columns, *LAST_COLUMNS],
+        "columnWidths": {},  # the page's usual ones; it looks each column up
     }
     # The times only order the list of views.
     view = {"name": name, "createdAt": 0, "updatedAt": 0, "state": json.dumps(state)}

@@ -168,7 +168,10 @@ def _mirror_seed(
 def _seed_content(store: Store, record: SeedRecord, parent: Run, replaced: list[Run]) -> Content:
     end = record.policy_path.stat().st_mtime_ns // 1_000_000
     start = end - round(1000 * record.summary.get(TRAIN_SECONDS, 0.0))
-    was_live = any(stores.LIVE in run.data.tags for run in replaced)
+    live = {stores.LIVE: "true"} if any(stores.LIVE in it.data.tags for it in replaced) else {}
+    # No run leaves a comparison for a pending one.
+    is_pending = parent.data.tags[stores.COMPARISON] == stores.PENDING
+    under = {stores.PARENT: parent.info.run_id}
     return Content(
         name=record.name,
         tags={
@@ -180,9 +183,8 @@ def _seed_content(store: Store, record: SeedRecord, parent: Run, replaced: list[
         curve=record.curve,
         metrics=record.summary,
         artifacts=record.artifacts,
-        aside={pages.NOTE: record.describe(store.commit)}
-        | ({stores.LIVE: "true"} if was_live else {}),
-        place={stores.PARENT: parent.info.run_id, internals.RUN_COLOUR: record.colour},
+        aside={**under, **live, pages.NOTE: record.describe(store.commit)},
+        place={internals.RUN_COLOUR: record.colour, **({} if is_pending else under)},
         start=start,
         end=end,
         times={step: start + round(1000 * after) for step, after in record.seconds.items()},

@@ -256,6 +256,10 @@ def test_a_policy_that_is_not_trained_leaves_the_comparison_pending(
     assert tracked(project)[-1].endswith("1 created, 3 unchanged")
     (comparison,) = [name for name in runs(project) if "comparison" in name]
     assert parent_name(project, "sac-seed-0") == comparison
+    (project / "models" / "pgpe" / "seed-1" / "policy.zip").unlink()
+    assert tracked(project)[-1].endswith("3 unchanged")
+    assert parent_name(project, "sac-seed-0") == comparison, "until there is another"
+    assert "comparison (pending)" not in runs(project)
 
 
 def test_two_rebuild_a_wiped_database_at_once(project: Path) -> None:

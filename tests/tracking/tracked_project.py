@@ -236,17 +236,10 @@ def run_python(code: str, *arguments: str, cwd: Path, **environment: str) -> str
 
 @dataclass(frozen=True)
 class OnServer:
-    """A project on an MLflow server of its own.
-
-    Attributes:
-        address: The server's.
-        folder: The server's folder, with its database.
-        project: The project's folder.
-        told: What tracking the project said.
-    """
+    """A project on an MLflow server of its own, and what tracking the project said."""
 
     address: str
-    folder: Path
+    folder: Path  # the server's, with its database
     project: Path
     told: list[str]
 
