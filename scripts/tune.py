@@ -4,8 +4,8 @@ Usage: python -m scripts.tune AGENT [--trials N] [--sampler random] [--storage A
     [--preset NAME] (`make tune AGENT=sac TRIALS=40`)
 
 `tuning` in params.yaml says how; docs/tuning.md explains. The trials are a study of Optuna in
-`.tuning/`, which resumes where it was stopped. Writes results/tuning/AGENT.csv, .json and .html,
-and, if better settings were found, the preset tuned-AGENT.
+`.tuning/`, which resumes where it was stopped. Writes results/tuning/AGENT.csv and .json, and, if
+better settings were found, the preset tuned-AGENT.
 """
 
 import argparse
@@ -17,11 +17,11 @@ from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import params_file, presets
 from jumping_ant.tuning import tune
-from jumping_ant.tuning.study import SamplerName
+from jumping_ant.tuning.search import SamplerName
 
 
 def main() -> None:
-    """Parse the command line, and search."""
+    """Parse the command line, search, and bring MLflow up to date."""
     parser = command_line.parser(__doc__)
     parser.add_argument("agent", help="name of an agent that learns")
     parser.add_argument("--trials", type=_count, help="by default tuning.trials of params.yaml")
@@ -30,15 +30,9 @@ def main() -> None:
     parser.add_argument("--preset", help="of which the agent is, if params.yaml has none such")
     given = parser.parse_args()
     params = presets.load(given.preset) if given.preset else params_file.load()
-    if given.trials is not None:
-        tuning = params.tuning.model_copy(update={"trials": given.trials})
-        params = params.model_copy(update={"tuning": tuning})
+    tuning = params.tuning.model_copy(update={"trials": given.trials or params.tuning.trials})
+    params = params.model_copy(update={"tuning": tuning})
     tune.run(PROJECT_ROOT, params, given.agent, given.sampler, given.storage)
-    _mirror()
-
-
-def _mirror() -> None:
-    """Bring MLflow up to date; if it cannot be reached, `make ui` does it later."""
     from jumping_ant.tracking import studies  # takes seconds, which the search does not wait for
 
     try:

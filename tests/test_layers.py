@@ -19,8 +19,7 @@ ROOMS += ["play", "tracking", "tuning", "article"]
 # A room imports no other, but for the comparison's numbers, what its pages are made of, and tuning,
 # which trains and compares.
 BESIDE = {("report", "comparison"), ("speed", "comparison"), ("speed", "report")}
-BESIDE |= {("robustness", "comparison")}
-BESIDE |= {("tuning", room) for room in ("training", "comparison", "report")}
+BESIDE |= {("robustness", "comparison"), ("tuning", "training"), ("tuning", "comparison")}
 SWITCH = LIBRARY / "__init__.py"  # every import of the library runs it first
 MODULES = sorted(path for path in LIBRARY.rglob("*.py") if path.stat().st_size and path != SWITCH)
 

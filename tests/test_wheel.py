@@ -39,7 +39,6 @@ assert params_file.load(params_file.DEFAULTS).agents["sac"].algorithm == "sac"
 report, speed = files("jumping_ant") / "report", files("jumping_ant") / "speed"
 pages = ("frame.html", "pieces.html", "template.html", "style.css", "charts.js", "films.js")
 assert all((report / name).is_file() for name in pages) and (speed / "template.html").is_file()
-assert (files("jumping_ant") / "tuning" / "template.html").is_file()
 assert "site-packages" in jumping_ant.__file__
 assert not {"torch", "mlflow", "dvc", "ray", "pandas"} & set(sys.modules)
 print("rewards", rewards)

@@ -1,4 +1,4 @@
-"""What a study found: its trials as a table, a summary, and a preset of better settings.
+"""What a study brought: its trials as a table, a summary, and a preset of better settings.
 
 Return against tuning budget: the best of n random draws, on average over which of the trials come
 first, says what n trials are worth (Dodge et al. 2019, "Show Your Work", section 3; here without
@@ -10,110 +10,85 @@ import json
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import optuna
 from optuna.importance import PedAnovaImportanceEvaluator
-from optuna.trial import FrozenTrial, TrialState, create_trial
+from optuna.trial import FrozenTrial, create_trial
 
-from jumping_ant.base import tables
-from jumping_ant.base.files import to_json, write_all
-from jumping_ant.base.paths import StudyPaths
-from jumping_ant.experiment import trials
-from jumping_ant.params.blocks import TuningParams
-from jumping_ant.tuning.search import REASON, Task, best_of, seeds_of, value_of
+from jumping_ant.experiment.trials import COLUMNS
+from jumping_ant.tuning.search import COMPLETE, ENDED, PRUNED, REASON, best_of, ended, notes_of
 from jumping_ant.tuning.space import Space
-from jumping_ant.tuning.study import SamplerName
+from jumping_ant.tuning.task import Task
 
-# what of `tuning` in params.yaml the trials of a study depend on
-OF_A_STUDY = {"seeds", "share", "episodes", "target_return", "spread_penalty", "prune_level"}
-STATES = {TrialState.COMPLETE: "complete", TrialState.PRUNED: "pruned"}
-BUDGETS = (1, 7, 30)  # trials after which the best is told
+BUDGETS = (1, 7, 30)  # trials after which the best is stated
 GOOD = 0.25  # share of the trials that importance sets apart from the others
 
 
-def rows(trials: Sequence[FrozenTrial], space: Space, tuning: TuningParams) -> list[dict[str, Any]]:
-    """Return the table of ended trials; the settings are those that differ from the agent's own."""
-    found = []
-    for trial in trials:
-        seeds, own = seeds_of(trial), value_of(trial, tuning)
-        found.append(
-            {
-                "trial": trial.number,
-                "state": STATES[trial.state],
-                "value": "" if own is None else f"{own:.6g}",
-                "returns": " ".join(f"{seed['return']:.6g}" for seed in seeds),
-                "seconds": " ".join(f"{seed['seconds']:.3g}" for seed in seeds),
-                "reason": trial.user_attrs.get(REASON, ""),
-                "settings": json.dumps(space.chosen(trial.params)),
-            }
+def rows(task: Task, study: optuna.Study) -> list[dict[str, Any]]:
+    """Return the table of ended trials; the settings are those that differ from the present."""
+    table = []
+    for trial in ended(study):
+        notes = notes_of(trial)
+        value, trained = task.value(notes), [note for note in notes if "fault" not in note]
+        row = (
+            *(trial.number, ENDED[trial.state], "" if value is None else f"{value:.6g}"),
+            " ".join(f"{note['return']:.6g}" for note in trained),
+            " ".join(f"{note['seconds']:.3g}" for note in trained),
+            trial.user_attrs.get(REASON, ""),
+            json.dumps(task.space.chosen(trial.params)),
         )
-    return found
+        table.append(dict(zip(COLUMNS, row, strict=True)))
+    return table
 
 
-def summary(task: Task, sampler: SamplerName, study: optuna.Study) -> dict[str, Any]:
+def summary(task: Task, sampler: str, study: optuna.Study) -> dict[str, Any]:
     """Return what the trials say, without the verdict."""
-    space, tuning = task.space, task.tuning
-    trials = study.get_trials(deepcopy=False, states=list(STATES))
-    pruned = [trial for trial in trials if trial.state is TrialState.PRUNED]
-    best = best_of(study)
-    return {
+    trials, best = ended(study), best_of(study)
+    result = {
         "agent": task.name,
         "sampler": sampler,
         "study": study.study_name,
         "trials": len(trials),
-        "seeds_per_trial": tuning.seeds,
-        "rules": {"task": task.digest, "ranges": space.described}
-        | tuning.model_dump(include=OF_A_STUDY),
-        "pruned": len(pruned),
-        "without_value": sum(value_of(trial, tuning) is None for trial in trials),
+        "seeds_per_trial": task.params.tuning.seeds,
+        "rules": task.rules,
+        "pruned": sum(trial.state is PRUNED for trial in trials),
+        "without_value": sum(task.value(notes_of(trial)) is None for trial in trials),
         "best_trial": best.number if best else None,
         "best_value": best.values[0] if best else None,
-        "settings": space.changes(space.agent_with(best.params)) if best else {},
-        "best_after": best_after(values(trials, tuning)),
-        "importance": importance(as_complete(study, tuning)),
-    } | (_of_draws(trials, tuning) if sampler == "random" else {})
-
-
-def _of_draws(trials: Sequence[FrozenTrial], tuning: TuningParams) -> dict[str, Any]:
-    """Return the values of random draws, and the expected best of so many, by their number.
-
-    The first trial was not drawn, if it has the agent's own settings.
-    """
-    draws = values([trial for trial in trials if "fixed_params" not in trial.system_attrs], tuning)
-    best = {str(num): expected_best(draws, num) for num in BUDGETS if num <= len(draws)}
-    return {"draws": draws, "expected_best": best}
+        "settings": task.space.changes(task.space.agent_with(best.params)) if best else {},
+        "best_after": best_after(values(trials, task)),
+        "importance": importance(trials, task),
+    }
+    if sampler == "random":  # the present settings were not drawn
+        draws = values([trial for trial in trials if task.space.chosen(trial.params)], task)
+        budgets = [num for num in BUDGETS if num <= len(draws)]
+        best_of_draws = {str(num): expected_best(draws, num) for num in budgets}
+        result |= {"draws": draws, "expected_best": best_of_draws}
+    return result
 
 
 def is_control_of(control: Mapping[str, Any], search: Mapping[str, Any]) -> bool:
     """Return whether one summary's random draws can be set beside another's trials.
 
-    Both must be of the same robot, reward, budget and own settings (`Task.digest`), have drawn from
-    the same ranges, and valued trials by the same rules.
+    Both must be of the same task (`Task.content`), ranges and rules.
     """
-    return (
-        "draws" in control
-        and control["agent"] == search["agent"]
-        and control.get("rules") == search["rules"]
-    )
+    keys = ("agent", "rules")
+    return "draws" in control and all(control.get(key) == search.get(key) for key in keys)
 
 
-def values(trials: Sequence[FrozenTrial], tuning: TuningParams) -> list[float]:
+def values(trials: Sequence[FrozenTrial], task: Task) -> list[float]:
     """Return the trials' values; [] if none is complete.
 
     One that ended early counts by its seeds so far, but not above those that are complete; one
     without a value has the least of all.
     """
-    own = [value_of(trial, tuning) for trial in trials]
-    most = max(
-        (trial.values[0] for trial in trials if trial.state is TrialState.COMPLETE), default=None
-    )
-    if most is None:
+    complete = [trial.values[0] for trial in trials if trial.state is COMPLETE]
+    if not complete:
         return []
-    least = min(value for value in own if value is not None)
-    return [least if value is None else min(value, most) for value in own]
+    every = [task.value(notes_of(trial)) for trial in trials]
+    least = min(value for value in every if value is not None)
+    return [least if value is None else min(value, max(complete)) for value in every]
 
 
 def best_after(of_trials: Sequence[float]) -> dict[str, float]:
@@ -124,85 +99,50 @@ def best_after(of_trials: Sequence[float]) -> dict[str, float]:
 def expected_best(of_draws: Sequence[float], num: int) -> float:
     """Return the mean over all choices of `num` of the draws of the best among them.
 
-    The value of rank i is the best of comb(i - 1, num - 1) of the comb(n, num) choices.
+    The value of rank i is the best of comb(i, num - 1) of the comb(n, num) choices, from rank 0.
     """
-    ordered = np.sort(np.array(of_draws, dtype=np.float64))
-    ranks = range(1, len(ordered) + 1)
-    shares = [math.comb(i - 1, num - 1) / math.comb(len(ordered), num) for i in ranks]
-    return float(ordered @ np.array(shares))
+    choices = math.comb(len(of_draws), num)
+    ordered = enumerate(sorted(of_draws))
+    return math.fsum(value * (math.comb(rank, num - 1) / choices) for rank, value in ordered)
 
 
-def as_complete(study: optuna.Study, tuning: TuningParams) -> optuna.Study:
-    """Return a study in memory in which pruned trials have the values of their seeds so far.
-
-    Optuna leaves pruned trials out of its analyses, which would then see only what is good.
-    """
-    shown = optuna.create_study(direction="maximize")
-    for trial in study.get_trials(deepcopy=False, states=list(STATES)):
-        if (own := value_of(trial, tuning)) is not None:
-            shown.add_trial(
-                create_trial(value=own, params=trial.params, distributions=trial.distributions)
-            )
-    return shown
-
-
-def importance(shown: optuna.Study) -> dict[str, float]:
+def importance(trials: Sequence[FrozenTrial], task: Task) -> dict[str, float]:
     """Return how much each setting sets good trials apart from the others, as shares.
 
-    Source: Watanabe et al. 2023, "PED-ANOVA".
+    Trials that ended early have the values of their seeds so far: Optuna would leave them out, and
+    so see only what is good. Source: Watanabe et al. 2023, "PED-ANOVA".
     """
-    if len(shown.trials) < 2 / GOOD:
+    study = optuna.create_study(direction="maximize")
+    for trial in trials:
+        if (value := task.value(notes_of(trial))) is not None:
+            params, distributions = trial.params, trial.distributions
+            study.add_trial(create_trial(value=value, params=params, distributions=distributions))
+    if len(study.trials) < 2 / GOOD:
         return {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that few trials say little
-        return optuna.importance.get_param_importances(
-            shown, evaluator=PedAnovaImportanceEvaluator(target_quantile=GOOD)
-        )
+        evaluator = PedAnovaImportanceEvaluator(target_quantile=GOOD)
+        return optuna.importance.get_param_importances(study, evaluator=evaluator)
 
 
 def preset(name: str, space: Space, settings: Mapping[str, Any], content: Any) -> str:
-    """Return the list of overrides that makes an agent's settings those of a trial.
+    """Return the overrides that make an agent's settings those of a trial.
 
-    Args:
-        name: The agent's name.
-        space: The agent as it is.
-        settings: What the trial changes.
-        content: Of `params.yaml`: an agent that it lacks is added as a whole.
+    An agent that the content of `params.yaml` lacks is added as a whole.
     """
     agents = content["agents"]
     if name not in agents:
-        block = space.agent.model_dump() | dict(settings)
-        return f"-S +agents.{name}={_flow(block)}\n"
+        return f"-S +agents.{name}={_flow(space.agent.model_dump() | dict(settings))}\n"
     return "".join(
         f"-S {'' if key in agents[name] else '+'}agents.{name}.{key}={_flow(value)}\n"
         for key, value in settings.items()
     )
 
 
-def write(
-    paths: StudyPaths,
-    table: Sequence[Mapping[str, Any]],
-    found: Mapping[str, Any],
-    page: str,
-    better: str | None = None,
-) -> None:
-    """Write a study's files; a preset of an earlier verdict is removed if nothing is better."""
-    contents: dict[Path, bytes | str] = {
-        paths.trials: tables.to_csv(table, trials.COLUMNS),
-        paths.summary: to_json(found),
-        paths.page: page,
-    }
-    if better:
-        contents[paths.preset] = better
-    write_all(contents)
-    if better is None and found["sampler"] == "tpe":
-        paths.preset.unlink(missing_ok=True)
-
-
 def _flow(value: Any) -> str:
     """Return a value as the command line of DVC takes it, without spaces."""
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{key}:{_flow(own)}" for key, own in value.items()) + "}"
+        return "{" + ",".join(f"{key}:{_flow(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ",".join(map(_flow, value)) + "]"
     return str(value) if isinstance(value, str) else json.dumps(value)

@@ -8,16 +8,16 @@ others. The test is the one by which comparisons tell two agents apart.
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import optuna
 from numpy.typing import NDArray
+from optuna.trial import FrozenTrial
 
-from jumping_ant.agents.algorithm import AgentBlock
-from jumping_ant.base import process
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.comparison import estimates
 from jumping_ant.comparison.claims import findings, verdicts
@@ -26,18 +26,11 @@ from jumping_ant.comparison.step_down import adjust
 from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
 from jumping_ant.looks.wording import capitalized, number
-from jumping_ant.params.blocks import CompareParams
-from jumping_ant.tuning.objective import FRESH, Fault
-from jumping_ant.tuning.search import Task
+from jumping_ant.tuning.task import FRESH, Task
 
-WORDS = {
-    "supported": "better",
-    "refuted": "worse",
-    "equivalent": "equivalent",
-    "inconclusive": "open",
-}
-OPEN = WORDS["inconclusive"]
-UNCHANGED = "unchanged"  # no trial did better than the agent's own settings
+OPEN = "open"
+WORDS = {"supported": "better", "refuted": "worse", "equivalent": "equivalent"}
+UNCHANGED = "unchanged"  # no trial did better than the present settings
 BEFORE, AFTER = "before", "after"
 LARGEST_BLOCK = 100  # training seeds of a verdict
 NEVER = (math.inf, math.inf)  # later than one whose budget just ended
@@ -54,75 +47,50 @@ def without_training(word: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Fresh:
-    """The trainings that judge a trial.
-
-    Attributes:
-        study: The study, which notes what they found.
-        task: What is tuned.
-        compare: How agents are compared.
-        episodes: Of each seed, from start states of its own.
-        trial: Number of the trial.
-        agent: The agent with the trial's settings.
-    """
+    """The trainings that judge a trial; the study notes their results."""
 
     study: optuna.Study
     task: Task
-    compare: CompareParams
-    episodes: int
-    trial: int
-    agent: AgentBlock
+    trial: FrozenTrial
 
     @property
     def keys(self) -> list[Key]:
         """What is trained."""
-        return [
-            (which, seed)
-            for seed in range(self.task.tuning.fresh_seeds)
-            for which in (BEFORE, AFTER)
-        ]
+        seeds = range(self.task.params.tuning.fresh_seeds)
+        return [(which, seed) for seed in seeds for which in (BEFORE, AFTER)]
 
-    def run(self, workers: int, say: Callable[[str], None]) -> None:
-        """Train what is not noted yet.
-
-        Raises:
-            StoppedError: A signal asked for a stop.
-            WorkerError: The workers of a seed died repeatedly.
-        """
+    def run(self, say: Callable[[str], None]) -> None:
+        """Train what is not noted yet; a signal is a StoppedError."""
+        workers = jobs.num_workers(self.task.params.compute.workers, len(self.keys))
         name = "{0[0]}, {0[1]}".format
-        for key, found in jobs.stream(self.work, self._left(), workers, say, name):
-            note: dict[str, Any]
-            if isinstance(found, Fault):
-                note, told = {"fault": found.reason}, found.reason
-            else:
-                own = found.mean_return
-                note = {"return": own, "seconds": found.seconds, "onset": found.onset}
-                told = number(own)
+        for key, note in jobs.stream(self.work, self._left(), workers, say, name):
             self.study.set_user_attr(self._name(key), note)
+            told = note.get("fault") or number(note["return"])
             say(f"fresh seed {key[1] + 1}, {key[0]}: {told}")
-        missing = [key for key in self.keys if self._name(key) not in self.study.user_attrs]
-        if missing:
-            raise StoppedError(f"the same command resumes; {len(missing)} trainings are left")
+        noted = self.study.user_attrs
+        if missing := sum(self._name(key) not in noted for key in self.keys):
+            raise StoppedError(f"the same command resumes; {missing} trainings are left")
 
     def _left(self) -> Iterator[Key]:
-        """Yield what is not noted when a worker is free, at last what another machine has begun."""
+        """Yield what is not noted when a worker is free, at last what another process has begun."""
         taken: set[Key] = set()
         for is_last in (False, True):
             for key in self.keys:
                 noted, begun = self.study.user_attrs, f"begun {self._name(key)}"
                 if key in taken or self._name(key) in noted or (begun in noted and not is_last):
                     continue
-                self.study.set_user_attr(begun, process.this_process())
+                self.study.set_user_attr(begun, True)
                 taken.add(key)
                 yield key
 
     def work(self, key: Key) -> Work:
         """Return the job of a fresh seed."""
         which, seed = key
-        agent = self.agent if which == AFTER else self.task.space.agent
-        seeds = self._block(LARGEST_BLOCK)
-        starts = self._block(self.task.tuning.fresh_seeds * self.episodes)
-        own = starts[seed * self.episodes : (seed + 1) * self.episodes]
-        return self.task.work(agent, seeds[seed], own, num_threads=1)
+        space, episodes = self.task.space, self.task.params.evaluate.episodes
+        agent = space.agent_with(self.trial.params) if which == AFTER else space.agent
+        starts = self._block(self.task.params.tuning.fresh_seeds * episodes)
+        its_starts = starts[seed * episodes : (seed + 1) * episodes]
+        return partial(self.task.measure, agent, self._block(LARGEST_BLOCK)[seed], its_starts, 1)
 
     def verdict(self) -> dict[str, Any]:
         """Return the verdict, what it rests on, and in words what was compared.
@@ -130,69 +98,51 @@ class Fresh:
         The difference is the median over all pairs of seeds (Hodges and Lehmann 1963): of returns,
         or of the seconds that are saved.
         """
-        is_timed = self.task.tuning.target_return is not None
-        finding, before, after = self._of_seconds() if is_timed else self._of_returns()
-        more, less = (before, after) if is_timed else (after, before)
-        median = estimates.pairwise_median(np.subtract)
-        difference = estimates.estimate(median, [more, less], self.compare)
-        middle = np.median if is_timed else self._iqm
-        level = self.compare.levels[0] + verdicts.ROUNDING
-        (adjusted,) = adjust([(finding.p, finding.margin.p if finding.margin else None)])
-        returns, seconds = (
-            {which: self._numbers(which, name).tolist() for which in (BEFORE, AFTER)}
-            for name in ("return", "seconds")
-        )
+        name, tuned, compare = self.task.name, f"{self.task.name} tuned", self.task.params.compare
+        returns, seconds, onsets = map(self._numbers, ("return", "seconds", "onset"))
+        finding: Finding
+        middles: list[Any]
+        if (target := self.task.params.tuning.target_return) is None:
+            margin = compare.margins.returns
+            samples = Sample(tuned, returns[AFTER]), Sample(name, returns[BEFORE])
+            finding = findings.independent("return", *samples, compare, ends=(-margin, margin))
+            pair = [returns[AFTER], returns[BEFORE]]
+            middles = [estimates.estimate_iqm(x, compare.confidence).value for x in pair[::-1]]
+        else:
+            ratio, quantity = compare.margins.seconds, f"seconds to a return above {target:g}"
+            before = Efforts(name, onsets[BEFORE], seconds[BEFORE])
+            after = Efforts(tuned, onsets[AFTER], seconds[AFTER])
+            finding = findings.more_effort(quantity, before, after, compare, (1 / ratio, ratio))
+            pair = [before.spent, after.spent]
+            middles = [np.median(before.spent), np.median(after.spent)]
+        difference = estimates.estimate(estimates.pairwise_median(np.subtract), pair, compare)
+        p_equivalence = finding.margin.p if finding.margin else None
+        (adjusted,) = adjust([(finding.p, p_equivalence)])
+        level = compare.levels[0] + verdicts.ROUNDING
         return {
-            BEFORE: float(middle(before)),
-            AFTER: float(middle(after)),
-            "verdict": WORDS[verdicts.verdict(finding.side, adjusted, level)],
+            **dict(zip((BEFORE, AFTER), map(float, middles), strict=True)),
+            "verdict": WORDS.get(verdicts.verdict(finding.side, adjusted, level), OPEN),
             "p": finding.p,
-            "p_equivalence": finding.margin.p if finding.margin else None,
+            "p_equivalence": p_equivalence,
             **difference.as_dict("difference"),
             "evidence": f"{capitalized(finding.evidence)}.",
-            "returns": returns,
-            "seconds": seconds,
+            "returns": {key: own.tolist() for key, own in returns.items()},
+            "seconds": {key: own.tolist() for key, own in seconds.items()},
         }
-
-    def _iqm(self, sample: Array) -> Array:
-        return estimates.estimate_iqm(sample, self.compare.confidence).value
-
-    def _of_returns(self) -> tuple[Finding, Array, Array]:
-        before, after = (self._numbers(which, "return") for which in (BEFORE, AFTER))
-        first, second = Sample(f"{self.task.name} tuned", after), Sample(self.task.name, before)
-        margin = self.compare.margins.returns
-        ends = (-margin, margin)
-        found = findings.independent("return", first, second, self.compare, ends=ends)
-        return found, before, after
-
-    def _of_seconds(self) -> tuple[Finding, Array, Array]:
-        before, after = (
-            Efforts(
-                label,
-                np.array([own["onset"] for own in self._noted(which)]),
-                self._numbers(which, "seconds"),
-            )
-            for which, label in ((BEFORE, self.task.name), (AFTER, f"{self.task.name} tuned"))
-        )
-        ratio = self.compare.margins.seconds
-        quantity = f"seconds to a return above {self.task.tuning.target_return:g}"
-        ends = (1 / ratio, ratio)
-        found = findings.more_effort(quantity, before, after, self.compare, ends)
-        return found, before.spent, after.spent
 
     def _block(self, size: int) -> range:
         """Return so many fresh numbers, hardly ever those of another study or another trial."""
-        content = json.dumps([self.study.study_name, self.trial])
-        number = int(hashlib.sha256(content.encode()).hexdigest()[:8], 16)
-        first = size * (number % (len(FRESH) // size))
+        content = json.dumps([self.study.study_name, self.trial.number])
+        place = int(hashlib.sha256(content.encode()).hexdigest()[:8], 16)
+        first = size * (place % (len(FRESH) // size))
         return FRESH[first : first + size]
 
     def _name(self, key: Key) -> str:
-        size = f"{self.task.tuning.fresh_seeds} x {self.episodes}"  # on which the starts depend
-        return f"fresh {self.trial} {size} {key[0]} {key[1]}"
+        size = f"{self.task.params.tuning.fresh_seeds} x {self.task.params.evaluate.episodes}"
+        return f"fresh {self.trial.number} {size} {key[0]} {key[1]}"
 
-    def _noted(self, which: str) -> list[Mapping[str, Any]]:
-        """Return what was noted of seeds; one that diverged counts as the worst of all of them."""
+    def _numbers(self, name: str) -> dict[str, Array]:
+        """Return a number of each seed; one that diverged counts as the worst of all of them."""
         noted = self.study.user_attrs
         notes = {key: noted[self._name(key)] for key in self.keys}
         trained = [note for note in notes.values() if "fault" not in note]
@@ -201,7 +151,8 @@ class Fresh:
             "seconds": max((note["seconds"] for note in trained), default=0.0),
             "onset": NEVER,
         }
-        return [worst | note for key, note in notes.items() if key[0] == which]
-
-    def _numbers(self, which: str, name: str) -> Array:
-        return np.array([own[name] for own in self._noted(which)])
+        numbers = {key: (worst | note)[name] for key, note in notes.items()}
+        return {
+            which: np.array([value for key, value in numbers.items() if key[0] == which])
+            for which in (BEFORE, AFTER)
+        }

@@ -5,17 +5,27 @@ Usage: python tests/tuning/small_study.py FOLDER TRIALS [STORAGE] runs one, to b
 
 import sqlite3
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from sqlalchemy import event
+from sqlalchemy.engine import Engine
+
 from jumping_ant.base.errors import reported
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
-from jumping_ant.tuning import space, tune
+from jumping_ant.tuning import search, space, tune
 
 SMALL = {"generations": 2, "population_size": 4, "episode_steps": 20}
 RANGES = {name: own for name, own in space.RANGES["pgpe"].items() if name not in SMALL}
+
+
+@event.listens_for(Engine, "connect")
+def _does_not_wait_for_the_disk(connection: Any, _: object) -> None:
+    if isinstance(connection, sqlite3.Connection):
+        connection.execute("PRAGMA synchronous = OFF")
 
 
 def small_params(trials: int, workers: int = 1, **tuning: Any) -> Params:
@@ -33,39 +43,14 @@ def small_params(trials: int, workers: int = 1, **tuning: Any) -> Params:
 
 def project(folder: Path) -> Path:
     """Return a folder with what a study reads of a project."""
-    folder.mkdir(parents=True, exist_ok=True)
-    text = (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8")
-    (folder / "params.yaml").write_text(text, encoding="utf-8")
+    write_text(folder / "params.yaml", (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
     return folder
 
 
-def records(database: Path) -> list[tuple[Any, ...]]:
-    """Return every record of a study's trials: number, state, value, parameters, reports."""
-    opened = sqlite3.connect(database)
-    found = opened.execute(
-        """
-        SELECT number, state,
-            (SELECT value FROM trial_values v WHERE v.trial_id = t.trial_id),
-            (SELECT group_concat(p, ' ') FROM (SELECT param_name || '=' || param_value AS p
-                FROM trial_params q WHERE q.trial_id = t.trial_id ORDER BY param_name)),
-            (SELECT group_concat(r, ' ') FROM (SELECT step || ':' || intermediate_value AS r
-                FROM trial_intermediate_values i WHERE i.trial_id = t.trial_id ORDER BY step))
-        FROM trials t ORDER BY number
-        """
-    ).fetchall()
-    opened.close()
-    return found
-
-
 if __name__ == "__main__":
-    space.RANGES["pgpe"] = RANGES
-    root, num_trials, *storage = sys.argv[1:]
-    params = small_params(int(num_trials))
+    space.RANGES["pgpe"], search.HEARTBEAT, search.GRACE = RANGES, 1, 2
+    root, num_trials, storage = [*sys.argv[1:], None][:3]
     with reported():
-        tune.run(
-            Path(root),
-            params,
-            "pgpe",
-            storage=storage[0] if storage else None,
-            say=lambda said: print(said, flush=True),
-        )
+        params = small_params(int(num_trials or 0))
+        say = partial(print, flush=True)
+        tune.run(Path(root or ""), params, "pgpe", storage=storage, say=say)

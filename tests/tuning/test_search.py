@@ -1,381 +1,189 @@
-"""The course of a study, with returns that the tests give instead of trainings."""
+"""Searches with a small agent: killed and resumed, shared, judged."""
 
+import csv
+import json
+import os
+import signal
+import subprocess
 import sys
-import threading
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import optuna
 import pytest
-import small_agents
-from numpy.typing import NDArray
-from optuna.pruners import WilcoxonPruner
-from optuna.samplers._tpe.sampler import _get_pruned_trial_score
-from optuna.trial import TrialState, create_trial
-from small_study import RANGES, small_params
+from small_study import RANGES, project, small_params
 
-from jumping_ant.agents import kernels
-from jumping_ant.agents.job import Job
-from jumping_ant.base.errors import StoppedError
-from jumping_ant.experiment import params_file
-from jumping_ant.sim.world import World
-from jumping_ant.tuning import objective, outcome, search, space, study, tune
-from jumping_ant.tuning.objective import Fault, Measured
-from jumping_ant.tuning.search import Search
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import params_file, presets
+from jumping_ant.tuning import search, space, tune
+from jumping_ant.tuning.task import Task
+from scripts import tune as command
 
-NEVER = (10.0, float("inf"))
+Rows = list[dict[str, str]]
 
 
 @pytest.fixture(autouse=True)
-def small_ranges(monkeypatch: pytest.MonkeyPatch) -> None:
+def small_and_quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(space.RANGES, "pgpe", RANGES)
+    monkeypatch.setattr(search, "HEARTBEAT", 1)
+    monkeypatch.setattr(search, "GRACE", 2)
 
 
-@pytest.fixture
-def opened(tmp_path: Path) -> Iterator[optuna.Study]:
-    address = f"{study.FILE}{tmp_path}/study.db"
-    with study.opened(address, "test", "tpe", 0.01, None) as found:
-        yield found
+def run(
+    root: Path, trials: int, sampler: search.SamplerName = "tpe", **more: Any
+) -> tuple[Rows, dict[str, Any]]:
+    tune.run(root, small_params(trials, **more), "pgpe", sampler, say=lambda _: None)
+    return outcome(root, is_control=sampler == "random")
 
 
-def make(
-    opened: optuna.Study, said: list[str] | None = None, trials: int = 4, **tuning: Any
-) -> Search:
-    params = small_params(trials, episodes=10, **tuning)
-    task = tune.task_of(Path(), params, "pgpe")
-    return Search(
-        opened, study.FILE, task, say=(said or []).append if said is None else said.append
-    )
+def outcome(root: Path, is_control: bool = False) -> tuple[Rows, dict[str, Any]]:
+    paths = Paths(root).study("pgpe", is_control)
+    table = list(csv.DictReader(paths.trials.read_text("utf-8").splitlines()))
+    summary = json.loads(paths.summary.read_text("utf-8"))
+    return [row | {"seconds": ""} for row in table], summary | {"seconds": {}}
 
 
-def measured(*returns: float, onset: tuple[float, float] = (0.0, 1.0)) -> Measured:
-    return Measured(returns, 5.0, onset)
+def start(root: Path, trials: int, *storage: str) -> "subprocess.Popen[str]":
+    script = str(Path(__file__).with_name("small_study.py"))
+    words = [sys.executable, script, str(root), str(trials), *storage]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, encoding="utf-8")
 
 
-def around(mean: float) -> Measured:
-    return measured(*(mean + offset for offset in range(-5, 5)))
+def wait_for(driver: "subprocess.Popen[str]", line: str) -> None:
+    assert driver.stdout
+    while not driver.stdout.readline().startswith(line):
+        assert driver.poll() is None
 
 
-def noted(mean: float) -> dict[str, Any]:
-    """Return what a trial notes of a seed."""
-    return {"return": mean, "seconds": 1.0, "onset": (0.0, 1.0), "bests": [], "is_cut": False}
+def states(database: Path) -> list[str]:
+    (name,) = optuna.get_all_study_names(f"sqlite:///{database}")
+    study = optuna.load_study(study_name=name, storage=f"sqlite:///{database}")
+    return [trial.state.name for trial in study.trials]
 
 
-def states(opened: optuna.Study) -> list[str]:
-    return [trial.state.name for trial in opened.trials]
+def test_the_same_command_gives_the_same_trials(tmp_path: Path) -> None:
+    first, second = (run(project(tmp_path / name), 12) for name in "ab")
+    assert first[0] == second[0] and len({row["settings"] for row in first[0]}) == 12
+    assert first[0][0]["settings"] == "{}", "those of the agent come first"
+    assert (first[1]["verdict"], first[1]["p"]) == (second[1]["verdict"], second[1]["p"])
+    drawn, control = run(tmp_path / "a", 12, "random")
+    assert [row["settings"] for row in drawn[:10]] == [row["settings"] for row in first[0][:10]]
+    assert drawn[11]["settings"] != first[0][11]["settings"] and "verdict" not in control
+    assert control["expected_best"]["1"] == pytest.approx(np.mean(control["draws"]))
 
 
-def test_a_trial_trains_its_seeds_one_after_another(opened: optuna.Study) -> None:
-    found = make(opened)
-    assert next(found) == (0, 0)
-    found.take((0, 0), around(100))
-    assert next(found) == (0, 1)
-    assert next(found) == (1, 0), "another worker begins the next trial"
-    found.take((0, 1), around(120))
-    found.take((1, 0), around(300))
-    assert next(found) == (1, 1)
-    assert states(opened) == ["COMPLETE", "RUNNING"]
-    # Half way from the mean, 109.5, to the worse seed.
-    assert opened.trials[0].value == pytest.approx(104.5)
-
-
-def test_no_more_trials_begin_than_asked_for(opened: optuna.Study) -> None:
-    found, told = make(opened), []
-    for key in found:
-        told.append(key)
-        found.take(key, around(100 + key[0]))
-    assert told == [(trial, seed) for trial in range(4) for seed in range(2)]
-    assert list(make(opened)) == []
-    assert len(list(make(opened, seeds=2).task.space.distributions)) == len(RANGES)
-
-
-def test_a_trial_that_returns_less_in_every_episode_ends_early(opened: optuna.Study) -> None:
-    said: list[str] = []
-    found = make(opened, said)
-    for key, mean in (((0, 0), 100), ((0, 1), 100), ((1, 0), 50)):
-        assert next(found) == key
-        found.take(key, around(mean))
-    assert next(found) == (2, 0)
-    assert states(opened) == ["COMPLETE", "PRUNED", "RUNNING"]
-    assert opened.trials[1].user_attrs["reason"] == "less than trial 0"
-    assert said[1].startswith(
-        "trial 1: 49.5; ended early, less than trial 0; best 99.5 of trial 0;"
-    )
-
-
-def test_a_trial_that_returns_less_in_some_episodes_goes_on(opened: optuna.Study) -> None:
-    found = make(opened)
-    for key, own in (((0, 0), around(100)), ((0, 1), around(100))):
-        next(found)
-        found.take(key, own)
-    next(found)
-    mixed = around(100)
-    found.take(
-        (1, 0), measured(*(own + (9 if i % 2 else -12) for i, own in enumerate(mixed.returns)))
-    )
-    assert next(found) == (1, 1)
-
-
-def test_the_sampler_ranks_trials_that_ended_early_by_their_values(opened: optuna.Study) -> None:
-    """Not by their last episodes, nor by how many they have played."""
-    found = make(opened, trials=6)
-    for _ in range(2):
-        found.take(next(found), around(5000))
-    low, high = [100.0] * 9 + [150.0], [3000.0] * 9 + [10.0]
-    wild = Fault("ValueError: not finite")
-    for own in (measured(*low), measured(*high), wild):
-        found.take(next(found), own)
-    assert next(found) == (4, 0)
-    found.take((4, 0), around(5001))
-    found.take(next(found), wild)
-    pruned = opened.get_trials(states=[TrialState.PRUNED])
-    assert [trial.number for trial in pruned] == [1, 2, 3, 4]
-    assert {trial.last_step for trial in pruned} == {20}, "after those of all episodes"
-    scores = [_get_pruned_trial_score(trial, opened) for trial in pruned]
-    assert [scores.index(own) for own in sorted(set(scores))] == [1, 0, 2]
-    assert scores[2] == scores[3], "the worst, also with a lucky first seed"
-
-
-def test_killed_as_it_ended_a_trial(opened: optuna.Study, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = make(opened, trials=3)
-    for _ in range(2):
-        found.take(next(found), around(100))
-    with monkeypatch.context() as context:
-        context.setattr(opened, "tell", lambda *_, **__: sys.exit(1))
-        with pytest.raises(SystemExit):
-            found.take(next(found), around(50))
-    before = opened.trials[1].intermediate_values
-    with pytest.warns(UserWarning, match="already reported"):
-        make(opened, trials=3)
-    assert states(opened) == ["COMPLETE", "PRUNED"]
-    assert opened.trials[1].intermediate_values == before
-    assert opened.trials[1].user_attrs["reason"] == "less than trial 0"
-
-
-def test_what_diverges_is_told_with_its_reason(opened: optuna.Study) -> None:
-    said: list[str] = []
-    found = make(opened, said)
-    next(found)
-    found.take((0, 0), Fault("ValueError: not finite"))
-    assert states(opened) == ["PRUNED"] and opened.trials[0].value is None
-    told = "no value; ended early, ValueError: not finite; none complete yet; 3 left, "
-    assert said[0].startswith(f"trial 0: {told}")
-
-
-def test_a_trial_that_diverges_at_its_second_seed_has_no_value(opened: optuna.Study) -> None:
-    """However good its first one was."""
-    found = make(opened, trials=3)
-    for key, own in (((0, 0), around(900)), ((0, 1), Fault("ValueError: not finite"))):
-        assert next(found) == key
-        found.take(key, own)
-    for mean in (100, 200):
-        for _ in range(2):
-            found.take(next(found), around(mean))
-    first, *others = opened.trials
-    assert len(search.seeds_of(first)) == 1 and search.value_of(first, found.task.tuning) is None
-    least, *_ = (trial.values[0] for trial in others)
-    assert outcome.values(opened.trials, found.task.tuning)[:2] == [least, least]
-    assert len(outcome.as_complete(opened, found.task.tuning).trials) == 2
-
-
-def test_a_seed_ends_where_it_is_among_the_worst(opened: optuna.Study) -> None:
-    said: list[str] = []
-    found = make(opened, said, trials=6)
-    assert found._floors() == [-np.inf] * 2, "nothing to compare with"
-    for trial in range(4):
-        for seed in range(2):
-            bests = (100.0 + trial + seed, 200.0 + trial + seed)
-            found.take(next(found), replace(around(100), bests=bests))
-    assert found._floors() == [-np.inf, np.quantile([200, 201, 201, 202, 202, 203, 203, 204], 0.25)]
-    found.take(next(found), replace(around(100), bests=(100.0, 150.0), is_cut=True))
-    reason = "seed 1 was among the worst at evaluation 2 of 2"
-    assert opened.trials[4].user_attrs["reason"] == reason
-    assert f"trial 4: 99.5; ended early, {reason}; " in said[-1]
-
-
-def test_killed_between_the_end_of_a_seed_and_that_of_its_trial(opened: optuna.Study) -> None:
-    found = make(opened)
-    trial = study.begin(opened, found.task.space.distributions)
-    trial.set_user_attr("seed 0", noted(50.0) | {"bests": [50.0], "is_cut": True})
-    make(opened)
-    assert states(opened) == ["PRUNED"]
-
-
-def test_a_trial_whose_machine_falls_silent_is_taken_over_at_the_end(
-    opened: optuna.Study, monkeypatch: pytest.MonkeyPatch
+def test_a_killed_search_resumes_and_trains_nothing_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Until then, a search that has nothing else left says when that machine was heard of."""
-    monkeypatch.setattr(study, "taking_turns", lambda storage: nullcontext())
-    found = make(opened, trials=2)
-    found.storage = "postgresql://nowhere"
-    elsewhere = study.begin(opened, found.task.space.distributions)
-    elsewhere.set_user_attr(study.OWNER, "cellar 1 a")
-    for _ in range(2):
-        found.take(next(found), around(100))
-    elsewhere.set_user_attr(study.SIGN, time.time() - 3600.0)
-    monkeypatch.setattr("jumping_ant.compute.jobs.stream", lambda *_: iter(()))
-    with pytest.raises(StoppedError, match="trial 0 on cellar, heard of 60 minutes ago"):
-        search.run(found, 1)
-    assert list(found) == []
-    elsewhere.set_user_attr(study.SIGN, time.time() - 7 * 3600.0)
-    assert next(found) == (0, 0)
-    assert list(found) == [], "once"
+    trained: list[tuple[Any, int]] = []
+    measure = Task.measure
+
+    def counted(self: Task, agent: Any, seed: int, *rest: Any) -> Any:
+        for note in measure(self, agent, seed, *rest):
+            trained.append((repr(agent), seed))
+            yield note
+
+    root = project(tmp_path)
+    database = Paths(root).study("pgpe").study
+    with start(root, 6) as driver:
+        wait_for(driver, "trial 2")
+        os.kill(driver.pid, signal.SIGKILL)
+    monkeypatch.setattr(Task, "measure", counted)
+    before = states(database)
+    table, summary = run(root, 6)
+    after = states(database)
+    assert before.count("RUNNING") <= 1 and set(after) <= {"COMPLETE", "PRUNED", "FAIL"}
+    assert after.count("FAIL") == before.count("RUNNING")
+    assert len({row["settings"] for row in table}) == len(table) == summary["trials"] == 6
+    assert len(trained) == len(set(trained)) <= 2 * 3 + 4, "three trials, and the verdict"
+    trained.clear()
+    assert run(root, 6) == (table, summary) and not trained
 
 
-def test_settings_that_are_refused_train_nothing(
-    opened: optuna.Study, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(self: object, chosen: object, share: float = 1.0) -> None:
-        raise space.RefusedError("n_top is 9")
-
-    found = make(opened)
-    monkeypatch.setattr(space.Space, "agent_with", refuse)
-    assert list(found) == [] and states(opened) == ["PRUNED"] * 4
-    assert opened.trials[0].user_attrs["reason"] == "refused: n_top is 9"
-
-
-def test_trials_may_compete_for_seconds(opened: optuna.Study) -> None:
-    found = make(opened, target_return=6500.0)
-    for key, seconds in (((0, 0), 20.0), ((0, 1), 24.0), ((1, 0), 9.0)):
-        assert next(found) == key
-        onset = (1.0, seconds) if key[0] == 0 else NEVER
-        found.take(key, measured(7000.0, onset=onset))
-    assert opened.trials[0].value == pytest.approx(-22 - 0.5 * 2)
-    assert opened.trials[1].user_attrs["reason"] == "seed 1 never returned 6500"
-    assert search.value_of(opened.trials[1], found.task.tuning) is None
+def test_a_trial_that_died_before_its_first_sign_is_run_again(tmp_path: Path) -> None:
+    root = project(tmp_path)
+    run(root, 8, workers=2)  # two side by side
+    database = Paths(root).study("pgpe").study
+    (name,) = optuna.get_all_study_names(f"sqlite:///{database}")
+    optuna.load_study(study_name=name, storage=f"sqlite:///{database}").ask()
+    table, _ = run(root, 10)
+    assert [int(row["trial"]) for row in table] == [*range(8), 9, 10]
+    assert states(database)[8] == "FAIL"
 
 
-def test_killed_between_the_last_seed_and_the_end_of_its_trial(opened: optuna.Study) -> None:
-    found = make(opened)
-    trial = study.begin(opened, found.task.space.distributions)
-    for seed in range(2):
-        trial.set_user_attr(f"seed {seed}", noted(50.0))
-    again = make(opened)
-    assert states(opened) == ["COMPLETE"] and opened.trials[0].value == 50.0
-    assert next(again) == (1, 0)
+def test_processes_share_a_search(tmp_path: Path) -> None:
+    """One is stopped in a trial, which the other finishes; both write the same outcome."""
+    storage, roots = f"sqlite:///{tmp_path}/shared.db", [project(tmp_path / name) for name in "abc"]
+    with start(roots[0], 20, storage) as first:
+        wait_for(first, "pgpe: study")
+        with start(roots[1], 20, storage) as stopped, start(roots[2], 20, storage) as third:
+            wait_for(stopped, "trial")
+            stopped.send_signal(signal.SIGTERM)
+            assert stopped.wait(60) == 130
+            assert first.wait(120) == third.wait(120) == 0
+    outcomes = [outcome(root) for root in (roots[0], roots[2])]
+    assert outcomes[0] == outcomes[1] and len(outcomes[0][0]) == 20
+    assert set(states(tmp_path / "shared.db")) <= {"COMPLETE", "PRUNED", "FAIL"}
+
+
+def trained(monkeypatch: pytest.MonkeyPatch, gain: float, seconds: float = 10.0) -> None:
+    """Have trainings return what a formula says: `gain` more with other settings."""
+
+    def measure(self: Any, agent: Any, seed: int, starts: range, *_: Any) -> Any:
+        is_other = agent.stdev_init != self.space.agent.stdev_init
+        noise = np.random.default_rng([seed, is_other]).normal(0, 10)
+        returns = [1000 + noise + is_other * gain * min(1, agent.stdev_init)] * len(starts)
+        end = (seconds if is_other else 10.0) + noise / 100
+        note = {"returns": returns, "return": returns[0], "seconds": 12.0, "onset": [end - 1, end]}
+        yield {"fault": "not finite"} if is_other and gain < -900 else note
+
+    monkeypatch.setattr(Task, "measure", measure)
+
+
+def test_better_settings_become_a_preset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    root, paths = project(tmp_path), Paths(tmp_path).study("pgpe")
+    trained(monkeypatch, gain=3000)
+    table, summary = run(root, 12, fresh_seeds=8, episodes=10)
+    assert summary["verdict"] == "better" and summary["p"] < 0.001
+    assert summary["low"] <= summary["difference"] <= summary["high"]
+    assert "less than trial" in {row["reason"][:15] for row in table}
+    tuned = presets.load(paths.preset.name, root).agents["pgpe"].model_dump()
+    before = params_file.load(root / "params.yaml").agents["pgpe"].model_dump()
+    assert {key: own for key, own in tuned.items() if own != before[key]} == summary["settings"]
+    trained(monkeypatch, gain=-500)
+    _, summary = run(root, 12, spread_penalty=0.0)
+    assert (summary["verdict"], summary["settings"], summary["p"]) == ("unchanged", {}, None)
+    assert not paths.preset.exists(), "which an earlier study wrote"
+    trained(monkeypatch, gain=0, seconds=5.0)
+    _, summary = run(root, 12, target_return=500.0, fresh_seeds=8)
+    assert summary["verdict"] == "better" and summary["difference"] == pytest.approx(5, abs=0.5)
+    trained(monkeypatch, gain=-1000)
+    table, summary = run(root, 12, spread_penalty=0.1)
+    assert (summary["verdict"], summary["without_value"]) == ("unchanged", 11)
 
 
 @pytest.mark.parametrize(
-    ("between", "within"), [(330, 1135), (401, 1511), (283, 1151)], ids=["dqn", "sac", "pgpe"]
-)
-def test_what_ends_early_is_mostly_worse(between: float, within: float) -> None:
-    """As docs/tuning.md says, with the standard deviations of the committed run.
-
-    The best is that of ten equal settings, and so a lucky one.
-    """
-    generator = np.random.default_rng(0)
-    tuning = params_file.load().tuning
-    pruner = WilcoxonPruner(p_threshold=tuning.prune_level)
-
-    def drawn(mean: float, seeds: int = 1) -> NDArray[np.float64]:
-        own = generator.normal(mean, between, (seeds, 1))
-        return own + generator.normal(0, within, (seeds, tuning.episodes))
-
-    def reports(returns: NDArray[np.float64]) -> dict[int, float]:
-        return dict(enumerate(returns.ravel().tolist()))
-
-    def value(returns: NDArray[np.float64]) -> float:
-        return search.value(returns.mean(axis=1).tolist(), tuning.spread_penalty)
-
-    def share(less: float) -> float:
-        ended = 0
-        for _ in range(300):
-            shown = optuna.create_study(direction="maximize")
-            best = max((drawn(7000, tuning.seeds) for _ in range(10)), key=value)
-            shown.add_trial(create_trial(value=value(best), intermediate_values=reports(best)))
-            own = reports(drawn(7000 - less))
-            running = create_trial(state=TrialState.RUNNING, intermediate_values=own)
-            ended += pruner.prune(shown, running)
-        return ended / 300
-
-    assert 0.18 < share(0) < 0.32 and share(1600) > 0.85
-
-
-@pytest.mark.parametrize(
-    ("of_seeds", "penalty", "value"),
+    ("words", "message"),
     [
-        ([100.0], 0.5, 100),
-        ([100.0, 120.0], 0.0, 110),
-        ([100.0, 120.0], 1.0, 100),  # the worse one
-        ([0.0, 100.0, 110.0, 500.0], 0.0, 105),  # of four seeds the best and the worst are left out
-        ([0.0, 100.0, 110.0, 500.0], 0.2, 105 - 0.2 * (105 + 5 + 5 + 395) / 4),
+        (["sac", "--trials=0"], "--trials: given '0', allowed: 1 or more"),
+        (["sac", "--sampler=grid"], "--sampler: invalid choice: 'grid'"),
+        (["random"], "agent: given 'random', allowed: those of dqn, decqn"),
+        (["nobody"], "nobody"),
+        (["pgpe", "--storage=me:sec@ret"], "storage: given no address: "),
+        (["pgpe", "--storage=oracle+oracledb://me:sec@ret@host"], "oracle+oracledb://host: "),
+        (["pgpe", "--storage=sqlite:////dev/null/a.db"], "storage: given sqlite:////dev/null/a.db"),
     ],
 )
-def test_a_value_is_a_mean_less_a_penalty(
-    of_seeds: Sequence[float], penalty: float, value: float
+def test_bad_arguments(
+    words: list[str],
+    message: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert search.value(of_seeds, penalty) == pytest.approx(value)
-
-
-def job(robot_xml: str, algorithm: str, **settings: Any) -> Job[Any]:
-    agent = small_agents.agents()[algorithm]
-    env = small_agents.PARAMS.env.model_copy(update={"max_episode_steps": 40})
-    own = type(agent).model_validate(agent.model_dump() | settings)
-    return Job(World(robot_xml, env), own, objective.SEARCH[0], evaluations=2)
-
-
-def measure(
-    given: Job[Any], target: float | None = None, floors: Sequence[float] = ()
-) -> list[Measured | Fault]:
-    kernels.use()
-    training = objective.validated_apart(small_agents.PARAMS.training)
-    starts = objective.SEARCH[:3]
-    return list(objective.measure(given, training, starts, target, floors, threading.Event()))
-
-
-def test_a_training_is_measured_from_its_start_states(robot_xml: str) -> None:
-    (found,) = measure(job(robot_xml, "snes"))
-    (again,) = measure(job(robot_xml, "snes"), target=0.0)
-    assert isinstance(found, Measured) and isinstance(again, Measured)
-    assert len(found.returns) == 3 and len(set(found.returns)) == 3
-    assert again.returns == found.returns and found.onset == (0.0, float("inf"))
-    low, high = again.onset
-    assert low == 0.0 < high <= again.seconds, "the first evaluation returned more than nothing"
-
-
-def test_a_training_ends_below_a_floor(robot_xml: str) -> None:
-    (whole,) = measure(job(robot_xml, "snes"), floors=[-np.inf])
-    assert isinstance(whole, Measured) and not whole.is_cut and len(whole.bests) == 2
-    assert whole.bests[0] <= whole.bests[1]
-    (above,) = measure(job(robot_xml, "snes"), floors=whole.bests)
-    assert isinstance(above, Measured) and above.returns == whole.returns
-    (cut,) = measure(job(robot_xml, "snes"), floors=[whole.bests[0] + 1])
-    assert isinstance(cut, Measured) and cut.is_cut and cut.bests == whole.bests[:1]
-    assert len(cut.returns) == 3
-
-
-def test_a_learner_whose_numbers_run_away_is_a_fault(robot_xml: str) -> None:
-    wild = job(robot_xml, "snes", stdev_learning_rate=1e6, center_learning_rate=1e6)
-    (found,) = measure(wild)
-    assert isinstance(found, Fault) and "numbers that are not finite" in found.reason
-
-
-def test_an_error_of_the_program_is_no_divergence(
-    robot_xml: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object) -> None:
-        raise RuntimeError("DefaultCPUAllocator: can't allocate memory")
-
-    monkeypatch.setattr(objective.rollout, "returns", fail)
-    with pytest.raises(RuntimeError, match="can't allocate"):
-        measure(job(robot_xml, "snes"))
-
-
-def test_a_network_whose_numbers_run_away_is_a_fault(robot_xml: str) -> None:
-    given = job(robot_xml, "ppo")
-    wild = {"learning_rate": 1e30, "final_learning_rate": 1e30}
-    (found,) = measure(replace(given, agent=given.agent.model_copy(update=wild)))
-    assert isinstance(found, Fault) and "to satisfy the constraint" in found.reason
-
-
-def test_a_training_that_is_stopped_measures_nothing(robot_xml: str) -> None:
-    stop = threading.Event()
-    stop.set()
-    given = replace(job(robot_xml, "snes"), evaluations=1)
-    training = objective.validated_apart(small_agents.PARAMS.training)
-    assert list(objective.measure(given, training, objective.SEARCH[:1], None, (), stop)) == []
+    monkeypatch.setattr("sys.argv", ["tune", *words])
+    with pytest.raises((SystemExit, InputError)) as caught:
+        command.main()
+    shown = f"{caught.value} {capsys.readouterr().err}"
+    assert message in shown and "ret@" not in shown
