@@ -112,8 +112,8 @@ QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers
 # process after another, so the others give way to it.
 SMOKE_TESTS = tests/test_smoke.py tests/tracking
 SOAK_TESTS = tests/test_soak.py tests/compute tests/test_fingerprint.py tests/test_verify.py
-TRAINING_TESTS = tests/training tests/agents tests/article tests/test_notebook.py
-PAGES_TESTS = tests/play tests/report tests/tuning
+TRAINING_TESTS = tests/training tests/agents tests/article tests/tuning tests/test_notebook.py
+PAGES_TESTS = tests/play tests/report
 GIVE_WAY = CI=1 nice -n 15
 
 test-quick:

@@ -9,6 +9,7 @@ Seeds that the project or another copy has trained alike are not trained again.
 
 import fcntl
 import os
+import shlex
 import signal
 import subprocess
 from collections.abc import Iterator, Sequence
@@ -41,9 +42,10 @@ def main() -> None:
     if options.stages:
         print(f"\nThe results: {folder}/results")
     else:
+        make = f"make -C {shlex.quote(str(folder))}"
         print(
             f"\nThe report: {folder}/results/report.html, films: {folder}/media/*.mp4\n"
-            f"MLflow: make -C {folder} ui, recordings in Rerun: make -C {folder} view AGENT=lineup"
+            f"MLflow: {make} ui, recordings in Rerun: {make} view AGENT=lineup"
         )
     if len(params.seeds) < FEW_SEEDS:
         print(
