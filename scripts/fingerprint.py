@@ -4,7 +4,7 @@ Usage: python -m scripts.fingerprint [--publish]
 
 Where two machines give different results, the first layer that differs is the cause. The published
 digests are in results/fingerprint.json, with the processors that were compared. `--publish` adds
-this one, there and in docs/portability.md. It starts both anew with other versions than the
+this one, there and in docs/tables.md. It starts both anew with other versions than the
 published ones, or if a published processor computes something else than before: then the project
 has changed.
 """
@@ -23,7 +23,6 @@ from jumping_ant.base.files import PROJECT_ROOT, read_json, write_json
 from scripts import layers, publish
 
 PATH = PROJECT_ROOT / "results" / "fingerprint.json"
-PAGE = PROJECT_ROOT / "docs" / "portability.md"
 PACKAGES = (*machine.PACKAGES, "matplotlib", "pillow", "scipy")
 EQUAL = "equal"
 RENDERER = "renderer"  # of OpenGL, on which films rest alone
@@ -73,7 +72,7 @@ def main() -> None:
             known, different = {"versions": versions(), "layers": found, "processors": {}}, []
         known["processors"][machine.processor()] = different
         write_json(PATH, known)
-        publish.replace_section(PAGE, "layers", table(known))
+        publish.replace_section(publish.TABLES, "layers", table(known))
     sys.exit(bool(different))
 
 
@@ -86,7 +85,7 @@ def _changes(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
 
 
 def table(known: Mapping[str, Any]) -> str:
-    """Return the layers by processor, as a table of docs/portability.md."""
+    """Return the layers by processor, as a table of docs/tables.md."""
     processors = known["processors"]
     lines = ["| layer | " + " | ".join(processors) + " |", "| --- |" + " --- |" * len(processors)]
     for name, digest in known["layers"].items():

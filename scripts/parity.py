@@ -5,7 +5,7 @@ Usage: python -m scripts.parity [--starts N] (`make parity`)
 Of each agent's champion: the largest error over some simulation steps, of one control step from
 recorded states, the simulation steps until trajectories have diverged, and the largest error of the
 policy's torques, the worst of Chromium and node. Of all seeds: whether the returns
-of held-out episodes are equivalent, by the comparison's own test and margin (docs/play.md).
+of held-out episodes are equivalent, by the comparison's own test and margin (docs/live-page.md).
 """
 
 import json

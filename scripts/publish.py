@@ -26,8 +26,8 @@ DOCS = PROJECT_ROOT / "docs"
 README = PROJECT_ROOT / "README.md"
 RESULTS = PROJECT_ROOT / "results"
 RESULTS_PAGE = DOCS / "results.md"
-DOCUMENTS = dict.fromkeys(("families", "thesis"), DOCS / "families.md")  # others: docs/results.md
-COMPARISONS = {name: RESULTS / f"{name}.json" for name in DOCUMENTS}  # comparisons that are in git
+TABLES = DOCS / "tables.md"
+COMPARISONS = {name: RESULTS / f"{name}.json" for name in ("families", "thesis")}  # in git
 REPLICATION = RESULTS / "replicate.json"
 FINALS = DOCS / "published" / "ant_v4.csv"
 TUNING = RESULTS / "tuning"
@@ -94,7 +94,7 @@ def comparison(preset: str) -> Sections:
 def ranking(preset: str) -> Sections:
     """Return the ranking of a preset's agents."""
     agents = "\n".join(descriptions.agent_table(_compared(preset)["agents"]))
-    return {(DOCUMENTS.get(preset, RESULTS_PAGE), preset): agents}
+    return {(RESULTS_PAGE if preset == "default" else TABLES, preset): agents}
 
 
 def verdicts(preset: str) -> Sections:
@@ -107,7 +107,7 @@ def robustness(preset: str) -> Sections:
     """Return what the agents keep of their return under perturbations, and the claims on it."""
     withstood = _read(Paths(_folder(preset)).robustness)
     claims = markdown.claim_table(withstood["claims"], with_evidence=True)
-    return {(RESULTS_PAGE, "robustness"): f"{markdown.kept_table(withstood)}\n\n{claims}"}
+    return {(TABLES, "robustness"): f"{markdown.kept_table(withstood)}\n\n{claims}"}
 
 
 def printed(_: str) -> Sections:
@@ -118,25 +118,25 @@ def printed(_: str) -> Sections:
 
 def published(preset: str) -> Sections:
     """Return SAC's returns beside published ones."""
-    return {(RESULTS_PAGE, "published"): markdown.published_table(_folder(preset))}
+    return {(TABLES, "published"): markdown.published_table(_folder(preset))}
 
 
 def finals(_: str) -> Sections:
     """Return published returns on Ant-v4."""
     rows = list(csv.DictReader(FINALS.read_text(encoding="utf-8").splitlines()))
-    return {(RESULTS_PAGE, "finals"): markdown.finals_table(rows)}
+    return {(TABLES, "finals"): markdown.finals_table(rows)}
 
 
 def replication(preset: str) -> Sections:
     """Return the verdicts of the default beside those on other seeds."""
     table = markdown.replication_table(everything(PROJECT_ROOT), _read(REPLICATION))
-    return {(RESULTS_PAGE, preset): table}
+    return {(TABLES, preset): table}
 
 
 def tuning(preset: str) -> Sections:
     """Return what the searches for settings found."""
     found = [_read(path) for path in sorted(TUNING.glob("*.json"))]
-    return {(DOCS / "tuning.md", preset): markdown.tuning_table(found)}
+    return {(TABLES, preset): markdown.tuning_table(found)}
 
 
 SECTIONS: dict[str, list[Callable[[str], Sections]]] = {

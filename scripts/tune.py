@@ -3,7 +3,7 @@
 Usage: python -m scripts.tune AGENT [--trials N] [--sampler random] [--storage ADDRESS]
     [--preset NAME] (`make tune AGENT=sac TRIALS=40`)
 
-`tuning` in params.yaml says how; docs/tuning.md explains. The trials are a study of Optuna in
+`tuning` in params.yaml says how; docs/how-it-works.md explains. The trials are a study of Optuna in
 `.tuning/`, which resumes where it was stopped. Writes results/tuning/AGENT.csv and .json, and, if
 better settings were found, the preset tuned-AGENT.
 """

@@ -59,7 +59,7 @@ def refusal(project: Checkout, *command: str) -> str:
     assert done.returncode != 0, told
     assert "Traceback" not in told
     assert not list(project.folder.rglob(MARK)), told
-    assert (project.folder / "docs" / "metrics.md").is_file(), told
+    assert (project.folder / "docs" / "results.md").is_file(), told
     return told
 
 

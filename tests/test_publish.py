@@ -55,12 +55,9 @@ def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -
     [
         ("claims", "README.md"),
         ("printed", "docs/article.md"),
-        ("tuning", "docs/tuning.md"),
-        *(
-            (preset, str(publish.DOCUMENTS.get(preset, publish.RESULTS_PAGE)))
-            for preset in publish.SECTIONS
-            if preset != "tuning"
-        ),
+        ("default", "docs/results.md"),
+        ("layers", "docs/tables.md"),
+        *((preset, "docs/tables.md") for preset in publish.SECTIONS if preset != "default"),
     ],
 )
 def test_the_documents_have_their_marks(name: str, document: str) -> None:
@@ -84,7 +81,7 @@ def test_the_documents_agree_with_the_results(tmp_path: Path) -> None:
     told = subprocess.run(
         [sys.executable, "-c", AGREE], cwd=tmp_path, stdout=subprocess.PIPE, encoding="utf-8"
     ).stdout
-    assert told.split() == ["README.md", "article.md", "families.md", "results.md", "tuning.md"]
+    assert told.split() == ["README.md", "article.md", "results.md", "tables.md"]
 
 
 def test_claims_are_a_table_with_or_without_evidence() -> None:

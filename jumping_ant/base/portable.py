@@ -3,7 +3,7 @@
 NumPy, OpenBLAS, PyTorch, oneDNN and llvmpipe choose their kernels by the processor, and wider ones
 round differently, as do large products of OpenBLAS with more threads. Whatever imports this package
 uses one thread for products, and the kernels that every x86-64 processor with AVX2 and FMA has,
-whoever made it; docs/portability.md has what each switch is for, and its price.
+whoever made it; docs/how-it-works.md has what each switch is for, and its price.
 Libraries read these variables when they are first used, so that this module imports nothing.
 """
 

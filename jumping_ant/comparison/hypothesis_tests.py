@@ -84,7 +84,7 @@ def excess_spread_test(x: Array, y: Array, bound: float, side: OneSide) -> float
 
     Welch's test of the deviations from the medians (Welch 1947, Brown and Forsythe 1974). As they
     are neither normal nor independent, it finds too much at small levels; its p value is therefore
-    doubled (docs/claims.md has the measured error rates). Samples without any spread prove nothing.
+    doubled (docs/tables.md has the measured error rates). Samples without any spread prove nothing.
 
     Args:
         x: First sample, shape (num_x,).

@@ -20,7 +20,7 @@ COLUMNS = {
     "threads": Column(low=1, high=1e6, is_whole=True),
     "seconds": Column(low=10.0**-DIGITS, high=1e9),
 }
-ALGORITHMS = ("dqn", "sac", "pgpe")  # those of the claim on threads (docs/claims.md)
+ALGORITHMS = ("dqn", "sac", "pgpe")  # those of the claim on threads (docs/measures-and-claims.md)
 
 
 def to_csv(agent: str, rows: Sequence[dict[str, Any]]) -> str:

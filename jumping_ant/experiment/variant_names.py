@@ -10,7 +10,7 @@ PUBLISHED = "published"
 DISCRETE = ("signed", "three", "rounded_full", "rounded")
 NAMES = ("final", *DISCRETE, "best_sample")
 # Claims compare a policy with these of its variants, and those of these algorithms
-# (docs/claims.md).
+# (docs/measures-and-claims.md).
 IN_CLAIMS = ("signed", "rounded_full", "rounded", "best_sample")
 ROUNDED = ("sac", "pgpe")
 SAMPLED = ("pgpe",)

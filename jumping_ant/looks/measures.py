@@ -1,4 +1,4 @@
-"""Names and descriptions of the measures of a held-out episode (formulas: docs/metrics.md)."""
+"""The measures of a held-out episode by name (formulas: docs/measures-and-claims.md)."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Policies as plain JSON, which any page or program can read (docs/play.md describes it)."""
+"""Policies as plain JSON, which any page or program can read (docs/live-page.md describes it)."""
 
 import base64
 import hashlib

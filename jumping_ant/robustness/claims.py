@@ -1,4 +1,4 @@
-"""The claims on perturbed episodes, fixed in docs/claims.md; a family of their own."""
+"""The claims on perturbed episodes, fixed in docs/measures-and-claims.md; a family of their own."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 

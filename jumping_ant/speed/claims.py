@@ -1,4 +1,4 @@
-"""The claims that rest on seconds, fixed beforehand in docs/claims.md.
+"""The claims that rest on seconds, fixed beforehand in docs/measures-and-claims.md.
 
 They are statements on a machine, and a family of their own: corrected with all others, they would
 make every other verdict depend on a clock.

@@ -1,4 +1,4 @@
-"""The claims: each compares what docs/claims.md says."""
+"""The claims: each compares what docs/measures-and-claims.md says."""
 
 import re
 from dataclasses import replace
@@ -43,7 +43,7 @@ from jumping_ant.speed import claims
 
 
 def test_every_statement_of_the_article_has_a_title_and_claims():
-    text = (PROJECT_ROOT / "docs" / "claims.md").read_text(encoding="utf-8")
+    text = (PROJECT_ROOT / "docs" / "measures-and-claims.md").read_text(encoding="utf-8")
     numbers = set(map(int, re.findall(r"^\| (\d\d?)[ab]? \|", text, re.M)))
     assert STATEMENTS.keys() == numbers
     tested = [row.statement for _, rows in (*CLAIMS, *claims.table({})) for row in rows]

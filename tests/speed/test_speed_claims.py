@@ -1,4 +1,4 @@
-"""The claims that rest on seconds: each compares what docs/claims.md says."""
+"""The claims that rest on seconds: each compares what docs/measures-and-claims.md says."""
 
 from dataclasses import replace
 

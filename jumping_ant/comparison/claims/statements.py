@@ -1,4 +1,6 @@
-"""The article's statements and the claims that test them, fixed beforehand in docs/claims.md.
+"""The article's statements and the claims that test them.
+
+docs/measures-and-claims.md fixed them before the run that they judge.
 
 An agent represents its algorithm, whatever its name: with two SAC agents there are two claims on
 SAC and DQN. A claim whose agents or measurements are missing is left out.

@@ -4,8 +4,8 @@ One rule gives every verdict. A claim is an effect, a two-sided test of no effec
 a margin, a test of an effect outside of it. The p values of a family are adjusted together
 (`jumping_ant.comparison.step_down`). A claim is *supported* where "no effect" is rejected and the
 effect lies on the claimed side, *refuted* where it lies on the other side, *equivalent* where only
-"outside of the margin" is rejected, and *inconclusive* otherwise. docs/claims.md has the
-claims.
+"outside of the margin" is rejected, and *inconclusive* otherwise. docs/measures-and-claims.md has
+the claims.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,8 +28,9 @@ def check(
     evaluation_episodes: int,
     table: Table = CLAIMS,
 ) -> list[dict[str, Any]]:
-    """Return a verdict on each claim and the numbers behind it (docs/metrics.md has the keys).
+    """Return a verdict on each claim and the numbers behind it.
 
+    docs/measures-and-claims.md has the keys.
     `evaluation_episodes` are those per evaluation during training, `table` the family of claims.
     """
     field = Field(list(results.values()), evaluation_episodes)
@@ -48,7 +49,7 @@ def check_again(
     evaluation_episodes: int,
     look: int,
 ) -> list[dict[str, Any]]:
-    """Return the claims after a later look at more seeds (docs/claims.md).
+    """Return the claims after a later look at more seeds (docs/measures-and-claims.md).
 
     Claims that get later looks are tested again, on all seeds of their agents, with the level of
     this look; the others keep their verdicts.
