@@ -21,14 +21,14 @@ PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": t
 PUBLISHED_STEPS = (100_000, 200_000)
 
 
-def claim_table(claims: Sequence[dict[str, Any]], with_evidence: bool) -> str:
-    """Return the claims, their verdicts and adjusted p values as Markdown."""
-    headings = ["claim", "verdict", "adjusted p", *(["evidence"] if with_evidence else [])]
+def claim_table(claims: Sequence[dict[str, Any]]) -> str:
+    """Return the claims, their verdicts, adjusted p values and evidence as Markdown."""
+    headings = ["claim", "verdict", "adjusted p", "evidence"]
     rows = [
         [claim["text"], claim["verdict"], p_value(summaries.deciding_p(claim)), claim["evidence"]]
         for claim in claims
     ]
-    lines = [headings, ["---"] * len(headings), *(row[: len(headings)] for row in rows)]
+    lines = [headings, ["---"] * len(headings), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 

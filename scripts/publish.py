@@ -87,27 +87,26 @@ def committed_sections() -> Sections:
 
 def comparison(preset: str) -> Sections:
     """Return the ranking of a preset's agents, and its claims."""
-    claims = markdown.claim_table(_compared(preset)["claims"], with_evidence=True)
-    return {place: f"{agents}\n{claims}" for place, agents in ranking(preset).items()}
+    verdicts = markdown.claim_table(_compared(preset)["claims"])
+    return {place: f"{agents}\n{verdicts}" for place, agents in ranking(preset).items()}
 
 
 def ranking(preset: str) -> Sections:
     """Return the ranking of a preset's agents."""
     agents = "\n".join(descriptions.agent_table(_compared(preset)["agents"]))
-    return {(RESULTS_PAGE if preset == "default" else TABLES, preset): agents}
+    return {(README, "ranking") if preset == "default" else (TABLES, preset): agents}
 
 
-def verdicts(preset: str) -> Sections:
-    """Return the verdicts on a preset's claims, for README.md."""
-    claims = _compared(preset)["claims"]
-    return {(README, "claims"): markdown.claim_table(claims, with_evidence=False)}
+def claims(preset: str) -> Sections:
+    """Return the verdicts on the default's claims."""
+    return {(RESULTS_PAGE, preset): markdown.claim_table(_compared(preset)["claims"])}
 
 
 def robustness(preset: str) -> Sections:
     """Return what the agents keep of their return under perturbations, and the claims on it."""
     withstood = _read(Paths(_folder(preset)).robustness)
-    claims = markdown.claim_table(withstood["claims"], with_evidence=True)
-    return {(TABLES, "robustness"): f"{markdown.kept_table(withstood)}\n\n{claims}"}
+    verdicts = markdown.claim_table(withstood["claims"])
+    return {(TABLES, "robustness"): f"{markdown.kept_table(withstood)}\n\n{verdicts}"}
 
 
 def printed(_: str) -> Sections:
@@ -140,7 +139,7 @@ def tuning(preset: str) -> Sections:
 
 
 SECTIONS: dict[str, list[Callable[[str], Sections]]] = {
-    "default": [comparison, verdicts, robustness],
+    "default": [ranking, claims, robustness],
     "ablations": [comparison],
     "article": [comparison, printed],
     "run": [ranking, published, finals],  # the article makes no claims for this task or hopper's

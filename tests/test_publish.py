@@ -53,7 +53,7 @@ def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -
 @pytest.mark.parametrize(
     ("name", "document"),
     [
-        ("claims", "README.md"),
+        ("ranking", "README.md"),
         ("printed", "docs/article.md"),
         ("default", "docs/results.md"),
         ("layers", "docs/tables.md"),
@@ -84,14 +84,12 @@ def test_the_documents_agree_with_the_results(tmp_path: Path) -> None:
     assert told.split() == ["README.md", "article.md", "results.md", "tables.md"]
 
 
-def test_claims_are_a_table_with_or_without_evidence() -> None:
-    assert markdown.claim_table([CLAIM], with_evidence=False).splitlines() == [
-        "| claim | verdict | adjusted p |",
-        "| --- | --- | --- |",
-        "| A leads | refuted | 0.012 |",
+def test_claims_are_a_table() -> None:
+    assert markdown.claim_table([CLAIM]).splitlines() == [
+        "| claim | verdict | adjusted p | evidence |",
+        "| --- | --- | --- | --- |",
+        "| A leads | refuted | 0.012 | Much (8 seeds). |",
     ]
-    last = markdown.claim_table([CLAIM], with_evidence=True).splitlines()[-1]
-    assert last == "| A leads | refuted | 0.012 | Much (8 seeds). |"
 
 
 def test_verdicts_on_other_seeds_stand_beside_the_first() -> None:
