@@ -36,8 +36,8 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 unexport PYTHONDONTWRITEBYTECODE PYTHONPATH PYTHONHOME AGENT
 
 .DEFAULT_GOAL := help
-.PHONY: help install shared try repro preset article tune parity check style test test-all test-quick test-comparison test-smoke test-soak test-training \
-	test-pages test-rest bench soak verify fingerprint publish ui view watch schema lock clean
+.PHONY: help install shared try repro preset article tune check style test test-all test-quick test-comparison test-smoke test-soak test-training \
+	test-pages test-rest bench soak verify publish ui view watch generate lock clean
 
 help: ## list these commands
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' Makefile | expand -t 16
@@ -69,12 +69,12 @@ endif
 .venv/.shared: shared.lock .venv/.packages
 	@scripts/environment.sh shared
 
-shared: install .venv/.shared ## install what machines share records and files by: PostgreSQL, SSH, S3
+shared: install .venv/.shared
 
 repro: install ## list, then rerun, what a change to params.yaml or to the code affects
 	@python -m scripts.repro
 
-try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (4 to 5 minutes)
+try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (5 to 7 minutes)
 	python -m scripts.preset quick
 
 preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families STAGES="compare speed")
@@ -83,7 +83,7 @@ preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=fa
 article: install ## reproduce what the article printed, into results/article.json (3.5 hours on 2 cores)
 	python -m scripts.article
 
-tune: install ## search for an agent's settings, into results/tuning/ (AGENT=sac TRIALS=40)
+tune: install
 	@python -m scripts.tune $(AGENT:*=) $(if $(TRIALS),--trials $(TRIALS)) $(if $(SAMPLER),--sampler $(SAMPLER)) \
 		$(if $(STORAGE),--storage '$(STORAGE)') $(if $(PRESET:default=),--preset $(PRESET))
 
@@ -138,20 +138,14 @@ test-rest:
 	$(GIVE_WAY) pytest -q \
 		$(addprefix --ignore=,$(SMOKE_TESTS) $(SOAK_TESTS) $(TRAINING_TESTS) $(PAGES_TESTS))
 
-bench: install .venv/.peers ## compare the project with its peers, into benchmarks/ (20 minutes)
+bench: install .venv/.peers
 	python -m benchmarks
 
-soak: install ## test the pipeline with kills, faults and bad input, into results/soak.json (MINUTES=30)
+soak: install
 	python -m soak --minutes $(MINUTES)
 
-verify: install ## retrain a published seed and compare its bytes (AGENT=sac SEED=30, or ALL=1)
+verify: install
 	@python -m scripts.verify $(if $(AGENT:*=),--agent $(AGENT)) $(if $(SEED),--seed $(SEED)) $(if $(ALL),--all)
-
-fingerprint: install ## compare what this machine computes with what was published, layer by layer
-	@python -m scripts.fingerprint
-
-parity: install .venv/.browser ## compare the live page with the native simulator, into results/play.json (30 minutes)
-	@nice python -m scripts.parity
 
 publish: install ## write the results into README.md and docs/ (PRESET=families after that preset)
 	python -m scripts.publish $(PRESET)
@@ -165,10 +159,11 @@ view: install ## open the recordings in the Rerun viewer (AGENT=sac for one)
 watch: install ## watch a trained policy play, in MuJoCo's viewer (AGENT=sac SEED=30)
 	@python -m scripts.watch $(AGENT:*=) $(if $(SEED),--seed $(SEED))
 
-schema: install ## renew what comes from the catalogue: params.schema.json, a list in dvc.yaml
+# Of the catalogue: params.schema.json, a list in dvc.yaml.
+generate: install
 	python -m jumping_ant.experiment.schema
 
-lock: ## renew requirements.lock, benchmarks/requirements.lock and shared.lock from pyproject.toml
+lock:
 	@scripts/environment.sh lock
 
 clean: ## remove .venv and caches; results stay

@@ -1,6 +1,6 @@
 """Check the live page against the native simulator, into results/play.json.
 
-Usage: python -m scripts.parity [--starts N] (`make parity`)
+Usage: python -m scripts.parity [--starts N]
 
 Of each agent's champion: the largest error over some simulation steps, of one control step from
 recorded states, the simulation steps until trajectories have diverged, and the largest error of the

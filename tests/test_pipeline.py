@@ -97,7 +97,7 @@ def test_a_stage_that_is_told_no_agent_says_so(
 
 
 def test_every_algorithm_gets_the_digests_of_its_code() -> None:
-    assert schema.PIPELINE.read_text(encoding="utf-8") == schema.pipeline(), "run `make schema`"
+    assert schema.PIPELINE.read_text(encoding="utf-8") == schema.pipeline(), "run `make generate`"
     assert {".inputs/train/random", ".inputs/train/sac"} < set(STAGES["digest"]["outs"])
     assert ".inputs/train/${key}/code.json" in STAGES["demonstrate"]["do"]["outs"]
     assert ".inputs/code/train-${key}.json" in STAGES["demonstrate"]["do"]["deps"]

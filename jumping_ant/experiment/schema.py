@@ -1,6 +1,6 @@
 """The JSON Schema of `params.yaml`, with which editors complete, explain and check it.
 
-Usage: python -m jumping_ant.experiment.schema (`make schema`)
+Usage: python -m jumping_ant.experiment.schema (`make generate`)
 Writes: params.schema.json, which the first line of `params.yaml` points editors to, and in dvc.yaml
     the outputs of `digest`, one for each algorithm.
 """

@@ -1,4 +1,4 @@
-// Policies from their JSON (docs/play.md): observations in, torques over peak torques out.
+// Policies from their JSON (docs/live-page.md): observations in, torques over peak torques out.
 
 import { Generator } from "./generator.js";
 

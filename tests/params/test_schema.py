@@ -25,7 +25,7 @@ def _parts(content: Any) -> list[Any]:
 
 
 def test_the_file_is_current() -> None:
-    assert schema.PATH.read_text(encoding="utf-8") == schema.text(), "run `make schema`"
+    assert schema.PATH.read_text(encoding="utf-8") == schema.text(), "run `make generate`"
 
 
 def test_editors_find_it() -> None:
