@@ -95,21 +95,21 @@ style:
 	ruff format --check
 	mypy
 
-test: install .venv/.browser .venv/.shared ## check style, types and behaviour
-	@$(MAKE) --no-print-directory --jobs=6 --keep-going \
-		test-smoke test-soak test-training test-pages test-rest style
+test: install .venv/.browser .venv/.shared ## check style, types and behaviour: what a push needs (5 minutes)
+	@$(MAKE) --no-print-directory --jobs=3 --keep-going \
+		test-smoke test-rest test-training test-soak test-pages style
 	@for tool in chromium node; do command -v $$tool >/dev/null || \
 		echo "test: no $$tool here, so tests of pages were skipped"; done
 
-test-all: test ## all of these, and tests that download hundreds of megabytes
-	pytest -q -m long
+test-all: export PYTEST_ADDOPTS := -m 'long or not long'
+test-all: test ## all tests: every algorithm, servers, clusters, faults, searches, pages (11 minutes)
 
 QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers.py \
 	tests/looks/test_looks.py tests/looks/test_naming.py tests/looks/test_wording.py \
 	tests/test_pipeline.py tests/test_publish.py tests/test_documented_commands.py
 
-# Parts that run in parallel, as they often wait for processes. The first takes the longest, one
-# process after another, so the others give way to it.
+# Parts that run in parallel, three at a time, as they often wait for processes. The first takes the
+# longest, one process after another, so the others give way to it.
 SMOKE_TESTS = tests/test_smoke.py tests/tracking
 SOAK_TESTS = tests/test_soak.py tests/compute tests/test_fingerprint.py tests/test_verify.py
 TRAINING_TESTS = tests/training tests/agents tests/article tests/tuning tests/test_notebook.py

@@ -10,6 +10,8 @@ import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 SECONDS = 120.0  # before a page has failed: other tests run beside this one, perhaps slowly
+# Beside other tests, drawing may take longer than the watchdog of Chromium's GPU process allows.
+ARGUMENTS = ["--no-sandbox", "--disable-gpu-watchdog"]
 expect.set_options(timeout=1000 * SECONDS)
 
 
@@ -44,7 +46,8 @@ class Visit:
         """Wait until an expression is true, even on a page whose policy forbids `eval`."""
         deadline = time.monotonic() + seconds
         while not self.page.evaluate(condition):
-            assert time.monotonic() < deadline, condition
+            seen = (condition, self.console_errors, self.page_errors)
+            assert time.monotonic() < deadline, seen
             self.page.wait_for_timeout(10)
 
     def _note_request(self, address: str) -> None:
@@ -62,7 +65,7 @@ def launched() -> Iterator[Browser]:
     if not path:
         pytest.skip("no chromium here; run `scripts/environment.sh browser`")
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         try:
             yield browser
         finally:

@@ -15,6 +15,7 @@ import pytest
 from finished_project import Project
 from playwright.sync_api import Browser
 
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base import effective_code
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
@@ -68,6 +69,27 @@ ENV = EnvParams(
     reward=article.ENV.reward,
 )
 EVALUATE = EvaluateParams(episodes=10, baseline_episodes=10, seed=1000000, min_airborne_seconds=0.1)
+
+
+# What `make test-all` runs alone, `-m "not long"` being the default: modules that start servers,
+# clusters, browsers or whole pipelines, and the algorithms that share a trainer with another one.
+LONG = {
+    *("test_benchmarks_pipeline.py", "test_cluster.py", "test_cluster_parts.py"),
+    *("test_fingerprint.py", "test_live.py", "test_pages.py", "test_population.py"),
+    *("test_postgres.py", "test_search.py"),
+    *("test_portable.py", "test_report_in_browser.py", "test_soak.py", "test_speed_page.py"),
+    *("test_stages_on_cluster.py", "test_stops.py", "test_surroundings.py", "test_ui.py"),
+    *("test_verify.py", "test_wheel.py"),
+}
+RARE = ALGORITHMS.keys() - {"random", "open_loop", "dqn", "sac", "pgpe", "ppo", "decqn", "bc"}
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest selects by marks
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        values = item.callspec.params.values() if hasattr(item, "callspec") else ()
+        if item.path.name in LONG or RARE & {value for value in values if isinstance(value, str)}:
+            item.add_marker("long")
 
 
 @pytest.fixture(scope="session", autouse=True)

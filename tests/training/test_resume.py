@@ -312,7 +312,8 @@ def test_a_dead_worker_is_replaced_from_the_checkpoint(
             for process in psutil.Process().children(recursive=True)
             if "spawn_main" in " ".join(process.cmdline())
         ]
-        workers[0].kill()
+        for worker in workers:  # the one that has written a checkpoint, and its neighbour
+            worker.kill()
 
     killer = threading.Thread(target=kill_one)
     killer.start()

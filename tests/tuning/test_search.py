@@ -116,15 +116,15 @@ def test_a_trial_that_died_before_its_first_sign_is_run_again(tmp_path: Path) ->
 def test_processes_share_a_search(tmp_path: Path) -> None:
     """One is stopped in a trial, which the other finishes; both write the same outcome."""
     storage, roots = f"sqlite:///{tmp_path}/shared.db", [project(tmp_path / name) for name in "abc"]
-    with start(roots[0], 20, storage) as first:
+    with start(roots[0], 40, storage) as first:
         wait_for(first, "pgpe: study")
-        with start(roots[1], 20, storage) as stopped, start(roots[2], 20, storage) as third:
+        with start(roots[1], 40, storage) as stopped, start(roots[2], 40, storage) as third:
             wait_for(stopped, "trial")
             stopped.send_signal(signal.SIGTERM)
             assert stopped.wait(60) == 130
             assert first.wait(120) == third.wait(120) == 0
     outcomes = [outcome(root) for root in (roots[0], roots[2])]
-    assert outcomes[0] == outcomes[1] and len(outcomes[0][0]) == 20
+    assert outcomes[0] == outcomes[1] and len(outcomes[0][0]) == 40
     assert set(states(tmp_path / "shared.db")) <= {"COMPLETE", "PRUNED", "FAIL"}
 
 
