@@ -74,7 +74,7 @@ shared: install .venv/.shared
 repro: install ## list, then rerun, what a change to params.yaml or to the code affects
 	@python -m scripts.repro
 
-try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (5 to 7 minutes)
+try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (5 minutes)
 	python -m scripts.preset quick
 
 preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families STAGES="compare speed")

@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 
 from jumping_ant.base.files import digest
 from scripts.checkout import RESULTS, Checkout, copy_project
+from scripts.view import DISPLAYS
 
 RUN = "dvc exp run $(cat presets/smoke)"
 COMMIT = 'git add -A && git commit -m "My run"'
@@ -44,9 +45,8 @@ class Project(Checkout):
         """Without the user's settings, and without a display or a browser."""
         home = str(self.folder.parent / "home")
         own = {"XDG_CONFIG_HOME": home, "XDG_DATA_HOME": home, "BROWSER": "true"}
-        displays = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
         inherited = super().environment.items()
-        shared = {name: value for name, value in inherited if name not in displays}
+        shared = {name: value for name, value in inherited if name not in DISPLAYS}
         return shared | own | {"GIT_CONFIG_GLOBAL": os.devnull}
 
     def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:

@@ -88,7 +88,7 @@ class AgentModels:
     def settle(self, record: SeedRecord, run: Run, others: Sequence[Run]) -> None:
         """Keep a policy's model of this run and of these others, whose parameters differ.
 
-        The names that a user has put on one that goes, such as `production`, go on to this run's.
+        Aliases that a user gave to a deleted version, such as `production`, move to this run's.
         """
         own, kept = self._version(run), {it.info.run_id for it in (run, *others)}
         if own is not None and record.validation_return is not None:

@@ -52,8 +52,8 @@ class Content:
     metrics: Mapping[str, float] = field(default_factory=dict)  # without steps
     artifacts: Mapping[str, Path] = field(default_factory=dict)  # files by their path in the run
     status: str = "FINISHED"
-    # What a run is not told apart by: tags that stay as written, tags that are kept up to date, and
-    # when it began, ended and reached each of the curve's steps [ms since 1970].
+    # Not part of the digest: tags that are written once, tags that every call renews, and the times
+    # of the begin, the end and each of the curve's steps [ms since 1970].
     aside: Mapping[str, str] = field(default_factory=dict)
     place: Mapping[str, str] = field(default_factory=dict)
     start: int | None = None
@@ -62,7 +62,7 @@ class Content:
 
     @cached_property
     def digest(self) -> str:
-        """What tells it from others."""
+        """SHA-256 of all of it, by which a later call recognises a run that shows the same."""
         files = {name: digest(path) for name, path in self.artifacts.items()}
         told = [self.name, dict(self.tags), dict(self.params), dict(self.metrics), files]
         text = json.dumps([*told, sorted(self.curve.items()), self.status], sort_keys=True)
@@ -250,7 +250,7 @@ def is_written(run: Run) -> bool:
 
 
 def is_followed(run: Run) -> bool:
-    """Tell whether a run shows a training that goes on."""
+    """Tell whether a run shows a training that has not ended."""
     return LIVE in run.data.tags and is_written(run)
 
 
