@@ -71,14 +71,11 @@
       sources.set(script.dataset.module, script.textContent);
     }
     const content = JSON.parse(document.getElementById("content").textContent);
-    const isNative = sources.has("./native.js"); // then what simulates is elsewhere, and has the policies
-    const libraries = { "three.core.js": "./three.core.js", "three.module.js": "three" };
-    if (!isNative) libraries["mujoco.js"] = "mujoco";
+    const libraries = { "three.core.js": "./three.core.js", "three.module.js": "three", "mujoco.js": "mujoco" };
     await Promise.all(Object.entries(libraries).map(async ([file, name]) => sources.set(name, await parts.text(file))));
     const link = linked(sources);
     const { begin: start } = await import(link("./main.js"));
-    const given = isNative ? await import(link("./native.js")) : parts;
-    window.page = await start(content, given, said);
+    window.page = await start(content, parts, said);
     progress.hidden = true;
   }
 

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +9,6 @@ import gymnasium as gym
 import numpy as np
 
 from jumping_ant.agents import catalogue
-from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import Table
@@ -83,27 +81,17 @@ def all_policies(root: Path, params: Params) -> Policies:
     return found
 
 
-def build(
-    root: Path, params: Params, seeds: Mapping[str, Sequence[int]], is_complete: bool = True
-) -> dict[str, Any]:
+def build(root: Path, params: Params, seeds: Mapping[str, Sequence[int]]) -> dict[str, Any]:
     """Return what the page knows besides the policies.
 
     Args:
         root: The project's folder.
         params: All parameters.
         seeds: The seeds of each agent whose policies there are, its champion's first.
-        is_complete: Whether all stages before the page have run; else, their results may be absent.
     """
-    absent = () if is_complete else (InputError,)
     kinds = sorted({params.agent(name).robot for name in params.agents})
     worlds = {kind: World(robot.read(root, kind), params.env) for kind in kinds}
-    withstood: dict[str, Any] = {}
-    with suppress(*absent):
-        withstood = read_json(Paths(root).robustness, "crossings")["agents"]
-    played: dict[str, Table] = {}
-    for name in seeds:
-        with suppress(*absent):
-            played[name] = episodes.read(root, params, name)
+    withstood = read_json(Paths(root).robustness, "crossings")["agents"]
     families = {name: catalogue.row(params.agent(name)).family for name in params.agents}
     drawn = looks.looks(families)
     return {
@@ -120,7 +108,12 @@ def build(
                 "learns": families[name] != BASELINE,
                 "kind": policy(root, name, own[0])["kind"],
                 "crossings": _crossings(withstood.get(name, {})),
-                "seeds": _seeds(params, worlds[params.agent(name).robot], own, played.get(name)),
+                "seeds": _seeds(
+                    params,
+                    worlds[params.agent(name).robot],
+                    own,
+                    episodes.read(root, params, name),
+                ),
             }
             for name, own in seeds.items()
         },
@@ -135,20 +128,24 @@ def start(world: World, episode_seed: int) -> dict[str, Any]:
 
 
 def _seeds(
-    params: Params, world: World, seeds: Sequence[int], table: Table | None
+    params: Params, world: World, seeds: Sequence[int], table: Table
 ) -> list[dict[str, Any]]:
-    """Return seeds with their first held-out starts, and what was returned from them, if known."""
-    found = []
-    for seed in seeds:
-        starts = [start(world, number) for number in params.evaluate.block(seed)[:STARTS]]
-        if table is not None:
-            rows = np.flatnonzero(table["seed"] == seed)
-            starts = [
-                own | {"return": float(table["return"][row]), "length": int(table["length"][row])}
-                for own, row in zip(starts, rows, strict=False)
-            ]
-        found.append({"seed": seed, "starts": starts})
-    return found
+    """Return seeds with their first held-out starts, and what was returned from them."""
+    return [
+        {
+            "seed": seed,
+            "starts": [
+                start(world, number)
+                | {"return": float(table["return"][row]), "length": int(table["length"][row])}
+                for number, row in zip(
+                    params.evaluate.block(seed)[:STARTS],
+                    np.flatnonzero(table["seed"] == seed),
+                    strict=False,
+                )
+            ],
+        }
+        for seed in seeds
+    ]
 
 
 def robot_to_json(world: World) -> dict[str, Any]:

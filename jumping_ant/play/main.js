@@ -1,4 +1,4 @@
-// The page: robots that a worker or the native simulator moves, drawn, plotted and controlled.
+// The page: robots that a worker moves, drawn, plotted and controlled.
 
 import { Chooser, Commands, element, Sliders } from "./controls.js";
 import { Game } from "./game.js";

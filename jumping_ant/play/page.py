@@ -40,19 +40,12 @@ def build(root: Path, params: Params) -> str:
     return render(content.build(root, params, seeds), vendor.files() | policies)
 
 
-def render(
-    known: Mapping[str, Any],
-    parts: Mapping[str, bytes],
-    native: Mapping[str, str] | None = None,
-    servers: str = "'none'",
-) -> str:
+def render(known: Mapping[str, Any], parts: Mapping[str, bytes]) -> str:
     """Return the HTML of a page.
 
     Args:
         known: What it knows (`jumping_ant.play.content`).
         parts: What it holds compressed, by name: libraries and policies.
-        native: Modules that stand for the native simulator, if that is used.
-        servers: What the page may ask, as a source list of content security policies.
     """
     boot = (FOLDER / BOOT).read_text(encoding="utf-8")
     environment = jinja2.Environment(
@@ -64,8 +57,7 @@ def render(
     )
     return environment.get_template("play.html").render(
         name=known["name"],
-        is_native=native is not None,
-        security_policy=_security_policy(boot, servers),
+        security_policy=_security_policy(boot),
         style=(FOLDER / "play.css").read_text(encoding="utf-8"),
         num_commands=len(known["task"]["commands"]),
         native=version("mujoco"),
@@ -73,7 +65,7 @@ def render(
         apache=distribution("mujoco").read_text(LICENCE),
         mit=parts["LICENSE"].decode(),
         packed=[(name, _pack(part)) for name, part in parts.items() if name != "LICENSE"],
-        modules=[*_modules(), *(native or {}).items()],
+        modules=list(_modules()),
         content=known,
         boot=boot,
     )
@@ -91,7 +83,7 @@ def _modules() -> Iterator[tuple[str, str]]:
             yield file.name, file.read_text(encoding="utf-8")
 
 
-def _security_policy(boot: str, servers: str) -> str:
+def _security_policy(boot: str) -> str:
     """Return what browsers may do with the page: run what is in it, and ask no other servers.
 
     MuJoCo's bindings make functions from text.
@@ -99,6 +91,6 @@ def _security_policy(boot: str, servers: str) -> str:
     digest = base64.b64encode(hashlib.sha256(boot.encode()).digest()).decode()
     return (
         f"default-src 'none'; script-src 'sha256-{digest}' blob: 'unsafe-eval'; worker-src blob:; "
-        f"style-src 'unsafe-inline'; img-src data: blob:; connect-src {servers}; "
+        "style-src 'unsafe-inline'; img-src data: blob:; connect-src 'none'; "
         "base-uri 'none'; form-action 'none'"
     )

@@ -115,7 +115,7 @@ def _read(package: Package, folder: Path) -> bytes:
         raise InputError(
             f"{path}: given {'no file' if given is None else 'another file'}, allowed: "
             f"{package.name} {package.version} from the npm registry; with a network, run "
-            "`make install` once, then `dvc repro play` or `make watch`; no other stage needs it"
+            "`make install` once, then `dvc repro play`; no other stage needs it"
         )
     return given
 

@@ -254,7 +254,7 @@ def _check_element(tag: str, attributes: Mapping[str, str], where: str) -> None:
             raise InputError(f"{given}, allowed: whole numbers up to {limit:,}")
     if tag not in ELEMENTS:
         raise InputError(
-            f"{where}: given <{tag[:40]}>, allowed: the elements listed in docs/extending.md"
+            f"{where}: given <{tag[:40]}>, allowed: the elements listed in docs/how-it-works.md"
         )
 
 
