@@ -3,7 +3,7 @@
 States are rows of positions, velocities and, before a step, the solver's accelerations.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -103,11 +103,3 @@ class _Episode:
         self.before, self.controls, self.observations = (np.array(own) for own in found.values())
         self.states = np.array(states)
         self.after = self.states[world.env.frame_skip - 1 :: world.env.frame_skip]
-
-
-def errors(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the worst of what `verification.js` found in some engines, for `results/play.json`."""
-    worst = {"max_error": max, "one_step_error": max, "horizon": min, "policy_error": max}
-    return {"steps": STEPS} | {
-        name: choose(own[name] for own in found) for name, choose in worst.items()
-    }

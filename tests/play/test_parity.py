@@ -1,7 +1,10 @@
 """The page's physics and policies against the native ones, in node."""
 
+import json
 import shutil
-from collections.abc import Mapping
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +13,7 @@ from known_policies import policies
 from slider_conditions import CONDITIONS
 
 from jumping_ant.params import article
-from jumping_ant.play import content, reference
+from jumping_ant.play import content, reference, vendor
 from jumping_ant.play import policies as forms
 from jumping_ant.policies.policy import Policy
 from jumping_ant.robustness import perturbations, perturbed
@@ -18,7 +21,6 @@ from jumping_ant.robustness.perturbations import NONE
 from jumping_ant.robustness.perturbed import PerturbedVectorEnv
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.world import World
-from scripts import parity
 
 EXACT = "commands"  # a policy that sees, and whose torques have no rounding
 START, STEPS = 7, 30  # the seed of an episode, and its control steps
@@ -54,6 +56,18 @@ def told(world: World) -> dict[str, Any]:
     }
 
 
+def in_node(folder: Path, page_content: dict[str, Any], tasks: Sequence[Any]) -> list[Any]:
+    """Return what the page's modules answer in node (`parity.mjs`)."""
+    libraries = vendor.files()
+    (folder / "mujoco.mjs").write_bytes(libraries["mujoco.js"])
+    (folder / "mujoco.wasm").write_bytes(libraries["mujoco.wasm"])
+    command = ["node", str(Path(__file__).with_name("parity.mjs")), str(folder)]
+    request = json.dumps({"content": page_content, "tasks": tasks})
+    done = subprocess.run(command, input=request, capture_output=True, encoding="utf-8")
+    assert done.returncode == 0, done.stderr
+    return list(json.loads(done.stdout))
+
+
 @pytest.fixture(scope="module")
 def worlds() -> dict[str, World]:
     return {kind: world_of(kind) for kind in ("ant", "hopper")}
@@ -69,10 +83,12 @@ def known(worlds: Mapping[str, World]) -> dict[str, dict[str, Policy]]:
 
 @pytest.fixture(scope="module")
 def answers(
-    worlds: Mapping[str, World], known: Mapping[str, Mapping[str, Policy]]
+    tmp_path_factory: pytest.TempPathFactory,
+    worlds: Mapping[str, World],
+    known: Mapping[str, Mapping[str, Policy]],
 ) -> dict[str, list[Any]]:
     """What node answers for each robot: errors of each policy, then returns of some episodes."""
-    found = {}
+    found, folder = {}, tmp_path_factory.mktemp("node")
     for kind, world in worlds.items():
         tasks = [
             {
@@ -91,7 +107,7 @@ def answers(
             }
             for condition in (CONDITIONS if kind == "ant" else [NONE])
         ]
-        found[kind] = parity.in_node(told(world), tasks)
+        found[kind] = in_node(folder, told(world), tasks)
     return found
 
 
