@@ -7,7 +7,6 @@ numbers take them from here.
 import os
 from collections.abc import Iterator
 from functools import cache
-from typing import TYPE_CHECKING
 
 import browser
 import finished_project
@@ -22,9 +21,6 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
 from jumping_ant.params.blocks import EnvParams, EvaluateParams, RobotParams
 from jumping_ant.sim import robot
-
-if TYPE_CHECKING:
-    from soak.postgres import Postgres
 
 # Keeps the clusters of tests on the loopback address. Ray reads it when it is imported, as by
 # EvoTorch.
@@ -154,13 +150,3 @@ def project(finished: Project) -> Iterator[Project]:
     before = finished.state()
     yield finished
     assert not finished.state().changes(before)
-
-
-@pytest.fixture(scope="session")
-def postgres() -> "Iterator[Postgres]":
-    """A PostgreSQL server with nothing in it."""
-    server = pytest.importorskip("soak.postgres", reason="no driver of PostgreSQL: make shared")
-    if not server.is_installed():
-        pytest.skip(server.MISSING)
-    with server.running() as started:
-        yield started
