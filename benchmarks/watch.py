@@ -70,14 +70,14 @@ def watch(
 
 
 def _sample(pid: int, usage: Usage, started: float, has_ended: threading.Event) -> None:
-    """Note the largest memory of a process and its descendants, daemons included."""
+    """Note the largest memory of a process and its descendants."""
     family = {pid}
     while not has_ended.wait(SECONDS_BETWEEN_SAMPLES):
         seconds, memory = time.perf_counter() - started, 0
         for process in psutil.process_iter():  # parents come before their children
             with suppress(psutil.Error):
                 if process.pid in family or process.ppid() in family:
-                    family.add(process.pid)  # a daemon outlives its parent
+                    family.add(process.pid)  # it may outlive its parent
                     memory += _resident_bytes(process)
         if memory / 2**30 > usage.peak_memory:
             usage.peak_memory, usage.peak_seconds = memory / 2**30, seconds

@@ -12,9 +12,8 @@ from benchmarks import report
 from benchmarks.__main__ import ROW_NAMES
 from benchmarks.apart import apart
 from benchmarks.article_ant import ArticleAnt
-from benchmarks.measure import Row, compare, rate
+from benchmarks.measure import Row, compare
 from benchmarks.settings import article_agent, default_world
-from jumping_ant.base.errors import InputError
 from jumping_ant.sim.env import RobotEnv
 
 ROW = Row("sac_vs_sb3", ours=1234.56, peer=0.012345, unit="env-steps/s", ratio=2.5, spread=0.125)
@@ -31,23 +30,6 @@ def test_compare_takes_medians_over_pairs() -> None:
     ours, peer = iter([10.0, 12.0, 30.0]), iter([5.0, 4.0, 20.0])
     row = compare("name", "unit", partial(next, ours), partial(next, peer))
     assert row == Row("name", ours=12.0, peer=5.0, unit="unit", ratio=2.0, spread=0.75)
-
-
-def test_compare_alternates() -> None:
-    turns: list[str] = []
-
-    def turn(who: str) -> float:
-        turns.append(who)
-        return 1.0
-
-    compare("name", "unit", partial(turn, "ours"), partial(turn, "peer"), repeats=2)
-    assert turns == ["ours", "peer", "ours", "peer"]
-
-
-def test_rate_divides_by_the_time_of_the_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = iter([100.0, 104.0])
-    monkeypatch.setattr("benchmarks.measure.time.perf_counter", partial(next, clock))
-    assert rate(lambda: None, amount=10) == 2.5
 
 
 def test_contenders_have_processes_of_their_own() -> None:
@@ -87,13 +69,6 @@ def test_report_shows_what_was_measured() -> None:
     assert filled.startswith("top\n<!-- rows -->\nOn 2 cores of X, with torch 2:\n")
     assert "| `sac_vs_sb3` | 1,235 | 0.0123 | env-steps/s | **2.50** | 12% |\n<!-- end" in filled
     assert "old" not in filled and filled.endswith("<!-- end of rows -->\nrest\n")
-
-
-def test_a_page_that_lacks_a_mark_is_left_alone() -> None:
-    results = report.with_row(EMPTY, ROW, ROW_NAMES)
-    for mark in ("<!-- rows -->\n", "<!-- end of rows -->\n"):
-        with pytest.raises(InputError, match="README.md: given no <!--"):
-            report.fill(PAGE.replace(mark, ""), results)
 
 
 def test_a_row_replaces_the_one_of_its_name_and_keeps_the_order() -> None:
