@@ -5,11 +5,9 @@ from typing import Any
 
 import pytest
 from dvc.utils.hydra import to_hydra_overrides
-from evotorch.algorithms import PGPE
 from evotorch.optimizers import ClipUp
 from stable_baselines3 import DQN, SAC
 
-from jumping_ant.article import printed_values
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.experiment import presets
@@ -191,31 +189,6 @@ def test_what_the_article_does_not_set_is_the_librarys_default(
     assert {name: parameters[name].default for name in shared} == {
         name: settings[name] for name in shared
     }
-
-
-def test_pgpe_is_evotorchs_by_default() -> None:
-    """Our trainer leaves these to EvoTorch, as the article does."""
-    parameters = inspect.signature(PGPE).parameters
-    expected = {"ranking_method": "centered", "symmetric": True, "stdev_max_change": 0.2}
-    assert {name: parameters[name].default for name in expected} == expected
-
-
-def test_printed_totals_never_fall() -> None:
-    """Rewards are in [0, 10] a control step."""
-    for totals in (printed_values.DQN_TOTALS, printed_values.SAC_TOTALS):
-        steps, values = list(totals), list(totals.values())
-        assert steps == [1, *range(100, 1001, 100)]
-        assert values == sorted(values)
-        rises = [high - low for low, high in zip(values, values[1:], strict=False)]
-        assert max(rises) <= 1000
-
-
-def test_printed_fitness_is_in_order() -> None:
-    traces = printed_values.PGPE_TRACES
-    mean, best, median = (traces[f"fitness_{name}"] for name in ("mean", "best", "median"))
-    for generation in (20, 40, 60, 80, 100):
-        assert -200 < median[generation] < best[generation] < 1800
-        assert mean[generation] < best[generation]
 
 
 def test_a_preset_that_is_not_there_names_those_that_are() -> None:

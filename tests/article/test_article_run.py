@@ -20,7 +20,7 @@ from jumping_ant.looks.looks import looks
 from jumping_ant.sim import robot
 from jumping_ant.training.driver import train
 from scripts import article as command
-from scripts import markdown, preset, publish
+from scripts import markdown, preset
 from scripts.checkout import renew_project
 
 TINY: dict[str, dict[str, Any]] = {
@@ -128,11 +128,6 @@ def test_the_table_of_printed_values_tells_what_came_out() -> None:
     assert sac.startswith("| SAC's test, total of 1,000 steps | 200 | 100 [100, 100] | 10 of 20: ")
     assert sac.endswith(" | 1 | yes |")
     assert film.startswith("| PGPE's film, ") and film.endswith("| yes |")
-
-
-def test_the_document_has_a_place_for_the_table() -> None:
-    text = (publish.DOCS / "article.md").read_text(encoding="utf-8")
-    assert text.index("<!-- printed -->\n") < text.index("<!-- end of printed -->")
 
 
 def test_figures_show_each_seed_and_what_was_printed(

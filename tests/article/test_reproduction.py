@@ -12,7 +12,7 @@ from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy.trainer import make_model
 from jumping_ant.agents.sb3.model import make_envs, policy_bytes
 from jumping_ant.article import reproduction
-from jumping_ant.article.reproduction import Trace, judge, percentile_among, place, play
+from jumping_ant.article.reproduction import Trace, judge, place, play
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment import params_file
 from jumping_ant.params import article
@@ -24,14 +24,6 @@ from jumping_ant.sim.world import World
 
 XML = robot.build(article.ROBOT)
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (20, 27))
-
-
-def test_percentiles_by_hand() -> None:
-    ours = np.array([1.0, 2.0, 2.0, 5.0])
-    assert percentile_among(0.0, ours) == 0
-    assert percentile_among(2.0, ours) == 50  # one below, two as large
-    assert percentile_among(3.0, ours) == 75
-    assert percentile_among(9.0, ours) == 100
 
 
 def repeated(values: Any, num_tests: int = 50) -> np.ndarray:
@@ -94,11 +86,6 @@ def test_values_of_new_policies_are_rarely_said_not_to_be_reproduced(
         verdicts.append(judge(float(tests[40, 0]), tests[:40])["reproduced"])
     assert verdicts.count(False) <= 300 * level + 3 * np.sqrt(300 * level)
     assert verdicts.count(True) >= 0.7 * 300
-
-
-def test_the_central_values_of_many_seeds_leave_the_outer_ones_out() -> None:
-    placed = place(0.0, np.arange(1000.0)[:, None])
-    assert (placed["low"], placed["high"]) == (25, 974)
 
 
 def test_printed_points_meet_the_same_steps_of_ours() -> None:
