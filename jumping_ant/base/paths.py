@@ -66,7 +66,6 @@ class StudyPaths:
         self.study = root / ".tuning" / f"{name}.db"  # Optuna's, if it is in no other storage
         self.trials = folder / f"{name}.csv"  # every trial
         self.summary = folder / f"{name}.json"  # what was found, and the verdict
-        self.page = folder / f"{name}.html"  # the same as a page
         self.preset = root / "presets" / f"tuned-{agent}"  # settings that are better
 
 

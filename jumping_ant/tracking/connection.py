@@ -1,6 +1,5 @@
 """The connection to MLflow: where the store is, how it is opened, how its failures are reported."""
 
-import fcntl
 import os
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import mlflow
 import requests
+from filelock import FileLock, Timeout
 from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
 from sqlalchemy import make_url
@@ -112,12 +112,13 @@ def _held(uri: str, name: str, suffix: str, wait: Callable[[], None]) -> Iterato
         yield
     else:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.with_name(f"{path.name}.{suffix}").open("w", encoding="utf-8") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                wait()
-                fcntl.flock(lock, fcntl.LOCK_EX)
+        lock = FileLock(path.with_name(f"{path.name}.{suffix}"))
+        try:
+            lock.acquire(blocking=False)
+        except Timeout:
+            wait()
+            lock.acquire()
+        with lock:
             yield
 
 

@@ -30,13 +30,13 @@ def policy(
     """Describe a policy: what it is, how good it is, and where it comes from.
 
     `hold` counts control steps. `means` are those over the held-out episodes that were measured,
-    and the return in `validation`; `origins` lead back to code and files, by label.
+    and `validation_return`; `origins` lead back to code and files, by label.
     """
     known = [
         f"{words} {number(means[name])}{unit}".lstrip()
         for name, words, unit in (
             ("return", "mean return", " on the held-out episodes"),
-            ("validation", "", " in validation"),
+            ("validation_return", "", " in validation"),
             ("apex", "apex of its jumps", " m"),
             ("flight", "share of time in flight", ""),
         )

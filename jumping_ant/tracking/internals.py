@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
-from mlflow.system_metrics.system_metrics_monitor import SystemMetricsMonitor
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
 # Tags that the pages read. The first decides which pages an experiment has.
@@ -22,11 +21,7 @@ LAST_COLUMNS = ("duration", "runDateAndNestInfo")
 
 
 def saved_view(
-    key: str,
-    name: str,
-    columns: Sequence[str],
-    condition: str = "",
-    order: str = "attributes.start_time",
+    key: str, name: str, columns: Sequence[str], condition: str, order: str
 ) -> dict[str, str]:
     """Return an experiment's tag that saves a view of its runs.
 
@@ -34,7 +29,7 @@ def saved_view(
         key: By which an address names it.
         name: By which the menu names it.
         columns: Beside those that are always shown, in their order.
-        condition: On runs, in the language of searches; empty for all.
+        condition: On runs, in the language of searches.
         order: The column by which runs are sorted, the largest first.
     """
     state = {
@@ -45,7 +40,7 @@ def saved_view(
         "lifecycleFilter": "Active",
         "selectedColumns": list(columns),
         "columnOrder": [FIRST_COLUMN, *columns, *LAST_COLUMNS],
-        "columnWidths": {},  # the page's usual ones; it looks each column up
+        "columnWidths": {},  # the page looks each column up in it
     }
     # The times only order the list of views.
     view = {"name": name, "createdAt": 0, "updatedAt": 0, "state": json.dumps(state)}
@@ -66,7 +61,6 @@ def silence() -> None:
     if "MLFLOW_LOGGING_LEVEL" not in os.environ:
         # The last one logs every retry.
         levels |= {"mlflow": logging.ERROR, "urllib3": logging.ERROR}
-        levels |= {SystemMetricsMonitor.__module__: logging.CRITICAL}
     for name, level in levels.items():
         logging.getLogger(name).setLevel(level)
 
@@ -79,19 +73,6 @@ def create_tables(database_uri: str, artifacts_uri: str) -> None:
 def registered_tag(name: str, version: str) -> dict[str, str]:
     """Return the tag by which a model's page leads to the version that it is registered as."""
     return {MLFLOW_MODEL_VERSIONS: json.dumps([{"name": name, "version": version}])}
-
-
-class Monitor(SystemMetricsMonitor):
-    """Logs the load of the machine to a run every few seconds, in a thread."""
-
-    def __init__(self, run_id: str, tracking_uri: str) -> None:
-        super().__init__(run_id, resume_logging=True, tracking_uri=tracking_uri)
-        self.start()
-
-    @property
-    def is_alive(self) -> bool:
-        """Whether it still logs: it gives up if MLflow fails once."""
-        return self._process is not None and self._process.is_alive()
 
 
 def server(database_uri: str, artifacts_uri: str) -> Any:

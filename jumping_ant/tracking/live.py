@@ -1,9 +1,8 @@
-"""Learning curves, and the machine's load, in MLflow while training runs.
+"""Learning curves in MLflow while training runs.
 
 A separate process follows the curve files that training writes. So training neither waits for
 MLflow nor fails with it, and a slow or unreachable tracking server costs only the live view.
-`track` replaces these runs by runs written from the files; only this follower knows the load, which
-the comparison keeps.
+`track` replaces these runs by runs written from the files.
 """
 
 import sys
@@ -19,7 +18,6 @@ from jumping_ant.experiment import params_file
 from jumping_ant.tracking import reading, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors
-from jumping_ant.tracking.internals import Monitor
 from jumping_ant.tracking.store import Points, Store
 
 TIMEOUT_SECONDS = 5
@@ -36,9 +34,9 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
     """
     follower = _Follower(agent, root)
     failures: list[InputError] = []
-    rest = "training goes on, and `track` completes MLflow from the files"
+    rest = "training continues, and `track` completes MLflow from the files"
 
-    def survives(step: Callable[[], None]) -> bool:
+    def survives(step: Callable[[], object]) -> bool:
         try:
             step()
         except InputError as error:
@@ -63,41 +61,27 @@ class _Follower:
         self._params = records.run_params(root, params, agent)
         self._start = stores.now_ms()
         self._store: Store | None = None
-        self._parent: Run | None = None
         self._followed: dict[int, tuple[Run, Points]] = {}  # by seed, with the points it has
         self._times: dict[tuple[str, int], int] = {}  # when a run's step was first seen [ms]
-        self._monitor: Monitor | None = None
 
-    def update(self) -> None:
-        """Log new points of the curve files, and the machine's load from the first one on."""
-        store = self._connect()
+    def update(self) -> Store:
+        """Log new points of the curve files, and return where they are."""
+        store = self._store or stores.connect(self._root, TIMEOUT_SECONDS, MAX_RETRIES)
+        self._store = store
         with failures_as_input_errors(store.uri):
             for seed in self._seeds:
                 self._follow(store, seed)
-            if self._parent is not None and not (self._monitor and self._monitor.is_alive):
-                self._monitor = Monitor(self._parent.info.run_id, store.uri)
+        return store
 
     def finish(self) -> None:
         """Log the rest, and end the runs: finished if there is a policy, otherwise killed."""
-        if self._monitor:
-            self._monitor.finish()
-        store = self._connect()
+        store = self.update()
         with failures_as_input_errors(store.uri):
-            for seed in self._seeds:
-                self._follow(store, seed)
-            statuses = [self._end(store, seed, run) for seed, (run, _) in self._followed.items()]
-            if self._parent is not None:
-                status = "KILLED" if "KILLED" in statuses else "FINISHED"
-                store.client.set_terminated(self._parent.info.run_id, status)
-            store.clear_abandoned()
-
-    def _connect(self) -> Store:
-        if self._store is None:
-            store = stores.connect(self._root, TIMEOUT_SECONDS, MAX_RETRIES)
-            with failures_as_input_errors(store.uri):
-                store.clear_abandoned()
-            self._store = store
-        return self._store
+            for seed, (run, _) in self._followed.items():
+                policy = self._policy_digest(seed)
+                if policy is not None:
+                    store.client.set_tag(run.info.run_id, stores.POLICY_DIGEST, policy)
+                store.client.set_terminated(run.info.run_id, "FINISHED" if policy else "KILLED")
 
     def _follow(self, store: Store, seed: int) -> None:
         """Log a seed's new points."""
@@ -131,24 +115,11 @@ class _Follower:
 
     def _open(self, store: Store, seed: int) -> Run:
         """Return a new run to log to, in place of that of an interrupted training."""
-        if self._parent is None:
-            self._parent = store.pending_comparison()
-            store.take_over(self._parent)
         for run in store.seed_runs(self._agent, seed):
-            if stores.is_of(run, "", self._params) and not stores.is_written(run):
+            if stores.is_of(run, "", self._params) and not stores.is_followed(run):
                 store.client.delete_run(run.info.run_id)
-        tags = stores.seed_tags(self._agent, seed, self._algorithm)
-        tags |= {stores.LIVE: "true", stores.PARENT: self._parent.info.run_id}
+        tags = stores.seed_tags(self._agent, seed, self._algorithm) | {stores.LIVE: "true"}
         run = store.create_run(records.run_name(self._agent, seed), tags, self._start)
         params = [Param(*param) for param in self._params.items()]
         store.client.log_batch(run.info.run_id, params=params)
         return run
-
-    def _end(self, store: Store, seed: int, run: Run) -> str:
-        """End a seed's run and return its status."""
-        policy = self._policy_digest(seed)
-        if policy is not None:
-            store.client.set_tag(run.info.run_id, stores.POLICY_DIGEST, policy)
-        status = "KILLED" if policy is None else "FINISHED"
-        store.client.set_terminated(run.info.run_id, status)
-        return status

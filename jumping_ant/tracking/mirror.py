@@ -1,14 +1,11 @@
 """`track`: updates MLflow from the files. Files are the source of truth, MLflow mirrors them.
 
-Runs are looked up by agent, seed, parameters and the digest of the policy file. A finished run is
-written once: a second call leaves it alone, and one that shows something else than the files is
-replaced. The run of a seed is nested under the comparison of the last call, which is looked up by
-the digests of all its policies. While some policies of `params.yaml` are not trained yet, that is a
-pending comparison.
+A finished run is written once. One that shows something else than the files, for the same policy
+and parameters, is deleted and written anew, and so is one that did not finish; runs of other
+policies and parameters stay. When every policy of `params.yaml` is trained, the runs of seeds are
+nested under the comparison of these policies, beside a run of all seeds of each agent.
 """
 
-import hashlib
-import json
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
@@ -20,11 +17,10 @@ from jumping_ant.base.databases import without_password
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
 from jumping_ant.experiment import params_file
-from jumping_ant.tracking import internals, pages, studies
+from jumping_ant.tracking import internals, models, pages, studies
 from jumping_ant.tracking import records as files
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, is_server, mirrored_alone
-from jumping_ant.tracking.models import AgentModels
 from jumping_ant.tracking.records import AGGREGATE, TRAIN_SECONDS, ComparisonRecord, SeedRecord
 from jumping_ant.tracking.store import Content, Store
 
@@ -47,8 +43,8 @@ def track(
         say(f"not trained yet: {untrained}")
     store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES)
     with failures_as_input_errors(store.uri), mirrored_alone(store.uri, say):
-        done = _mirror(store, comparison, say) if comparison.seeds else Counter[str]()
-        store.clear_abandoned()
+        done = _mirror(store, comparison, say)
+        store.close_abandoned()
         _describe_experiment(store)
     studies.track(root, say)
     counts = ", ".join(f"{count} {verb}" for verb, count in sorted(done.items()))
@@ -61,16 +57,23 @@ def track(
 
 def _mirror(store: Store, comparison: ComparisonRecord, say: Callable[[str], None]) -> Counter[str]:
     """Mirror every file; return how many runs of seeds were created, replaced and so on."""
-    parent = _mirror_comparison(store, comparison, say)
+    is_complete = comparison.seeds and not comparison.missing
+    parent = _mirror_comparison(store, comparison, say) if is_complete else None
     done: Counter[str] = Counter()
     for agent in comparison.agents:
-        models = AgentModels(store, agent)
+        models.create(store, agent)
+        scores: dict[str, float] = {}
         for record in comparison.seeds:
             if record.agent == agent:
-                done[_mirror_seed(store, record, parent, models, say)] += 1
+                run, verb = _mirror_seed(store, record, parent)
+                done[verb] += 1
+                if verb != "unchanged":
+                    say(f"{agent} seed {record.seed}: {verb}")
+                if run and record.validation_return is not None:
+                    scores[run.info.run_id] = record.validation_return
         # An experiment that DVC runs apart does not change what the workspace's champion is.
         is_workspace = home(comparison.root) == comparison.root.resolve()
-        if is_workspace and (crowned := models.crown()):
+        if is_workspace and (crowned := models.crown(store, agent, scores)):
             say(crowned)
     return done
 
@@ -79,99 +82,66 @@ def _mirror_comparison(
     store: Store, comparison: ComparisonRecord, say: Callable[[str], None]
 ) -> Run:
     """Return the run that runs of seeds are nested under, with runs of all seeds of each agent."""
-    if comparison.missing:
-        return store.pending_comparison()
-    key, settings = comparison.key, _settings(comparison)
-    own = {stores.SETTINGS: settings, stores.DVC_STAGE: COMPARE_STAGE}
-
-    def same(runs: list[Run]) -> list[Run]:
-        """Return those with these parameters, on which the policies of baselines do not depend."""
-        return [it for it in runs if it.data.tags.get(stores.SETTINGS, settings) == settings]
-
-    complete = [it for it in store.comparisons() if _is_complete(store, it, comparison)]
-    found = same(store.comparisons(key)) + complete
+    key = comparison.key
     content = Content(
         name=f"comparison-{key[:8]}",
-        tags={stores.COMPARISON: key, **own},
+        tags={stores.COMPARISON: key, stores.DVC_STAGE: COMPARE_STAGE},
         metrics=comparison.summary,
         artifacts=comparison.artifacts,
         aside={pages.NOTE: comparison.note} if comparison.note else {},
-        start=min((it.info.start_time for it in found), default=None),
     )
-    parent, is_new = store.settle(content, found)
-    if is_new:
-        say(f"comparison {key[:8]}: created")
+    parent, verb = store.settle(content, store.search(f"tags.{stores.COMPARISON} = '{key}'"))
+    if verb != "unchanged":
+        say(f"{content.name}: {verb}")
+    records = {record.agent: record for record in comparison.seeds}
     for agent, entry in comparison.results.get("agents", {}).items():
-        record = next((it for it in comparison.seeds if it.agent == agent), None)
-        if record is None:
+        if agent not in records:
             continue
-        tags = {stores.AGENT: agent, AGGREGATE: key, stores.ALGORITHM: record.algorithm}
         metrics, curve = comparison.over_seeds(agent)
+        tags = {stores.AGENT: agent, AGGREGATE: key, stores.ALGORITHM: records[agent].algorithm}
         content = Content(
             name=f"{agent}, {int(entry['seeds'])} seeds",
-            tags={**tags, **own, **internals.UNFOLDED},
+            tags={**tags, stores.DVC_STAGE: COMPARE_STAGE, **internals.UNFOLDED},
             curve=curve,
             metrics=metrics,
-            place={stores.PARENT: parent.info.run_id, internals.RUN_COLOUR: record.colour},
+            place={
+                stores.PARENT: parent.info.run_id,
+                internals.RUN_COLOUR: records[agent].colour,
+            },
         )
         condition = f"tags.{AGGREGATE} = '{key}' and tags.{stores.AGENT} = '{agent}'"
-        _, is_new = store.settle(content, same(store.search(condition)))
-        if is_new:
-            say(f"{content.name}: created")
+        _, verb = store.settle(content, store.search(condition))
+        if verb != "unchanged":
+            say(f"{content.name}: {verb}")
     return parent
 
 
-def _settings(comparison: ComparisonRecord) -> str:
-    """Return the digest of the parameters of all policies."""
-    params = {record.name: record.params for record in comparison.seeds}
-    return hashlib.sha256(json.dumps(params, sort_keys=True).encode()).hexdigest()
+def _mirror_seed(store: Store, record: SeedRecord, parent: Run | None) -> tuple[Run | None, str]:
+    """Have a seed's files shown, and return the run and what was done."""
+    runs = [
+        run
+        for run in store.seed_runs(record.agent, record.seed)
+        if stores.is_of(run, record.digest, record.params)
+    ]
+    earlier = [run for run in runs if not stores.is_followed(run)]
+    if runs and not earlier:
+        return None, "in training, left to the process that follows it"
+    is_live = any(stores.LIVE in run.data.tags for run in earlier)
+    run, verb = store.settle(
+        _seed_content(store, record, parent, is_live),
+        earlier,
+        partial(models.has, store),
+        partial(models.log, store, record),
+    )
+    models.clear(store, record, run)
+    return run, verb
 
 
-def _is_complete(store: Store, pending: Run, comparison: ComparisonRecord) -> bool:
-    """Tell whether a pending comparison is over, with nothing but policies of this one."""
-    records = {record.name: record for record in comparison.seeds}
-
-    def is_own(run: Run) -> bool:
-        record = records.get(str(run.info.run_name))
-        return record is not None and stores.is_of(run, record.digest, record.params)
-
-    children = store.search(stores.children_of(pending))
-    return not stores.is_written(pending) and all(map(is_own, children))
-
-
-def _mirror_seed(
-    store: Store,
-    record: SeedRecord,
-    parent: Run,
-    models: AgentModels,
-    say: Callable[[str], None],
-) -> str:
-    """Write a run, if there is none that shows the files, and return what was done."""
-    found = store.seed_runs(record.agent, record.seed)
-    own = [run for run in found if stores.is_of(run, record.digest, record.params)]
-    content = _seed_content(store, record, parent, own)
-    run, verb = store.shown(content, found, models.has), "unchanged"
-    if run is None and any(map(stores.is_followed, own)):
-        say(f"{record.agent} seed {record.seed}: in training, left to the process that follows it")
-        return "in training"
-    if run is None:
-        run = store.write(content, partial(models.log, record))
-        verb = "replaced" if own else "created"
-        say(f"{record.agent} seed {record.seed}: {verb}")
-    for other in own:
-        if other.info.run_id != run.info.run_id and not stores.is_followed(other):
-            store.client.delete_run(other.info.run_id)
-    models.settle(record, run, [other for other in found if other not in own])
-    return verb
-
-
-def _seed_content(store: Store, record: SeedRecord, parent: Run, replaced: list[Run]) -> Content:
+def _seed_content(store: Store, record: SeedRecord, parent: Run | None, is_live: bool) -> Content:
     end = record.policy_path.stat().st_mtime_ns // 1_000_000
     start = end - round(1000 * record.summary.get(TRAIN_SECONDS, 0.0))
-    live = {stores.LIVE: "true"} if any(stores.LIVE in it.data.tags for it in replaced) else {}
-    # No run leaves a comparison for a pending one.
-    is_pending = parent.data.tags[stores.COMPARISON] == stores.PENDING
-    under = {stores.PARENT: parent.info.run_id}
+    note = {pages.NOTE: record.describe(store.commit)}
+    under = {stores.PARENT: parent.info.run_id} if parent else {}
     return Content(
         name=record.name,
         tags={
@@ -183,8 +153,8 @@ def _seed_content(store: Store, record: SeedRecord, parent: Run, replaced: list[
         curve=record.curve,
         metrics=record.summary,
         artifacts=record.artifacts,
-        aside={**under, **live, pages.NOTE: record.describe(store.commit)},
-        place={internals.RUN_COLOUR: record.colour, **({} if is_pending else under)},
+        aside=note | ({stores.LIVE: "true"} if is_live else {}),
+        place={internals.RUN_COLOUR: record.colour} | under,
         start=start,
         end=end,
         times={step: start + round(1000 * after) for step, after in record.seconds.items()},
@@ -192,7 +162,7 @@ def _seed_content(store: Store, record: SeedRecord, parent: Run, replaced: list[
 
 
 def _describe_experiment(store: Store) -> None:
-    """Give the experiment its saved views and description; someone else's description is kept."""
+    """Give the experiment its saved view and description; someone else's description is kept."""
     experiment = store.client.get_experiment(store.experiment_id)
     tags = pages.experiment_tags(store.experiment_id)
     if not experiment.tags.get(pages.NOTE, pages.ABOUT).startswith(pages.ABOUT):

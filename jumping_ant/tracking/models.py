@@ -4,13 +4,12 @@ import functools
 import importlib.metadata
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import mlflow.pyfunc
 import numpy as np
 from mlflow.entities import LoggedModel, LoggedModelOutput, Run
-from mlflow.entities.model_registry import ModelVersion
 from mlflow.models import Model, ModelSignature
 from mlflow.types import Schema, TensorSpec
 
@@ -19,7 +18,7 @@ from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Interface
 from jumping_ant.tracking import internals, pages
 from jumping_ant.tracking import store as stores
-from jumping_ant.tracking.records import SeedRecord
+from jumping_ant.tracking.records import SeedRecord, stage
 from jumping_ant.tracking.store import Store
 
 CHAMPION = "champion"
@@ -39,91 +38,86 @@ def registered_name(agent: str) -> str:
     return f"jumping-ant-{agent}"
 
 
-class AgentModels:
-    """The policies of one agent, as versions of its registered model."""
-
-    def __init__(self, store: Store, agent: str) -> None:
-        self._client, self._store = store.client, store
-        self._name = registered_name(agent)
-        found = self._client.search_registered_models(f"name = '{self._name}'")
-        if not found:
-            self._client.create_registered_model(self._name, description=ABOUT)
-        self._aliases = {name: str(it) for name, it in found[0].aliases.items()} if found else {}
-        self._versions = self._client.search_model_versions(f"name = '{self._name}'")
-        self._models = store.logged_models(agent)
-        self._scores: dict[str, float] = {}  # validation returns by version
-
-    def has(self, run: Run) -> bool:
-        """Tell whether a run has a model that is registered, and whose files are there."""
-        version = self._version(run)
-        ready = {model.model_id for model in self._models if str(model.status) == "READY"}
-        if version is None or _model_id(version) not in ready:
-            return False
-        listed = self._client.list_logged_model_artifacts(_model_id(version))
-        return "MLmodel" in {entry.path for entry in listed}
-
-    def log(self, record: SeedRecord, run: Run) -> str:
-        """Log and register the model of a new run, and return its id."""
-        commit = self._store.commit
-        tags, note = _origin_tags(record, commit), record.describe(commit)
-        model = self._client.create_logged_model(
-            *(self._store.experiment_id, record.name, run.info.run_id),
-            tags | stores.source_tags(record.stage, commit) | {pages.NOTE: note},
-            record.params,
-        )
-        _upload(self._store, record, model)
-        outputs = [LoggedModelOutput(model.model_id, step=0)]
-        self._client.log_outputs(run.info.run_id, outputs)  # show it in the run
-        version = self._client.create_model_version(
-            *(self._name, f"models:/{model.model_id}", run.info.run_id),
-            tags=tags,
-            description=note,
-            model_id=model.model_id,
-        )
-        link = internals.registered_tag(self._name, version.version)
-        self._client.set_logged_model_tags(model.model_id, link)
-        self._versions.append(version)
-        return str(model.model_id)
-
-    def settle(self, record: SeedRecord, run: Run, others: Sequence[Run]) -> None:
-        """Keep a policy's model of this run and of these others, whose parameters differ.
-
-        Aliases that a user gave to a deleted version, such as `production`, move to this run's.
-        """
-        own, kept = self._version(run), {it.info.run_id for it in (run, *others)}
-        if own is not None and record.validation_return is not None:
-            self._scores[str(own.version)] = record.validation_return
-        policy = _policy_tags(record).items()
-        for version in self._versions:
-            if version.run_id in kept or not policy <= version.tags.items():
-                continue
-            for alias, named in self._aliases.items():
-                if own is not None and named == str(version.version):
-                    self._client.set_registered_model_alias(self._name, alias, own.version)
-                    self._aliases[alias] = str(own.version)
-            self._client.delete_model_version(self._name, version.version)
-        for model in self._models:
-            if model.source_run_id not in kept and policy <= model.tags.items():
-                self._client.delete_logged_model(model.model_id)
-
-    def crown(self) -> str | None:
-        """Point `champion` at the version that did best in validation; say so.
-
-        Held-out episodes only judge: a champion chosen by them would look better than it is.
-        """
-        best = max(self._scores, key=lambda it: self._scores[it], default=None)
-        if best is None or best == self._aliases.get(CHAMPION):
-            return None
-        self._client.set_registered_model_alias(self._name, CHAMPION, best)
-        score = self._scores[best]
-        return f"{self._name}: {CHAMPION} is version {best}, validation return {score:.1f}"
-
-    def _version(self, run: Run) -> ModelVersion | None:
-        return next((it for it in self._versions if it.run_id == run.info.run_id), None)
+def create(store: Store, agent: str) -> None:
+    """Register an agent's model, unless it is registered."""
+    if not store.client.search_registered_models(f"name = '{registered_name(agent)}'"):
+        store.client.create_registered_model(registered_name(agent), description=ABOUT)
 
 
-def _model_id(version: ModelVersion) -> str:
-    return str(version.source).removeprefix("models:/")
+def has(store: Store, run: Run) -> bool:
+    """Tell whether a run has a model that is registered, and whose files are there."""
+    versions = store.client.search_model_versions(f"run_id = '{run.info.run_id}'")
+    registered = {str(version.source).removeprefix("models:/") for version in versions}
+    for model in store.logged_models(f"source_run_id = '{run.info.run_id}'"):
+        if model.model_id in registered and str(model.status) == "READY":
+            listed = store.client.list_logged_model_artifacts(model.model_id)
+            return "MLmodel" in {entry.path for entry in listed}
+    return False
+
+
+def log(store: Store, record: SeedRecord, run: Run) -> str:
+    """Log and register the model of a new run, and return its id."""
+    tags, note = _origin_tags(record, store.commit), record.describe(store.commit)
+    source = stores.source_tags(stage(record.agent), store.commit)
+    model = store.client.create_logged_model(
+        *(store.experiment_id, record.name, run.info.run_id),
+        tags | source | {pages.NOTE: note},
+        record.params,
+    )
+    _upload(store, record, model)
+    outputs = [LoggedModelOutput(model.model_id, step=0)]
+    store.client.log_outputs(run.info.run_id, outputs)  # show it in the run
+    name = registered_name(record.agent)
+    version = store.client.create_model_version(
+        *(name, f"models:/{model.model_id}", run.info.run_id),
+        tags=tags,
+        description=note,
+        model_id=model.model_id,
+    )
+    link = internals.registered_tag(name, version.version)
+    store.client.set_logged_model_tags(model.model_id, link)
+    return str(model.model_id)
+
+
+def clear(store: Store, record: SeedRecord, run: Run) -> None:
+    """Delete a policy's models whose runs are deleted.
+
+    Aliases that a user gave to a deleted version, such as `production`, move to this run's.
+    """
+    kept = {it.info.run_id for it in store.seed_runs(record.agent, record.seed)}
+    name, policy = registered_name(record.agent), f"tags.{stores.POLICY_DIGEST} = '{record.digest}'"
+    versions = store.client.search_model_versions(f"name = '{name}' and {policy}")
+    (current,) = (it.version for it in versions if it.run_id == run.info.run_id)
+    for version in versions:
+        if version.run_id not in kept:
+            for alias, number in store.client.get_registered_model(name).aliases.items():
+                if str(number) == str(version.version):
+                    store.client.set_registered_model_alias(name, alias, current)
+            store.client.delete_model_version(name, version.version)
+    for model in store.logged_models(policy):
+        if model.source_run_id not in kept:
+            store.client.delete_logged_model(model.model_id)
+
+
+def crown(store: Store, agent: str, scores: Mapping[str, float]) -> str | None:
+    """Point `champion` at the version that did best in validation; say so if it changed.
+
+    Held-out episodes only judge: a champion chosen by them would look better than it is.
+
+    Args:
+        store: Where the models are.
+        agent: The agent.
+        scores: Return in validation by run.
+    """
+    if not scores:
+        return None
+    name, best = registered_name(agent), max(scores, key=lambda run_id: scores[run_id])
+    (version,) = store.client.search_model_versions(f"name = '{name}' and run_id = '{best}'")
+    aliases = store.client.get_registered_model(name).aliases
+    if str(aliases.get(CHAMPION)) == str(version.version):
+        return None
+    store.client.set_registered_model_alias(name, CHAMPION, version.version)
+    return f"{name}: {CHAMPION} is version {version.version}, validation return {scores[best]:.1f}"
 
 
 def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
@@ -167,21 +161,15 @@ def _requirements() -> list[str]:
     ]
 
 
-def _policy_tags(record: SeedRecord) -> dict[str, str]:
-    """Return the tags that a policy's model and version are found by."""
+def _origin_tags(record: SeedRecord, commit: str | None) -> dict[str, str]:
+    """Return the tags that lead back to the code, the pipeline and the file."""
     return {
         stores.AGENT: record.agent,
         stores.SEED: str(record.seed),
         stores.POLICY_DIGEST: record.digest,
-    }
-
-
-def _origin_tags(record: SeedRecord, commit: str | None) -> dict[str, str]:
-    """Return the tags that lead back to the code, the pipeline and the file."""
-    tags = {
         stores.ALGORITHM: record.algorithm,
-        stores.DVC_STAGE: record.stage,
+        stores.DVC_STAGE: stage(record.agent),
         stores.DVC_MD5: record.md5,
+        stores.HOLD: str(record.hold),
+        **({stores.GIT_COMMIT: commit} if commit else {}),
     }
-    tags |= {stores.GIT_COMMIT: commit} if commit else {}
-    return _policy_tags(record) | tags | {stores.HOLD: str(record.hold)}

@@ -2,11 +2,8 @@
 
 import math
 from pathlib import Path
-from zipfile import BadZipFile
 
 from jumping_ant.base import tables
-from jumping_ant.base.archive import Archive, to_array
-from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves
 
@@ -25,19 +22,3 @@ def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:
         for name, column in table.items()
         if math.isfinite(column[row])
     }
-
-
-def filmed_seed(root: Path, agent: str) -> int | None:
-    """Return the seed whose episode the agent's video shows; None if it has none yet."""
-    path = Paths(root).agent(agent).trajectory
-    if not path.exists():
-        return None
-    try:
-        with path.open("rb") as file:
-            archive = Archive(file)
-            shown = str(to_array(archive["agent.npy"]))
-            if shown != agent:
-                raise ValueError(f"given an episode of agent {shown!r}, allowed: {agent!r}")
-            return int(to_array(archive["seed.npy"]))
-    except (ValueError, KeyError, OSError, BadZipFile) as error:
-        raise InputError(f"{path}: {error}; `dvc repro` recreates it") from error

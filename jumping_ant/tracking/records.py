@@ -1,11 +1,8 @@
-"""What the project's files say about trained agents, in MLflow's terms.
-
-Nothing here depends on MLflow: a policy file becomes a record with parameters, curve points,
-summary metrics and artifacts, and the tracking modules copy it to MLflow.
-"""
+"""What the project's files say about trained agents, in MLflow's terms but without MLflow."""
 
 import csv
 import hashlib
+import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -17,6 +14,7 @@ import numpy as np
 
 from jumping_ant.agents import catalogue
 from jumping_ant.base import tables
+from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
@@ -25,8 +23,9 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.looks.looks import looks
 from jumping_ant.looks.naming import remark
 from jumping_ant.policies import policy_file
+from jumping_ant.sim import trajectory
 from jumping_ant.tracking import descriptions
-from jumping_ant.tracking.reading import Point, filmed_seed, read_curve
+from jumping_ant.tracking.reading import Point, read_curve
 
 TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which was chosen by it
@@ -60,11 +59,6 @@ class SeedRecord:
         return run_name(self.agent, self.seed)
 
     @property
-    def stage(self) -> str:
-        """The stage of the pipeline that trained it."""
-        return stage(self.agent)
-
-    @property
     def policy_path(self) -> Path:
         """The policy file."""
         return self.paths.seed(self.seed).policy
@@ -87,14 +81,13 @@ class SeedRecord:
     @cached_property
     def seconds(self) -> dict[int, float]:
         """Seconds of training by control steps trained, where measured."""
-        own = self._rows(self.paths.timing, self.stage, curves.TIMING_COLUMNS)
-        return {int(row["env_steps"]): row["seconds"] for row in own}
+        rows = self._rows(self.paths.timing, stage(self.agent), curves.TIMING_COLUMNS)
+        return {int(row["env_steps"]): row["seconds"] for row in rows}
 
     @cached_property
     def summary(self) -> dict[str, float]:
         """Means over held-out episodes, validation and final return, training time; all finite."""
-        means: dict[str, float] = {}
-        evaluation = f"evaluate@{self.agent}"
+        means, evaluation = dict[str, float](), f"evaluate@{self.agent}"
         for row in self._rows(self.paths.seed_means, evaluation, {"seed": SEED}):
             means |= {EVALUATION + name: mean for name, mean in row.items() if name != "seed"}
         if self.validation_return is not None:
@@ -110,10 +103,10 @@ class SeedRecord:
     def _rows(self, path: Path, stage: str, columns: Mapping[str, Column]) -> list[dict[str, Any]]:
         """Return the seed's rows of a table of its agent."""
         table = tables.read_growing(path, stage, {"agent": self.agent}, columns)
-        own = np.flatnonzero(table.get("seed", np.empty(0)) == self.seed)
-        return [{name: column[row].item() for name, column in table.items()} for row in own]
+        numbers = np.flatnonzero(table.get("seed", np.empty(0)) == self.seed)
+        return [{name: column[row].item() for name, column in table.items()} for row in numbers]
 
-    @property
+    @cached_property
     def validation_return(self) -> float | None:
         """Mean return of the published policy in validation; None if there was none yet."""
         if not self.paths.seed(self.seed).validation.exists():
@@ -122,31 +115,28 @@ class SeedRecord:
 
     def describe(self, commit: str | None) -> str:
         """Return what the policy is, how good it is and where it comes from, as Markdown."""
-        means = {
-            name.removeprefix(EVALUATION): mean
-            for name, mean in self.summary.items()
-            if name.startswith(EVALUATION)
-        }
-        origins = {
-            "DVC stage": self.stage,
-            "git commit": commit,
-            "policy file, SHA-256": self.digest,
-            "policy file in DVC's cache, MD5": self.md5,
-        }
-        known = {what: value for what, value in origins.items() if value}
+        means = {name.removeprefix(EVALUATION): mean for name, mean in self.summary.items()}
+        origins = {"DVC stage": stage(self.agent)} | ({"git commit": commit} if commit else {})
+        origins["policy file, SHA-256"] = self.digest
+        origins["policy file in DVC's cache, MD5"] = self.md5
         aside = remark(catalogue.ALGORITHMS[self.algorithm].is_baseline, self.params["robot"])
         name = f"{self.algorithm} ({aside})" if aside else self.algorithm
-        means |= {} if self.validation_return is None else {"validation": self.validation_return}
-        return descriptions.policy(name, self.seed, self.hold, means, known)
+        return descriptions.policy(name, self.seed, self.hold, means, origins)
 
     @cached_property
     def artifacts(self) -> dict[str, Path]:
         """Files of the run, by their path in it; video and recording if they show this seed."""
-        own = self.paths.seed(self.seed)
-        found = {path.name: path for path in (own.policy, own.curve, self.paths.machines)}
-        if filmed_seed(self.root, self.agent) == self.seed:
-            found |= _media(self.paths)
-        return _existing(found)
+        trained, shown = self.paths.seed(self.seed), self.paths.trajectory
+        files = {path.name: path for path in (trained.policy, trained.curve, self.paths.machines)}
+        if shown.exists():
+            episode = trajectory.load(shown)
+            if episode.agent != self.agent:
+                raise InputError(
+                    f"{shown}: given an episode of agent {episode.agent!r}, allowed: "
+                    f"{self.agent!r}; run `dvc repro --force evaluate@{self.agent}`"
+                )
+            files |= _media(self.paths) if episode.seed == self.seed else {}
+        return _existing(files)
 
 
 @dataclass(frozen=True)
@@ -159,9 +149,9 @@ class ComparisonRecord:
 
     @property
     def key(self) -> str:
-        """The comparison's identifier: a digest over its policies."""
-        lines = sorted(f"{record.agent}/{record.seed} {record.digest}\n" for record in self.seeds)
-        return hashlib.sha256("".join(lines).encode()).hexdigest()
+        """The comparison's identifier: a digest over its policies and their parameters."""
+        content = {record.name: [record.digest, record.params] for record in self.seeds}
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     @property
     def agents(self) -> list[str]:
@@ -172,15 +162,12 @@ class ComparisonRecord:
     def results(self) -> dict[str, Any]:
         """`results/comparison.json` with `results/speed.json`, empty if there is no comparison."""
         paths = Paths(self.root)
-        files = {"compare": paths.comparison, "speed": paths.speed}
-        found = [read_json(path, stage) if path.exists() else {} for stage, path in files.items()]
-        return summaries.merged(*found)
+        return summaries.merged(_json(paths.comparison, "compare"), _json(paths.speed, "speed"))
 
     @cached_property
     def summary(self) -> dict[str, float]:
         """The comparison's headline numbers."""
-        path = Paths(self.root).robustness
-        withstood = read_json(path, "crossings") if path.exists() else {}
+        withstood = _json(Paths(self.root).robustness, "crossings")
         return dict(_headlines(self.results)) | dict(_withstood(withstood))
 
     def over_seeds(self, agent: str) -> tuple[dict[str, float], dict[Point, float]]:
@@ -202,31 +189,29 @@ class ComparisonRecord:
         """Files of the run, by their path in it."""
         paths = Paths(self.root)
         plain = (paths.params, paths.physique, paths.comparison, paths.speed, paths.robustness)
-        media = (paths.lineup, paths.overtaking, paths.overtaking_film)
-        found = {path.name: path for path in plain}
-        found |= {f"results/{path.name}": path for path in (paths.report, paths.speed_page)}
-        found |= {f"media/{path.name}": path for path in media}
-        for folder in (paths.figures, paths.speed_files):
-            found |= {f"{folder.name}/{path.name}": path for path in sorted(folder.glob("*.*"))}
+        files = {path.name: path for path in plain}
+        files |= {f"results/{paths.report.name}": paths.report}
+        files |= {f"media/{paths.lineup.name}": paths.lineup}
+        files |= {f"figures/{path.name}": path for path in sorted(paths.figures.glob("*.*"))}
         for agent in self.agents:
-            found |= _media(paths.agent(agent))
-        return _existing(found)
+            files |= _media(paths.agent(agent))
+        return _existing(files)
 
 
 def read(root: Path, params: Params) -> ComparisonRecord:
     """Find every trained policy of `params.yaml`."""
-    found, missing = [], []
+    records, missing = [], []
     looked = looks({name: catalogue.row(block).family for name, block in params.agents.items()})
     for agent, block in params.agents.items():
         settings, colour = run_params(root, params, agent), looked[agent].colour
         for seed in params.seeds:
             path = Paths(root).agent(agent).seed(seed).policy
             if path.exists():
-                own = (agent, seed, block.algorithm, settings, digest(path), colour)
-                found.append(SeedRecord(root, *own))
+                trained = (agent, seed, block.algorithm, settings, digest(path), colour)
+                records.append(SeedRecord(root, *trained))
             else:
                 missing.append((agent, seed))
-    return ComparisonRecord(root, found, missing)
+    return ComparisonRecord(root, records, missing)
 
 
 def run_name(agent: str, seed: int) -> str:
@@ -246,9 +231,7 @@ def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
     """
     block = params.agent(agent)
     is_edited = block.robot == "edited"
-    physique_path = Paths(root).physique
-    physiques = read_json(physique_path, "build") if physique_path.exists() else {}
-    physique = physiques.get("after" if is_edited else "before", {})
+    physique = _json(Paths(root).physique, "build").get("after" if is_edited else "before", {})
     numbers = {name: value for name, value in physique.items() if isinstance(value, float)}
     # MLflow's parameter names allow no patterns, so the edits are one value.
     edits = params.robot.model_dump() | {"edits": str(params.robot.edits)}
@@ -294,11 +277,11 @@ def _points_over_seeds(paths: Paths) -> Iterator[tuple[str, Point, float]]:
 
 def _over_seeds(quantities: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
     """Yield `evaluation/return`, an interquartile mean, `evaluation/return_low`, ..."""
-    for quantity, own in quantities.items():
-        if not isinstance(own, Mapping) or not {"iqm", "low", "high"} <= own.keys():
+    for quantity, estimate in quantities.items():
+        if not isinstance(estimate, Mapping) or not {"iqm", "low", "high"} <= estimate.keys():
             continue
         for suffix, part in {"": "iqm", "_low": "low", "_high": "high", "_worst": "worst"}.items():
-            value = own.get(part)
+            value = estimate.get(part)
             if isinstance(value, int | float) and math.isfinite(value):
                 yield f"{EVALUATION}{quantity}{suffix}", float(value)
     if "train_seconds" in quantities:
@@ -308,14 +291,18 @@ def _over_seeds(quantities: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
 def _withstood(summary: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
     """Yield `sac/kept_friction`, at its most severe level, `sac/crossing_friction`, ..."""
     for agent, perturbations in summary.get("agents", {}).items():
-        for name, own in perturbations.items():
-            for what, value in (("kept", own["retention"][-1]), ("crossing", own["crossing"])):
+        for name, its in perturbations.items():
+            for what, value in (("kept", its["retention"][-1]), ("crossing", its["crossing"])):
                 if value is not None:
                     yield f"{agent}/{what}_{name}", float(value)
 
 
 def _media(paths: AgentPaths) -> dict[str, Path]:
     return {f"media/{path.name}": path for path in (paths.film, paths.recording)}
+
+
+def _json(path: Path, stage: str) -> dict[str, Any]:
+    return read_json(path, stage) if path.exists() else {}
 
 
 def _existing(paths: Mapping[str, Path]) -> dict[str, Path]:

@@ -1,13 +1,13 @@
 """Searches for settings in MLflow: a run for each study, and nested under it one for each trial.
 
-They have an experiment of their own, so that the table of the comparison stays one of agents and
-seeds. As everywhere, files are the source: a study is what `results/tuning/` says of it.
+They have another experiment than the comparison. As everywhere, files are the source: a study is
+what `results/tuning/` says of it.
 """
 
 import json
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,12 @@ from typing import Any
 from mlflow.entities import Run
 
 from jumping_ant.base.files import read_json
-from jumping_ant.base.paths import Paths, StudyPaths
+from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import trials
 from jumping_ant.tracking import pages
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, mirrored_alone
-from jumping_ant.tracking.store import PARENT, Content, Points, Store, children_of
+from jumping_ant.tracking.store import PARENT, Content, Points, Store
 
 EXPERIMENT = "jumping-ant-tuning"
 TIMEOUT_SECONDS, MAX_RETRIES = 20, 1
@@ -32,62 +32,53 @@ NUMBERS = ("trials", "pruned", "best_value", "before", "after", "difference", "l
 
 def track(root: Path, say: Callable[[str], None]) -> None:
     """Bring MLflow up to date with the studies of a project; a second call changes nothing."""
-    found = list(_found(root))
-    if not found:
+    summaries = sorted(Paths(root).study("").summary.parent.glob("*.json"))
+    if not summaries:
         return
     store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES, EXPERIMENT)
     with failures_as_input_errors(store.uri), mirrored_alone(store.uri, say):
-        for paths in found:
-            _mirror(store, paths, say)
+        for path in summaries:
+            _mirror(store, path, path.with_suffix(".csv"), say)
 
 
-def _found(root: Path) -> Iterator[StudyPaths]:
-    """Yield the files of each study, and of each control."""
-    folder = Paths(root).study("").summary.parent
-    for summary in sorted(folder.glob("*.json")):
-        agent = summary.stem.removesuffix("-random")
-        yield Paths(root).study(agent, is_control=summary.stem != agent)
-
-
-def _mirror(store: Store, paths: StudyPaths, say: Callable[[str], None]) -> None:
+def _mirror(store: Store, path: Path, trials_path: Path, say: Callable[[str], None]) -> None:
     """Write a study's run, unless there is one of these files, and those of its new trials."""
-    summary = read_json(paths.summary, "tune")
-    name, table = summary["study"], trials.read(paths.trials)
+    summary, table = read_json(path, "tune"), trials.read(trials_path)
+    name = summary["study"]
     values = {key: summary[key] for key in NUMBERS if summary.get(key) is not None}
-    values |= {f"importance/{key}": own for key, own in summary["importance"].items()}
-    found = store.search(f"tags.{STUDY} = '{name}'")
+    values |= {f"importance/{key}": share for key, share in summary["importance"].items()}
+    runs = store.search(f"tags.{STUDY} = '{name}'")
     known = defaultdict[str, list[Run]](list)
-    for trial in (it for run in found for it in store.search(children_of(run))):
-        known[trial.data.tags.get(TRIAL, "")].append(trial)
+    for run in runs:
+        for trial in store.search(f"tags.`{PARENT}` = '{run.info.run_id}'"):
+            known[trial.data.tags.get(TRIAL, "")].append(trial)
     content = Content(
         name=name,
         tags={STUDY: name},
         params={"agent": summary["agent"], "sampler": summary["sampler"]},
         curve=_best_so_far(table),
         metrics=values,
-        artifacts={
-            path.name: path for path in (paths.trials, paths.summary, paths.page) if path.exists()
-        },
+        artifacts={file.name: file for file in (trials_path, path) if file.exists()},
         aside={pages.NOTE: _note(summary)},
     )
-    study, is_new = store.settle(content, found)
-    done = [store.settle(_trial(row, study), known[row["trial"]])[1] for row in table]
-    if is_new or any(done):
-        say(f"study {name}: {len(table)} trials, {sum(done)} new")
+    study, verb = store.settle(content, runs)
+    verbs = [store.settle(_trial(row, study), known[row["trial"]])[1] for row in table]
+    num_new = len(table) - verbs.count("unchanged")
+    if num_new or verb != "unchanged":
+        say(f"study {name}: {len(table)} trials, {num_new} new")
 
 
 def _trial(row: Mapping[str, Any], study: Run) -> Content:
-    own = {"value": trials.value(dict(row))}
-    for place, value in enumerate(row["returns"].split()):
-        own[f"return/seed_{place + 1}"] = float(value)
-    for place, value in enumerate(row["seconds"].split()):
-        own[f"seconds/seed_{place + 1}"] = float(value)
+    numbers = {"value": trials.value(dict(row))}
+    for column, name in {"returns": "return", "seconds": "seconds"}.items():
+        for place, value in enumerate(row[column].split(), start=1):
+            numbers[f"{name}/seed_{place}"] = float(value)
     reason = {REASON: row["reason"]} if row["reason"] else {}
     return Content(
         name=f"trial {row['trial']}",
         tags={TRIAL: row["trial"], STATE: row["state"]} | reason,
         params={key: str(value) for key, value in json.loads(row["settings"]).items()},
-        metrics={key: value for key, value in own.items() if math.isfinite(value)},
+        metrics={key: value for key, value in numbers.items() if math.isfinite(value)},
         status=STATUS[row["state"]],
         place={PARENT: study.info.run_id},
     )

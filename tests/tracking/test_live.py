@@ -3,11 +3,9 @@
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
 from tracked_project import (
     AGENTS,
     AGGREGATES,
@@ -17,9 +15,6 @@ from tracked_project import (
     content,
     curve_lines,
     evaluate,
-    make_whole,
-    parent_name,
-    query,
     runs,
     state,
     tracked,
@@ -70,7 +65,7 @@ def test_training_shows_while_it_runs_and_once_afterwards(bare_project: Path) ->
         ({"sac-seed-0": "RUNNING"}, {100, 200, 300}),
     ]
     finished = {"sac-seed-0": "FINISHED", "sac-seed-1": "FINISHED"}
-    assert runs(bare_project) == finished | {"comparison (pending)": "FINISHED"}
+    assert runs(bare_project) == finished
     points = content(bare_project, "metrics", "sac-seed-0")
     assert len(points) == len(set(points)) == 16
     for seed in SEEDS:
@@ -95,64 +90,17 @@ def test_a_killed_training_is_marked_and_continued(bare_project: Path) -> None:
     assert len(content(bare_project, "metrics", "sac-seed-0")) == 16
 
 
-def test_the_comparison_keeps_the_machines_load(
-    bare_project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("MLFLOW_SYSTEM_METRICS_SAMPLING_INTERVAL", "0.01")
-
-    def load() -> list[tuple]:
-        sql = "SELECT r.name, key, step, value FROM metrics JOIN runs r USING (run_uuid) "
-        sql += "WHERE key LIKE 'system/%' AND lifecycle_stage = 'active' ORDER BY key, step"
-        return query(bare_project, sql)
-
-    def set_status(status: str) -> None:
-        query(bare_project, "UPDATE runs SET status = ? WHERE name LIKE 'comparison%'", status)
-
-    def monitors() -> list[str]:
-        return [thread.name for thread in threading.enumerate() if "Metrics" in thread.name]
-
-    def interrupt() -> None:
-        """Have the monitor give up, as it does when MLflow does not answer."""
-        wait_for(lambda: len(load()) > 20)
-        set_status("FINISHED")
-        wait_for(lambda: not monitors())
-        set_status("RUNNING")
-        count.append(len(load()))
-
-    count: list[int] = []
-    steps = (
-        lambda: grow(bare_project, 1),
-        interrupt,
-        lambda: wait_for(lambda: len(load()) > count[0] + 20),
-        lambda: make_whole(bare_project),
-    )
-    live.follow("sac", bare_project, script(*steps))
-    assert not monitors()
-    logged = load()
-    assert {"system/cpu_utilization_percentage", "system/system_memory_usage_megabytes"} <= {
-        key for _, key, _, _ in logged
-    }
-    assert len({(key, step) for _, key, step, _ in logged}) == len(logged), "steps go on"
-    tracked(bare_project)
-    write_text(Paths(bare_project).report, "<h1>Another</h1>")
-    tracked(bare_project)  # which replaces the comparison
-    (comparison,) = {row[0] for row in load()}
-    assert comparison == parent_name(bare_project, "sac-seed-0") != "comparison (pending)"
-    assert [row[1:] for row in load()] == [row[1:] for row in logged]
-
-
 def test_the_same_policy_again_leaves_its_run_alone(project: Path) -> None:
     """Whatever another host has left running, as a container that was killed."""
     opened = store.connect(project, timeout_seconds=5, max_retries=0)
-    tags = store.seed_tags("sac", 0, "sac") | {store.LIVE: "true"}
-    run = opened.create_run("sac-seed-0", tags)
+    before = state(project)[0]
+    run = opened.create_run("sac-seed-0", store.seed_tags("sac", 0, "sac") | {store.LIVE: "true"})
     opened.client.set_tag(run.info.run_id, store.WRITER, "elsewhere 1 1.00")
     assert tracked(project)[-1].endswith("4 unchanged")
-    opened.client.delete_run(run.info.run_id)
-    before = state(project)[0]
+    assert len(runs(project)) == 5 + len(AGGREGATES), "the other one is gone"
     live.follow("sac", project, script(lambda: None))
-    assert state(project)[0] == before, "it was trained before"
-    policy = project / "models" / "sac" / "seed-0" / "policy.zip"
+    assert state(project)[0]["metrics"] == before["metrics"], "it was trained before"
+    policy = Paths(project).agent("sac").seed(0).policy
     policy.unlink()
     live.follow("sac", project, script(lambda: None, lambda: train(project, "sac", 0)))
     assert tracked(project)[-1].endswith("4 unchanged")

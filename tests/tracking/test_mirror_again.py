@@ -126,33 +126,10 @@ def test_other_parameters_leave_earlier_runs_alone_and_their_own_come_back(proje
     shutil.rmtree(project / "models")
     (project / "kept").rename(project / "models")
     (project / "kept.yaml").rename(project / "params.yaml")
-    lines = tracked(project)
-    assert lines[-1].endswith(": 4 unchanged") and ids(project) == both
-    assert {line.partition(" is")[0] for line in lines[:-1]} == {
-        "jumping-ant-sac: champion",
-        "jumping-ant-pgpe: champion",
-    }
+    assert tracked(project)[-1].endswith(": 4 unchanged") and ids(project) == both
     assert query(project, ALIASES) == [("jumping-ant-pgpe", 2), ("jumping-ant-sac", 2)]
     found = query(project, "SELECT run_uuid, value FROM tags WHERE key = 'mlflow.parentRunId'")
     assert {run for run, parent in found if parent in of_first} < of_first
-
-
-def test_seeds_are_under_the_comparison_just_tracked(project: Path) -> None:
-    old = parent_name(project, "pgpe-seed-0")
-    train(project, "sac", 1, value=0.7)
-    assert tracked(project)[-1].endswith("1 created, 3 unchanged")
-    new = parent_name(project, "pgpe-seed-0")
-    assert new != old and len(ids(project)) == 7 + 1 + 1 + len(AGGREGATES)
-    train(project, "sac", 1)
-    assert tracked(project)[-1].endswith("4 unchanged")
-    assert parent_name(project, "pgpe-seed-0") == old
-    shared = {run for run, name in ids(project).items() if name.startswith("sac-seed-1")}
-    parents = {
-        query(project, "SELECT r.name FROM tags t JOIN runs r ON r.run_uuid = t.value "
-              "WHERE t.key = 'mlflow.parentRunId' AND t.run_uuid = ?", run)[0][0]
-        for run in shared
-    }  # fmt: skip
-    assert parents == {old, new}
 
 
 def test_a_changed_evaluation_replaces_runs_and_leaves_names_of_models(project: Path) -> None:
@@ -160,7 +137,7 @@ def test_a_changed_evaluation_replaces_runs_and_leaves_names_of_models(project: 
     change(project / "results" / "agents" / "sac" / "seeds.csv", "1,115,", "1,5,")
     change(Paths(project).plots / "learning_curves.csv", "sac,200.0,200", "sac,200.0,201")
     lines = tracked(project)
-    assert lines[-1].endswith("1 replaced, 3 unchanged") and "sac, 2 seeds: created" in lines
+    assert lines[-1].endswith("1 replaced, 3 unchanged") and "sac, 2 seeds: replaced" in lines
     assert set(runs(project).values()) == {"FINISHED"} and len(runs(project)) == 7
     latest = "SELECT value FROM latest_metrics JOIN runs USING (run_uuid) WHERE key = ? AND "
     latest += "lifecycle_stage = 'active' AND name LIKE '%-seed-%' ORDER BY value"
@@ -244,22 +221,25 @@ def test_an_interrupted_call_is_completed_by_the_next(untracked_project: Path) -
     assert len(query(project, "SELECT * FROM model_versions")) == 4
 
 
-def test_a_policy_that_is_not_trained_leaves_the_comparison_pending(
-    untracked_project: Path,
-) -> None:
+def test_runs_are_nested_when_all_policies_are_trained(untracked_project: Path) -> None:
+    """Under the comparison just tracked, where they stay while another is not complete."""
     project = untracked_project
-    (project / "models" / "pgpe" / "seed-1" / "policy.zip").unlink()
+    policy = Paths(project).agent("pgpe").seed(1).policy
+    policy.unlink()
     assert tracked(project)[0] == "not trained yet: pgpe seed 1"
-    assert parent_name(project, "sac-seed-0") == "comparison (pending)"
-    assert set(runs(project).values()) == {"FINISHED"}
+    assert set(runs(project)) == {"sac-seed-0", "sac-seed-1", "pgpe-seed-0"}
     train(project, "pgpe", 1)
     assert tracked(project)[-1].endswith("1 created, 3 unchanged")
-    (comparison,) = [name for name in runs(project) if "comparison" in name]
-    assert parent_name(project, "sac-seed-0") == comparison
-    (project / "models" / "pgpe" / "seed-1" / "policy.zip").unlink()
+    first = parent_name(project, "sac-seed-0")
+    policy.unlink()
     assert tracked(project)[-1].endswith("3 unchanged")
-    assert parent_name(project, "sac-seed-0") == comparison, "until there is another"
-    assert "comparison (pending)" not in runs(project)
+    assert parent_name(project, "sac-seed-0") == first
+    train(project, "pgpe", 1, value=0.7)
+    assert tracked(project)[-1].endswith("1 created, 3 unchanged")
+    assert parent_name(project, "sac-seed-0") != first
+    train(project, "pgpe", 1)
+    assert tracked(project)[-1].endswith("4 unchanged")
+    assert parent_name(project, "sac-seed-0") == first
 
 
 def test_two_rebuild_a_wiped_database_at_once(project: Path) -> None:

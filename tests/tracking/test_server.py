@@ -42,7 +42,7 @@ def test_an_unreachable_server_is_told_in_one_line(
     told = capsys.readouterr().err
     assert time.monotonic() - began < 20
     assert len(told.splitlines()) == 1
-    assert "training goes on" in told
+    assert "training continues" in told
     assert "secret" not in told + str(caught.value)
 
 

@@ -51,7 +51,6 @@ def write_study(paths: StudyPaths, rows: list[tuple[Any, ...]], summary: dict[st
     table = [dict(zip(trials.COLUMNS, row, strict=True)) for row in rows]
     write_text(paths.trials, tables.to_csv(table))
     write_json(paths.summary, summary)
-    write_text(paths.page, "<html></html>")
 
 
 def told(root: Path) -> list[str]:
@@ -92,7 +91,7 @@ def test_trials_are_nested_under_their_study(root: Path) -> None:
     history = client.get_metric_history(study.info.run_id, studies.BEST)
     assert [(point.step, point.value) for point in history] == [(0, 7000), (3, 7400)]
     assert {file.path for file in client.list_artifacts(study.info.run_id)} == {
-        *("sac.csv", "sac.html", "sac.json")
+        *("sac.csv", "sac.json")
     }
     assert study.data.tags["mlflow.note.content"].endswith("**better**. Much.")
 
