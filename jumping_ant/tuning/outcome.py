@@ -50,7 +50,7 @@ def summary(task: Task, sampler: str, study: optuna.Study) -> dict[str, Any]:
         "sampler": sampler,
         "study": study.study_name,
         "trials": len(trials),
-        "seeds_per_trial": task.params.tuning.seeds,
+        "seeds_per_trial": task.settings.seeds,
         "rules": task.rules,
         "pruned": sum(trial.state is PRUNED for trial in trials),
         "without_value": sum(task.value(notes_of(trial)) is None for trial in trials),

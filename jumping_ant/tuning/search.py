@@ -110,7 +110,7 @@ def run(
     name = "worker {}".format
     for _, line in jobs.stream(lambda _: work, range(workers), workers, say, name):
         say(line)
-    if (left := task.params.tuning.trials - len(ended(study))) > 0:
+    if (left := task.settings.trials - len(ended(study))) > 0:
         raise StoppedError(f"the same command resumes; {left} trials are left")
 
 
@@ -122,7 +122,7 @@ def trials(
     while not stop.is_set():
         _queue_the_dead(study)
         states = Counter(trial.state for trial in study.get_trials(deepcopy=False))
-        if sum(states[state] for state in BEGUN) < task.params.tuning.trials:
+        if sum(states[state] for state in BEGUN) < task.settings.trials:
             yield from _one(study, task, num_threads, stop)
         elif states[RUNNING]:
             stop.wait(SECONDS_BETWEEN_LOOKS)
@@ -151,7 +151,7 @@ def _one(study: optuna.Study, task: Task, num_threads: int, stop: threading.Even
 
     def value(trial: Trial) -> float:
         before = study.get_trials(deepcopy=False)[: trial.number]
-        if sum(other.state in BEGUN for other in before) >= task.params.tuning.trials:
+        if sum(other.state in BEGUN for other in before) >= task.settings.trials:
             raise StoppedError("another process began the last trial at the same time")
         begun.append(trial.number)
         trial.set_user_attr(NUMBER, trial.number)
@@ -169,7 +169,7 @@ def _one(study: optuna.Study, task: Task, num_threads: int, stop: threading.Even
     shown = "no value" if result is None else number(result)
     shown += f"; ended early, {trial.user_attrs.get(REASON)}" if trial.state is PRUNED else ""
     shown += f"; best {number(best.values[0])} of trial {best.number}" if best else ""
-    left = max(0, task.params.tuning.trials - len(ended(study)))
+    left = max(0, task.settings.trials - len(ended(study)))
     yield f"trial {trial.number}: {shown}; {left} left"
 
 
@@ -177,14 +177,14 @@ def _value(
     study: optuna.Study, task: Task, num_threads: int, stop: threading.Event, trial: Trial
 ) -> float:
     """Train the seeds that a trial lacks, compare, and return its value."""
-    tuning, notes, noted = task.params.tuning, list[Note](), trial.user_attrs
+    settings, notes, noted = task.settings, list[Note](), trial.user_attrs
     task.space.suggest(trial)
     try:
-        agent = task.space.agent_with(trial.params, tuning.share)
+        agent = task.space.agent_with(trial.params, settings.share)
     except RefusedError as error:
         _prune(trial, f"refused: {error}")
-    for seed in range(tuning.seeds):
-        training = task.measure(agent, SEARCH[seed], SEARCH[: tuning.episodes], num_threads, stop)
+    for seed in range(settings.seeds):
+        training = task.measure(agent, SEARCH[seed], SEARCH[: settings.episodes], num_threads, stop)
         note = noted.get(SEED.format(seed)) or next(training, None)
         if note is None:
             raise StoppedError("the same command resumes")
@@ -192,10 +192,10 @@ def _value(
         notes.append(note)
         if task.gain(note) == -math.inf:
             _prune(trial, note.get("fault", f"seed {seed + 1} never returned so much"))
-        instances = note["returns"] if tuning.target_return is None else [task.gain(note)]
+        instances = note["returns"] if settings.target_return is None else [task.gain(note)]
         for step, result in enumerate(instances):
-            trial.report(result, seed * tuning.episodes + step)
-        if seed + 1 < tuning.seeds and trial.should_prune():
+            trial.report(result, seed * settings.episodes + step)
+        if seed + 1 < settings.seeds and trial.should_prune():
             _prune(trial, f"less than trial {study.best_trial.number}")
     return task.value(notes) or 0.0
 

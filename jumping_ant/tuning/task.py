@@ -13,9 +13,10 @@ import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Finished, Snapshot
@@ -38,8 +39,8 @@ SEARCH = TUNING_SEEDS[:1_000]  # training seeds of trials, and their start state
 VALIDATION = TUNING_SEEDS[100_000]  # the first episode of the choice among snapshots
 FRESH = TUNING_SEEDS[500_000:]  # training seeds and start states that judge the outcome
 LOCK = PROJECT_ROOT / "requirements.lock"  # the versions of all libraries
-# what of `tuning` in params.yaml the trials of a study depend on
-RULES = {"seeds", "share", "episodes", "target_return", "spread_penalty", "prune_level"}
+# Settings of a search that its trials depend on.
+RULES = ("seeds", "share", "episodes", "target_return", "spread_penalty", "prune_level")
 # What is said of a learner whose numbers are no longer finite: by the check of policies, torch's
 # distributions, linear algebra, and Python. Another error, as of a lack of memory, is none of it.
 DIVERGED = "not finite|NaN|to satisfy the constraint|LinAlgError|FloatingPointError|OverflowError"
@@ -51,11 +52,38 @@ more than the target for good, `onset`. Of one that diverged, `fault` says how."
 
 
 @dataclass(frozen=True)
+class SearchSettings:
+    """How much is tried, and how it is judged.
+
+    Attributes:
+        trials: Settings that are tried, the first of them the agent's present ones.
+        seeds: Trainings of a trial, each from a seed that no other training uses.
+        share: Of the agent's budget of control steps, for such a training.
+        episodes: Played by each trained policy, from the same start states in all trials.
+        target_return: Trials compete for the seconds to this return; None: for the return.
+        spread_penalty: Times the mean distance of seeds from their median, off a trial's value.
+        prune_level: A trial ends early if its returns would be so unlikely were it the best.
+        fresh_seeds: Trainings with the whole budget that judge the best settings, and as many of
+            the present ones.
+    """
+
+    trials: Annotated[int, Field(ge=1)] = 40
+    seeds: Annotated[int, Field(ge=1)] = 2
+    share: Annotated[float, Field(gt=0, le=1)] = 0.4
+    episodes: Annotated[int, Field(ge=1, le=1000)] = 12
+    target_return: float | None = None
+    spread_penalty: Annotated[float, Field(ge=0)] = 0.5
+    prune_level: Annotated[float, Field(ge=0, lt=1)] = 0.05
+    fresh_seeds: Annotated[int, Field(ge=1, le=100)] = 8
+
+
+@dataclass(frozen=True)
 class Task:
     """An agent in its world, what may be chosen for it, and by which parameters that is judged."""
 
     name: str
     params: Params
+    settings: SearchSettings
     world: World
     space: Space
     demonstrations: bytes | None  # content of the file that the agent learns from
@@ -72,7 +100,7 @@ class Task:
         """What two searches must share to be set beside each other."""
         ranges = {name: asdict(range_) for name, range_ in self.space.ranges.items()}
         fixed = {"task": _short_digest(self.content), "ranges": json.loads(json.dumps(ranges))}
-        return fixed | self.params.tuning.model_dump(include=RULES)
+        return fixed | {name: getattr(self.settings, name) for name in RULES}
 
     def study_name(self, sampler: str) -> str:
         """Return the name of a study: that of everything which its trials depend on."""
@@ -108,10 +136,10 @@ class Task:
         if not np.isfinite(returns).all():
             raise ValueError("returns that are not finite")
         onset = (0.0, math.inf)
-        if self.params.tuning.target_return is not None:
+        if self.settings.target_return is not None:
             seconds, means = np.array(evaluations).T
             curve = {"seconds": seconds, "evaluation_return_mean": means}
-            onset = curves.onset(curve, self.params.tuning.target_return, "seconds")
+            onset = curves.onset(curve, self.settings.target_return, "seconds")
         measured = {"returns": returns.tolist(), "return": float(returns.mean())}
         yield measured | {"seconds": report.seconds, "onset": onset}
 
@@ -119,9 +147,7 @@ class Task:
         """Return a seed's return, or minus its seconds to the target; -infinity if it failed."""
         if "fault" in note:
             return -math.inf
-        return float(
-            note["return"] if self.params.tuning.target_return is None else -note["onset"][1]
-        )
+        return float(note["return"] if self.settings.target_return is None else -note["onset"][1])
 
     def value(self, notes: Sequence[Note]) -> float | None:
         """Return the interquartile mean over seeds less a penalty for their spread.
@@ -134,10 +160,10 @@ class Task:
             return None
         spread = np.abs(gains - np.median(gains)).mean()
         iqm = estimate_iqm(gains, self.params.compare.confidence).value
-        return float(iqm - self.params.tuning.spread_penalty * spread)
+        return float(iqm - self.settings.spread_penalty * spread)
 
 
-def task_of(root: Path, params: Params, name: str) -> Task:
+def task_of(root: Path, params: Params, name: str, settings: SearchSettings) -> Task:
     """Return what is tuned; an InputError says that there is no such agent or what it lacks."""
     agent = params.agent(name)
     space = space_of(name, agent)
@@ -146,7 +172,8 @@ def task_of(root: Path, params: Params, name: str) -> Task:
     if agent.learns_from_demonstrations:
         path = Paths(root).demonstrations(agent.algorithm)
         demonstrations = read_bytes(path, f"demonstrate@{agent.algorithm}")
-    return Task(name, params, World(build(params.robot, root), params.env), space, demonstrations)
+    world = World(build(params.robot, root), params.env)
+    return Task(name, params, settings, world, space, demonstrations)
 
 
 def _short_digest(content: Any) -> str:

@@ -17,7 +17,7 @@ from jumping_ant.experiment.trials import COLUMNS
 from jumping_ant.training import memory
 from jumping_ant.tuning import outcome, search
 from jumping_ant.tuning.search import SamplerName
-from jumping_ant.tuning.task import Task, task_of
+from jumping_ant.tuning.task import SearchSettings, Task, task_of
 from jumping_ant.tuning.verdict import OPEN, UNCHANGED, Fresh, without_training
 
 ROUNDS = 4  # at least so many trials follow one another, so that later ones learn from earlier ones
@@ -27,6 +27,7 @@ def run(
     root: Path,
     params: Params,
     name: str,
+    settings: SearchSettings,
     sampler: SamplerName = "tpe",
     storage: str | None = None,
     say: Callable[[str], None] = print,
@@ -37,7 +38,7 @@ def run(
     that cannot be tuned and a storage that cannot be used are InputErrors; after a StoppedError,
     another call resumes.
     """
-    task = task_of(root, params, name)
+    task = task_of(root, params, name, settings)
     paths = Paths(root).study(name, is_control=sampler == "random")
     address = storage or f"{search.FILE}{paths.study}"
     if cluster.address() and address.startswith(search.FILE):
@@ -48,11 +49,11 @@ def run(
     present, ranges = task.space.agent, task.space.ranges.items()
     if outside := [key for key, range_ in ranges if not range_.has(getattr(present, key))]:
         say(f"{name}: outside of what is searched, and so no trial: {', '.join(outside)}")
-    workers = jobs.num_workers(params.compute.workers, max(1, params.tuning.trials // ROUNDS))
+    workers = jobs.num_workers(params.compute.workers, max(1, settings.trials // ROUNDS))
     memory.check(task.world, name, present, workers, say)
     key, first = task.study_name(sampler), {} if outside else task.space.present
-    with search.opened(address, key, sampler, params.tuning.prune_level, first) as study:
-        say(f"{name}: study {key}, {params.tuning.trials} trials")
+    with search.opened(address, key, sampler, settings.prune_level, first) as study:
+        say(f"{name}: study {key}, {settings.trials} trials")
         threads = jobs.num_threads(params.compute.workers, workers)[0]
         search.run(study, task, workers, threads, say)
         result = outcome.summary(task, sampler, study)

@@ -56,7 +56,7 @@ class Fresh:
     @property
     def keys(self) -> list[Key]:
         """What is trained."""
-        seeds = range(self.task.params.tuning.fresh_seeds)
+        seeds = range(self.task.settings.fresh_seeds)
         return [(which, seed) for seed in seeds for which in (BEFORE, AFTER)]
 
     def run(self, say: Callable[[str], None]) -> None:
@@ -88,7 +88,7 @@ class Fresh:
         which, seed = key
         space, episodes = self.task.space, self.task.params.evaluate.episodes
         agent = space.agent_with(self.trial.params) if which == AFTER else space.agent
-        starts = self._block(self.task.params.tuning.fresh_seeds * episodes)
+        starts = self._block(self.task.settings.fresh_seeds * episodes)
         its_starts = starts[seed * episodes : (seed + 1) * episodes]
         return partial(self.task.measure, agent, self._block(LARGEST_BLOCK)[seed], its_starts, 1)
 
@@ -102,7 +102,7 @@ class Fresh:
         returns, seconds, onsets = map(self._numbers, ("return", "seconds", "onset"))
         finding: Finding
         middles: list[Any]
-        if (target := self.task.params.tuning.target_return) is None:
+        if (target := self.task.settings.target_return) is None:
             margin = compare.margins.returns
             samples = Sample(tuned, returns[AFTER]), Sample(name, returns[BEFORE])
             finding = findings.independent("return", *samples, compare, ends=(-margin, margin))
@@ -138,7 +138,7 @@ class Fresh:
         return FRESH[first : first + size]
 
     def _name(self, key: Key) -> str:
-        size = f"{self.task.params.tuning.fresh_seeds} x {self.task.params.evaluate.episodes}"
+        size = f"{self.task.settings.fresh_seeds} x {self.task.params.evaluate.episodes}"
         return f"fresh {self.trial.number} {size} {key[0]} {key[1]}"
 
     def _numbers(self, name: str) -> dict[str, Array]:

@@ -17,6 +17,7 @@ from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.tuning import search, space, tune
+from jumping_ant.tuning.task import SearchSettings
 
 SMALL = {"generations": 2, "population_size": 4, "episode_steps": 20}
 RANGES = {name: own for name, own in space.RANGES["pgpe"].items() if name not in SMALL}
@@ -28,7 +29,7 @@ def _does_not_wait_for_the_disk(connection: Any, _: object) -> None:
         connection.execute("PRAGMA synchronous = OFF")
 
 
-def small_params(trials: int, workers: int = 1, **tuning: Any) -> Params:
+def small_params(workers: int = 1) -> Params:
     """Return the project's parameters with one small agent."""
     content = params_file.load().model_dump()
     content["agents"] = {"pgpe": content["agents"]["pgpe"] | SMALL}
@@ -36,9 +37,13 @@ def small_params(trials: int, workers: int = 1, **tuning: Any) -> Params:
     content["training"] |= {"evaluations": 2}
     content["compute"]["workers"] = workers
     content["evaluate"] |= {"episodes": 4, "baseline_episodes": 4}
-    own = {"trials": trials, "seeds": 2, "share": 0.5, "episodes": 3, "fresh_seeds": 2}
-    content["tuning"] |= own | tuning
     return params_file.check(content)
+
+
+def small_settings(trials: int, **more: Any) -> SearchSettings:
+    """Return the settings of a search of small trainings."""
+    small = {"seeds": 2, "share": 0.5, "episodes": 3, "fresh_seeds": 2}
+    return SearchSettings(trials, **small | more)
 
 
 def project(folder: Path) -> Path:
@@ -51,6 +56,6 @@ if __name__ == "__main__":
     space.RANGES["pgpe"], search.HEARTBEAT, search.GRACE = RANGES, 1, 2
     root, num_trials, storage = [*sys.argv[1:], None][:3]
     with reported():
-        params = small_params(int(num_trials or 0))
+        settings = small_settings(int(num_trials or 0))
         say = partial(print, flush=True)
-        tune.run(Path(root or ""), params, "pgpe", storage=storage, say=say)
+        tune.run(Path(root or ""), small_params(), "pgpe", settings, storage=storage, say=say)

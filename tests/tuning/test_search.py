@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import optuna
 import pytest
-from small_study import RANGES, project, small_params
+from small_study import RANGES, project, small_params, small_settings
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
@@ -32,9 +32,10 @@ def small_and_quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(
-    root: Path, trials: int, sampler: search.SamplerName = "tpe", **more: Any
+    root: Path, trials: int, sampler: search.SamplerName = "tpe", workers: int = 1, **more: Any
 ) -> tuple[Rows, dict[str, Any]]:
-    tune.run(root, small_params(trials, **more), "pgpe", sampler, say=lambda _: None)
+    params, settings = small_params(workers), small_settings(trials, **more)
+    tune.run(root, params, "pgpe", settings, sampler, say=lambda _: None)
     return outcome(root, is_control=sampler == "random")
 
 
@@ -167,7 +168,8 @@ def test_better_settings_become_a_preset(tmp_path: Path, monkeypatch: pytest.Mon
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["sac", "--trials=0"], "--trials: given '0', allowed: 1 or more"),
+        (["sac", "--trials=0"], "--trials: given '0': Input should be greater than or equal to 1"),
+        (["sac", "--target-return=much"], "--target-return: given 'much': "),
         (["sac", "--sampler=grid"], "--sampler: invalid choice: 'grid'"),
         (["random"], "agent: given 'random', allowed: those of dqn, decqn"),
         (["nobody"], "nobody"),

@@ -8,6 +8,7 @@ from jumping_ant.agents.ranges import OneOf
 from jumping_ant.experiment import presets
 from jumping_ant.tuning import space
 from jumping_ant.tuning.space import RANGES, RefusedError, Space, space_of
+from jumping_ant.tuning.task import SearchSettings
 
 LEARNERS = {name: own for name, own in ALGORITHMS.items() if not own.is_baseline}
 FAMILIES = presets.load("families")  # with the agents of params.yaml
@@ -30,7 +31,7 @@ def test_the_present_settings_and_what_is_drawn_can_be_chosen(name: str) -> None
     for _ in range(20):
         trial = study.ask()
         own.suggest(trial)
-        own.agent_with(trial.params, FAMILIES.tuning.share)
+        own.agent_with(trial.params, SearchSettings().share)
 
 
 @pytest.mark.parametrize("algorithm", RANGES)
