@@ -3,7 +3,7 @@
 import os
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 
 import mlflow
@@ -79,10 +79,9 @@ def _own_uri(project: Path) -> str:
 
 @contextmanager
 def _opened_alone(uri: str, project: Path) -> Iterator[None]:
-    """Keep other processes from opening a database meanwhile, and see that it answers.
+    """Keep other processes from opening a database meanwhile, and create its tables.
 
-    The first one that opens it creates the tables, and MLflow leaves a broken database behind if
-    two do so at once. Before it gives up a database, it would try for minutes.
+    MLflow leaves a broken database behind if two processes create its tables at once.
     """
     path = _database(uri)
     if path is not None and not path.name:
@@ -132,10 +131,8 @@ def _database(uri: str) -> Path | None:
 def _is_empty(path: Path) -> bool:
     """Open a database once, and tell if it has no tables; MLflow itself would retry for minutes."""
     try:
-        with sqlite3.connect(path) as connection:
-            (version,) = connection.execute("PRAGMA schema_version").fetchone()
-        connection.close()
-        return bool(version == 0)
+        with closing(sqlite3.connect(path)) as connection:
+            return bool(connection.execute("PRAGMA schema_version").fetchone() == (0,))
     except (sqlite3.Error, OSError) as error:
         if "locked" in str(error):
             raise InputError(f"{path}: in use by another program; try again later") from error
@@ -160,12 +157,7 @@ def _experiment_id(client: MlflowClient, uri: str, project: Path, name: str) -> 
     location = None if is_server(uri) else artifacts_uri(project)
     experiment = client.get_experiment_by_name(name)
     if experiment is None:
-        try:
-            return client.create_experiment(name, location, internals.EXPERIMENT_KIND)
-        except MlflowException:  # another process created it just now
-            experiment = client.get_experiment_by_name(name)
-            if experiment is None:
-                raise
+        return client.create_experiment(name, location, internals.EXPERIMENT_KIND)
     if experiment.lifecycle_stage == "deleted":
         client.restore_experiment(experiment.experiment_id)
     if uri == _own_uri(project) and experiment.artifact_location != location:

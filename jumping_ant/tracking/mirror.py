@@ -17,7 +17,7 @@ from jumping_ant.base.databases import without_password
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
 from jumping_ant.experiment import params_file
-from jumping_ant.tracking import internals, models, pages, studies
+from jumping_ant.tracking import descriptions, internals, models, pages, studies
 from jumping_ant.tracking import records as files
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, is_server, mirrored_alone
@@ -67,8 +67,7 @@ def _mirror(store: Store, comparison: ComparisonRecord, say: Callable[[str], Non
             if record.agent == agent:
                 run, verb = _mirror_seed(store, record, parent)
                 done[verb] += 1
-                if verb != "unchanged":
-                    say(f"{agent} seed {record.seed}: {verb}")
+                _tell(say, f"{agent} seed {record.seed}", verb)
                 if run and record.validation_return is not None:
                     scores[run.info.run_id] = record.validation_return
         # An experiment that DVC runs apart does not change what the workspace's champion is.
@@ -82,38 +81,39 @@ def _mirror_comparison(
     store: Store, comparison: ComparisonRecord, say: Callable[[str], None]
 ) -> Run:
     """Return the run that runs of seeds are nested under, with runs of all seeds of each agent."""
-    key = comparison.key
+    key, note = comparison.key, descriptions.comparison(comparison.results)
     content = Content(
         name=f"comparison-{key[:8]}",
         tags={stores.COMPARISON: key, stores.DVC_STAGE: COMPARE_STAGE},
         metrics=comparison.summary,
         artifacts=comparison.artifacts,
-        aside={pages.NOTE: comparison.note} if comparison.note else {},
+        aside={pages.NOTE: note} if note else {},
     )
     parent, verb = store.settle(content, store.search(f"tags.{stores.COMPARISON} = '{key}'"))
-    if verb != "unchanged":
-        say(f"{content.name}: {verb}")
+    _tell(say, content.name, verb)
     records = {record.agent: record for record in comparison.seeds}
     for agent, entry in comparison.results.get("agents", {}).items():
         if agent not in records:
             continue
         metrics, curve = comparison.over_seeds(agent)
         tags = {stores.AGENT: agent, AGGREGATE: key, stores.ALGORITHM: records[agent].algorithm}
+        place = {stores.PARENT: parent.info.run_id, internals.RUN_COLOUR: records[agent].colour}
         content = Content(
             name=f"{agent}, {int(entry['seeds'])} seeds",
             tags={**tags, stores.DVC_STAGE: COMPARE_STAGE, **internals.UNFOLDED},
             curve=curve,
             metrics=metrics,
-            place={
-                stores.PARENT: parent.info.run_id,
-                internals.RUN_COLOUR: records[agent].colour,
-            },
+            place=place,
         )
         condition = f"tags.{AGGREGATE} = '{key}' and tags.{stores.AGENT} = '{agent}'"
         _, verb = store.settle(content, store.search(condition))
-        if verb != "unchanged":
-            say(f"{content.name}: {verb}")
+        _tell(say, content.name, verb)
     return parent
+
+
+def _tell(say: Callable[[str], None], name: str, verb: str) -> None:
+    if verb != "unchanged":
+        say(f"{name}: {verb}")
 
 
 def _mirror_seed(store: Store, record: SeedRecord, parent: Run | None) -> tuple[Run | None, str]:

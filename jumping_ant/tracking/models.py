@@ -87,7 +87,7 @@ def clear(store: Store, record: SeedRecord, run: Run) -> None:
     kept = {it.info.run_id for it in store.seed_runs(record.agent, record.seed)}
     name, policy = registered_name(record.agent), f"tags.{stores.POLICY_DIGEST} = '{record.digest}'"
     versions = store.client.search_model_versions(f"name = '{name}' and {policy}")
-    (current,) = (it.version for it in versions if it.run_id == run.info.run_id)
+    current = next(it.version for it in versions if it.run_id == run.info.run_id)
     for version in versions:
         if version.run_id not in kept:
             for alias, number in store.client.get_registered_model(name).aliases.items():
@@ -112,7 +112,7 @@ def crown(store: Store, agent: str, scores: Mapping[str, float]) -> str | None:
     if not scores:
         return None
     name, best = registered_name(agent), max(scores, key=lambda run_id: scores[run_id])
-    (version,) = store.client.search_model_versions(f"name = '{name}' and run_id = '{best}'")
+    version, *_ = store.client.search_model_versions(f"name = '{name}' and run_id = '{best}'")
     aliases = store.client.get_registered_model(name).aliases
     if str(aliases.get(CHAMPION)) == str(version.version):
         return None

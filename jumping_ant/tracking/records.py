@@ -175,14 +175,8 @@ class ComparisonRecord:
 
         And the curve of its return while learning, with the interval.
         """
-        points = _points_over_seeds(Paths(self.root))
-        curve = {point: value for name, point, value in points if name == agent}
+        curve = _curve_over_seeds(Paths(self.root).plots / "learning_curves.csv", agent)
         return dict(_over_seeds(self.results["agents"][agent])), curve
-
-    @property
-    def note(self) -> str:
-        """The comparison's results and claims as Markdown."""
-        return descriptions.comparison(self.results)
 
     @cached_property
     def artifacts(self) -> dict[str, Path]:
@@ -262,17 +256,19 @@ def _headlines(results: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
         yield f"probability_of_improvement/{pair.replace('>', '_over_')}", float(chance["p"])
 
 
-def _points_over_seeds(paths: Paths) -> Iterator[tuple[str, Point, float]]:
-    """Yield the agent, metric and step, and value of each point of the agents' learning curves."""
-    path = paths.plots / "learning_curves.csv"
+def _curve_over_seeds(path: Path, agent: str) -> dict[Point, float]:
+    """Return the points of an agent's learning curve over its seeds; {} if there is no table."""
     if not path.exists():
-        return
-    with tables.blamed(path, "compare"):
-        for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines()):
-            if not {"agent", "env_steps", *CURVES_OVER_SEEDS.values()} <= row.keys():
-                raise ValueError(f"given the columns {', '.join(row)}, allowed: those of `compare`")
-            for name, column in CURVES_OVER_SEEDS.items():
-                yield row["agent"], (name, round(float(row["env_steps"]))), float(row[column])
+        return {}
+    with tables.blamed(path, "compare"), path.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if row.get("agent") == agent]
+        if rows and not {"env_steps", *CURVES_OVER_SEEDS.values()} <= rows[0].keys():
+            raise ValueError(f"given the columns {', '.join(rows[0])}, allowed: those of `compare`")
+        return {
+            (name, round(float(row["env_steps"]))): float(row[column])
+            for row in rows
+            for name, column in CURVES_OVER_SEEDS.items()
+        }
 
 
 def _over_seeds(quantities: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

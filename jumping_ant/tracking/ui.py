@@ -2,14 +2,11 @@
 
 Usage: python -m jumping_ant.tracking.ui [--port PORT]
 
-MLflow asks nobody who they are: other users of the machine could upload files, and make them a
-champion that is then loaded. So the address has a token, new at each start. Clients of MLflow send
-it if `MLFLOW_TRACKING_TOKEN` is set to it. If `MLFLOW_TRACKING_URI` names a server, that one has
-the pages, and only the update is made.
+MLflow's server lets in every user of the machine. So the address has a token, new at each start,
+which clients of MLflow send if it is `MLFLOW_TRACKING_TOKEN`. If `MLFLOW_TRACKING_URI` names a
+server, that one has the pages, and only the update is made.
 """
 
-import argparse
-import hmac
 import secrets
 import socket
 from collections.abc import Awaitable, Callable, MutableMapping
@@ -21,6 +18,7 @@ import uvicorn
 from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse
 
+from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
@@ -67,12 +65,12 @@ class WithToken:
         await answer(scope, receive, send)
 
     def _is_token(self, text: str | None) -> bool:
-        return hmac.compare_digest((text or "").encode(), self._token.encode())
+        return secrets.compare_digest((text or "").encode(), self._token.encode())
 
 
 def main() -> None:
     """Parse the command line, update, and serve until Ctrl-C."""
-    parser = argparse.ArgumentParser(prog="python -m jumping_ant.tracking.ui", description=__doc__)
+    parser = command_line.parser(__doc__, "python -m jumping_ant.tracking.ui")
     parser.add_argument("--port", type=int, default=5000)
     port = parser.parse_args().port
     with reported(), suppress(KeyboardInterrupt):

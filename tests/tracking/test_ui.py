@@ -8,7 +8,6 @@ import sys
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,6 +31,10 @@ ui.main()
 CREATE_MODEL = "api/2.0/mlflow/registered-models/create"
 MODEL = b'{"name": "evil"}'
 JSON = {"Content-Type": "application/json"}
+UPGRADE = {
+    **{"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"},
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,7 @@ class Served:
 
     printed: str
     process: subprocess.Popen[str]
+    project: Path  # whose database the tests here may add to
 
     @property
     def address(self) -> str:
@@ -62,45 +66,31 @@ class Served:
         return {"Cookie": f"jumping-ant-{self.port}={self.token}"}
 
 
-@contextmanager
-def running(project: Path) -> Iterator[Served]:
-    process = subprocess.Popen(
-        [sys.executable, "-c", RUN, str(project), "--port", "0"],
-        cwd=project,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-        # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory, tracked_template: Path) -> Iterator[Served]:
+    root = tmp_path_factory.mktemp("served") / "a project"
+    copy_tracked(tracked_template, root)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        unset_variables(monkeypatch)
+        process = subprocess.Popen(
+            [sys.executable, "-c", RUN, str(root), "--port", "0"],
+            cwd=root,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+            # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
     assert process.stdout is not None
     lines = iter(process.stdout.readline, "")
     printed = next((line for line in lines if line.startswith("Look at ")), "")
     try:
         assert printed, process.communicate()[1]
-        yield Served(printed.split()[2], process)
+        yield Served(printed.split()[2], process, root)
     finally:
-        process.terminate()
-        process.communicate(timeout=30)
-
-
-@pytest.fixture(scope="module")
-def own_project(tmp_path_factory: pytest.TempPathFactory, tracked_template: Path) -> Path:
-    """A tracked project, whose database the tests here may add to."""
-    root = tmp_path_factory.mktemp("served") / "a project"
-    copy_tracked(tracked_template, root)
-    return root
-
-
-@pytest.fixture(scope="module")
-def served(own_project: Path) -> Iterator[Served]:
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        unset_variables(monkeypatch)
-        with running(own_project) as served:
-            yield served
-            served.process.send_signal(signal.SIGINT)
-            _, errors = served.process.communicate(timeout=30)
-            assert (served.process.returncode, errors) == (0, ""), "Ctrl-C ends it without a word"
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=30)
+    assert (process.returncode, errors) == (0, ""), "Ctrl-C ends it without a word"
 
 
 def status(
@@ -118,38 +108,38 @@ def status(
         return error.code
 
 
-def test_only_the_address_opens_the_pages(served: Served) -> None:
-    address = served.address
-    assert re.fullmatch(
-        r"http://127\.0\.0\.1:\d+/\?token=[0-9a-f]{32}#/experiments/1/.+", served.printed
-    )
+def test_the_address_opens_the_pages(served: Served) -> None:
+    pattern = r"http://127\.0\.0\.1:\d+/\?token=[0-9a-f]{32}#/experiments/1/.+"
+    assert re.fullmatch(pattern, served.printed)
     with urllib.request.urlopen(served.printed.partition("#")[0], timeout=30) as entrance:
         assert b"location.replace" in entrance.read()
         cookie = entrance.headers["Set-Cookie"]
     assert cookie.startswith(served.cookie["Cookie"] + ";")
     assert "HttpOnly" in cookie and "samesite=lax" in cookie.lower()
-    assert status(address, served.cookie) == status(address, served.bearer) == 200
-    for headers in (
-        {},
-        {"Cookie": f"jumping-ant-{served.port}="},
-        {"Cookie": f"jumping-ant-{served.port + 1}={served.token}"},
-        {"Cookie": f"jumping-ant-{served.port}={served.token[:-1]}\xe9"},
-        {"Authorization": f"Basic {served.token}"},
-        {"Authorization": "Bearer "},
-    ):
-        assert status(address, headers) == 403
-    for place in ("?token=", "?token=%C3%A9%00", f"?Token={served.token}", "health", "%2e%2e/"):
-        assert status(address + place) == 403, place
-    for method in ("HEAD", "OPTIONS", "POST", "DELETE", "STRANGE"):
-        assert status(address, method=method) == 403, method
-    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
-    upgrade["Sec-WebSocket-Key"] = "dGhlIHNhbXBsZSBub25jZQ=="
-    assert status(address, upgrade) == 403
-    assert status(address, upgrade | served.cookie) == 200, "a page, as without the upgrade"
-    with pytest.raises(urllib.error.HTTPError) as caught:
-        urllib.request.urlopen(address, timeout=30)
-    told = caught.value.read().decode()
-    assert told.startswith("Open the address that `make ui` printed") and told.count("\n") == 1
+    assert status(served.address, served.cookie) == status(served.address, served.bearer) == 200
+    assert status(served.address, UPGRADE | served.cookie) == 200, "a page, as without the upgrade"
+
+
+@pytest.mark.parametrize(
+    ("method", "place", "headers"),
+    [
+        ("GET", "", {"Cookie": "jumping-ant-{port}="}),
+        ("GET", "", {"Cookie": "jumping-ant-1{port}={token}"}),
+        ("GET", "", {"Cookie": "jumping-ant-{port}={token}\xe9"}),
+        ("GET", "", {"Authorization": "Basic {token}"}),
+        ("GET", "", {"Authorization": "Bearer "}),
+        ("GET", "", UPGRADE),
+        *(("GET", place, {}) for place in ("?token=%C3%A9%00", "?Token={token}", "health")),
+        ("GET", "%2e%2e/", {}),
+        *((method, "", {}) for method in ("GET", "HEAD", "OPTIONS", "POST", "STRANGE")),
+    ],
+)
+def test_nothing_else_does(
+    method: str, place: str, headers: dict[str, str], served: Served
+) -> None:
+    known = {"port": served.port, "token": served.token}
+    filled = {name: value.format(**known) for name, value in headers.items()}
+    assert status(served.address + place.format(**known), filled, method) == 403
 
 
 def test_pages_of_other_ports_change_nothing(served: Served) -> None:
@@ -163,11 +153,11 @@ def test_pages_of_other_ports_change_nothing(served: Served) -> None:
     assert status(served.address, {**served.bearer, "Host": "evil.example"}) == 403
 
 
-def test_nothing_can_be_uploaded(served: Served, own_project: Path) -> None:
-    files = sorted((own_project / "mlartifacts").rglob("*"))
+def test_nothing_can_be_uploaded(served: Served) -> None:
+    files = sorted((served.project / "mlartifacts").rglob("*"))
     upload = f"{served.address}api/2.0/mlflow-artifacts/artifacts/models/evil.py"
     assert status(upload, served.bearer, "PUT", b"print('hello')") >= 400
-    assert sorted((own_project / "mlartifacts").rglob("*")) == files
+    assert sorted((served.project / "mlartifacts").rglob("*")) == files
 
 
 def test_clients_of_mlflow_bring_the_token(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -178,11 +168,11 @@ def test_clients_of_mlflow_bring_the_token(served: Served, monkeypatch: pytest.M
     assert "jumping-ant" in [experiment.name for experiment in client.search_experiments()]
 
 
-def test_the_token_is_nowhere_that_others_can_look(served: Served, own_project: Path) -> None:
-    family = [psutil.Process(served.process.pid)]
-    family += family[0].children(recursive=True)
-    assert not any(served.token in " ".join(process.cmdline()) for process in family)
-    for path in own_project.rglob("*"):
+def test_the_token_is_nowhere_that_others_can_look(served: Served) -> None:
+    server = psutil.Process(served.process.pid)
+    for process in (server, *server.children(recursive=True)):
+        assert served.token not in " ".join(process.cmdline())
+    for path in served.project.rglob("*"):
         assert not path.is_file() or served.token.encode() not in path.read_bytes()
 
 

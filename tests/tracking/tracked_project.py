@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import socket
 import sqlite3
 import subprocess
 import sys
@@ -27,9 +26,7 @@ from jumping_ant.tracking.mirror import track
 from soak import mlflow_server
 
 AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)
-
 AGGREGATES = tuple(f"{agent}, {len(SEEDS)} seeds" for agent in AGENTS)  # runs of all seeds
-
 HEADER = "agent,seed,env_steps,updates,episodes,return_mean,evaluation_return_mean,loss"
 
 FRESH_PROCESS = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
@@ -253,12 +250,6 @@ def served(folder: Path, database: Path) -> Iterator[str]:
     shutil.copy(database, folder / "mlflow.db")
     with mlflow_server.running(folder, f"sqlite:///{folder / 'mlflow.db'}") as server:
         yield server.uri
-
-
-def free_port() -> int:
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return int(listener.getsockname()[1])
 
 
 def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
