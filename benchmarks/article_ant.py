@@ -3,11 +3,13 @@
 import tempfile
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from gymnasium.envs.mujoco.ant_v5 import AntEnv
 from numpy.typing import NDArray
 
 from benchmarks.settings import default_world
+from jumping_ant.actions import ActionSet
 
 
 class ArticleAnt(AntEnv):
@@ -45,3 +47,23 @@ class ArticleAnt(AntEnv):
         assert term is not None
         reward = term.weight * np.clip((self.data.qpos[2] - term.floor) / term.span, 0.0, 1.0)
         return observation, np.float64(reward), terminated, truncated, info
+
+
+class Commanded(gym.Wrapper):
+    """A step is a command, held for some control steps, as in the article's script for DQN."""
+
+    def __init__(self, env: gym.Env, actions: ActionSet) -> None:
+        super().__init__(env)
+        assert actions.table is not None
+        self._torques, self._hold = actions.table, actions.hold
+        self.action_space = gym.spaces.Discrete(len(self._torques))
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Hold a command, or until the episode ends; return the sum of its rewards."""
+        total = 0.0
+        for _ in range(self._hold):
+            observation, reward, terminated, truncated, info = self.env.step(self._torques[action])
+            total += float(reward)
+            if terminated or truncated:
+                break
+        return observation, total, terminated, truncated, info

@@ -14,10 +14,9 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from benchmarks import evolution
-from benchmarks.article_ant import ArticleAnt
+from benchmarks.article_ant import ArticleAnt, Commanded
 from benchmarks.settings import article_agent, default_world
 from jumping_ant.actions import ActionSet
-from jumping_ant.sim.env import Decisions
 
 STEPS = 300  # of real training, so that networks and optimisers are allocated
 SECONDS_TO_STAY = 3.0  # at the peak, so that it is sampled
@@ -28,7 +27,7 @@ def main() -> None:
     env = ArticleAnt()
     actions = ActionSet.of(article_agent("dqn").actions, default_world().env.commands)
     models: dict[str, OffPolicyAlgorithm] = {
-        "dqn": DQN("MlpPolicy", Decisions(env, actions)),
+        "dqn": DQN("MlpPolicy", Commanded(env, actions)),
         "sac": SAC("MlpPolicy", env),
     }
     for name, model in models.items():

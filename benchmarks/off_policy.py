@@ -9,14 +9,13 @@ from typing import Any
 import torch
 
 from benchmarks.apart import Contender, compare_apart
-from benchmarks.article_ant import ArticleAnt
+from benchmarks.article_ant import ArticleAnt, Commanded
 from benchmarks.measure import Row, rate
 from benchmarks.settings import article_agent, default_world
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents import kernels
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy import trainer
-from jumping_ant.sim.env import Decisions
 
 REPEATS = 5
 STEPS = {"dqn": 1200, "sac": 120}  # control steps per repeat
@@ -74,10 +73,10 @@ def script(
     if num_threads is not None:
         torch.set_num_threads(num_threads)
     agent = article_agent(algorithm)
-    env: ArticleAnt | Decisions = ArticleAnt()
+    env: ArticleAnt | Commanded = ArticleAnt()
     changes: dict[str, Any] = {"policy_kwargs": {"net_arch": list(agent.net_arch)}}
     if algorithm == "dqn":
-        env = Decisions(env, ActionSet.of(agent.actions, default_world().env.commands))
+        env = Commanded(env, ActionSet.of(agent.actions, default_world().env.commands))
         changes |= {"target_update_interval": agent.target_update_interval, **PAST_EXPLORATION}
     else:
         changes |= {"ent_coef": agent.ent_coef}

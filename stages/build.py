@@ -9,7 +9,6 @@ Writes: assets/edited.xml, assets/unedited.xml, assets/robot.json (masses and to
 
 from jumping_ant.base.files import to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.robustness import recorded
 from jumping_ant.sim import robot
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.trajectory import frame_stride
@@ -25,7 +24,6 @@ def main() -> None:
     world = World(xml, settings.env)
     Task(world)  # rejects a task that does not fit the robot, before any training
     frame_stride(float(world.model.opt.timestep), settings.record.fps)
-    recorded.check_film(settings, world.dt)
     paths = Paths()
     write_all(
         {

@@ -7,13 +7,10 @@ Writes: results/agents/AGENT/ (episodes.csv, metrics.json, trajectory.npz, seeds
 """
 
 import filecmp
-from functools import partial
-from itertools import chain
 
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths, SeedPaths
-from jumping_ant.compute import jobs
-from jumping_ant.evaluation import evaluation
+from jumping_ant.evaluation import evaluation, variants
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
@@ -37,10 +34,8 @@ def main() -> None:
     paths = Paths().agent(name)
     world = World(robot.read(PROJECT_ROOT, settings.agent(name).robot), settings.env)
     policies = {seed: load(paths.seed(seed)) for seed in settings.seeds}
-    play = partial(evaluation.play, world, settings, name)
-    rows = chain(*jobs.by_seed(play, policies, settings.compute.workers, name))
-    published = {seed: policy for seed, (policy, _) in policies.items()}
-    evaluated = evaluation.evaluate(world, settings.evaluate, name, published, rows)
+    versions = variants.make(world, settings, name, policies)
+    evaluated = evaluation.evaluate(world, settings, name, versions)
     episodes = evaluated.episodes
     write_all(
         {

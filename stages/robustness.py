@@ -6,14 +6,12 @@ Reads: params `seeds`, `env`, `evaluate`, `robustness`, the agent's `robot` and 
 Writes: results/robustness/AGENT.csv.
 """
 
-from collections import ChainMap
-from functools import partial
-
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.compute import jobs
+from jumping_ant.evaluation import playing
+from jumping_ant.experiment import perturbed
 from jumping_ant.policies import policy_file
-from jumping_ant.robustness import playing, table
+from jumping_ant.robustness import table
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
@@ -25,13 +23,12 @@ def main() -> None:
     name, settings = parse_agent(__doc__)
     paths = Paths().agent(name)
     world = World(robot.read(PROJECT_ROOT, settings.agent(name).robot), settings.env)
-    played = list(playing.cases(settings, name))
+    played = list(perturbed.cases(settings, name))
     policies = {
         seed: policy_file.load(paths.seed(seed).policy, (name, seed))
         for seed in dict.fromkeys(case.seed for case in played)
     }
-    play = partial(playing.play, world, settings, name)
-    returns = ChainMap(*jobs.by_seed(play, policies, settings.compute.workers, name))
+    returns = playing.perturbed_returns(world, settings, name, policies)
     content = table.to_csv(name, played, [returns[case] for case in played])
     write_text(Paths().perturbed(name), content)
 

@@ -1,6 +1,6 @@
 """What the sliders of the live page set, each at a level that shows."""
 
-from jumping_ant.robustness.perturbations import NONE, Condition
+from jumping_ant.sim.perturbations import NONE, Condition
 
 CONDITIONS = [
     NONE,

@@ -12,13 +12,12 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file, scaling_table, variant_names
+from jumping_ant.experiment import params_file, perturbed, scaling_table, variant_names
 from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
 from jumping_ant.params.blocks import CompareParams, EvaluateParams, MarginParams
-from jumping_ant.robustness import playing
 from jumping_ant.robustness import table as robustness_table
-from jumping_ant.robustness.perturbations import Condition
+from jumping_ant.sim.perturbations import Condition
 from jumping_ant.sim.trajectory import Trajectory
 
 COMPARE = CompareParams(
@@ -89,7 +88,7 @@ def write_perturbed(
 ) -> None:
     """Write perturbed episodes: a share, by agent, condition and number of the seed, of 1,000."""
     for name in params.agents:
-        played = list(playing.cases(params, name))
+        played = list(perturbed.cases(params, name))
         returns = [
             1000 * kept(name, case.condition, params.seeds.index(case.seed)) for case in played
         ]

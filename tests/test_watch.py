@@ -79,7 +79,8 @@ def test_without_a_display_the_live_page_is_named(root: Path) -> None:
 def test_episodes_are_those_of_the_evaluation(root: Path, robot_xml: str) -> None:
     params = params_file.load(root / "params.yaml")
     seeds = params.evaluate.block(30)[:2]
-    expected = rollout.returns(World(robot_xml, params.env), [(POLICY, seed) for seed in seeds])
+    plays = [rollout.Play(POLICY, seed) for seed in seeds]
+    expected = rollout.returns(World(robot_xml, params.env), plays)
     server = subprocess.Popen(["Xvfb", "-displayfd", "1"], stdout=subprocess.PIPE, encoding="ascii")
     with server, started(root, f":{server.stdout.readline().strip()}") as watching:
         lines = [watching.stdout.readline() for _ in seeds]

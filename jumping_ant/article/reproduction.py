@@ -198,7 +198,8 @@ def play(
     for step in range(num_steps):
         if step % hold == 0:
             torques = act(observations)
-        observations, rewards[:, step], *_ = envs.step(torques)
+        observations, outcome, *_ = envs.advance(torques)
+        rewards[:, step] = outcome.rewards
     envs.close()
     return rewards
 

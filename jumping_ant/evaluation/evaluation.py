@@ -24,8 +24,9 @@ A state that is not finite ends its episode and is left out of the measures. Jum
 defined in `jumping_ant.evaluation.motion`.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -34,7 +35,7 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from jumping_ant.evaluation import motion, playing, variants
+from jumping_ant.evaluation import motion, playing
 from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.episodes import EPISODE_KEYS
 from jumping_ant.experiment.models import Params
@@ -46,9 +47,6 @@ from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Episode, Play
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
-
-Row = dict[str, Any]
-"""An episode: whose it is, of which version of the policy, and what is measured of it."""
 
 
 @dataclass(frozen=True)
@@ -67,99 +65,36 @@ class Evaluation:
 
 
 def evaluate(
-    world: World,
-    settings: EvaluateParams,
-    agent: str,
-    published: Mapping[int, Policy],
-    rows: Iterable[Row],
+    world: World, params: Params, agent: str, versions: Mapping[int, Mapping[str, Policy]]
 ) -> Evaluation:
-    """Return what an agent's episodes say, of which the median one is simulated again.
-
-    Args:
-        world: The robot and the task.
-        settings: The held-out episodes.
-        agent: The agent's name.
-        published: Each seed's published policy.
-        rows: The episodes, seed by seed (see `play`).
-    """
-    table = pd.DataFrame(rows)
-    is_published = table["variant"] == PUBLISHED
-    episodes = table[is_published].drop(columns="variant").reset_index(drop=True)
-    middle = episodes["return"].argsort(kind="stable").iloc[(len(episodes) - 1) // 2]
-    seed, number = (int(episodes[name].iloc[middle]) for name in ("seed", "episode"))
-    (played,) = rollout.run(world, published[seed], [settings.block(seed)[number]])
-    median = replay(world, played, agent, seed, number)
-    return Evaluation(episodes, _means_of_variants(table[~is_published]), median)
-
-
-def play(
-    world: World,
-    params: Params,
-    agent: str,
-    policies: Mapping[int, tuple[Policy, Policy]],
-    num_threads: int,
-) -> list[Row]:
-    """Play the held-out episodes of some seeds' policies and of all their variants.
+    """Play the held-out episodes of all versions of each seed's policy, and the median one again.
 
     Args:
         world: The robot and the task.
         params: All parameters.
         agent: The agent's name.
-        policies: Each seed's published policy, and its policy at the end of training.
-        num_threads: Threads that step the simulations; nothing depends on it.
+        versions: Versions of each seed's policy by name; one of them is `PUBLISHED`.
     """
-    block, start = params.agent(agent), params.training.evaluation_seed
-    published, final = ({seed: own[i] for seed, own in policies.items()} for i in (0, 1))
-    others = variants.make(world, agent, block.algorithm, published, final, start, num_threads)
-    versions = {seed: {PUBLISHED: policy} | others[seed] for seed, policy in published.items()}
-    num_episodes = variant_names.num_episodes(block, params.evaluate)
-    return play_versions(world, params.evaluate, agent, versions, num_episodes, num_threads)
-
-
-def play_versions(
-    world: World,
-    settings: EvaluateParams,
-    agent: str,
-    policies: Mapping[int, Mapping[str, Policy]],
-    num_episodes: Mapping[str, int],
-    num_threads: int = 1,
-) -> list[Row]:
-    """Play the held-out episodes of given versions of each seed's policy, side by side.
-
-    Args:
-        world: The robot and the task.
-        settings: The held-out episodes.
-        agent: The agent's name.
-        policies: Versions of each seed's policy by name; one of them is `PUBLISHED`.
-        num_episodes: On how many episodes of a seed's block each version is played.
-        num_threads: Threads that step the simulations; nothing depends on it.
-    """
-    keys: list[Row] = []
-    plays: list[Play] = []
-    for seed, versions in policies.items():
-        for version, policy in versions.items():
-            block = settings.block(seed)[: num_episodes[version]]
-            for number, start in enumerate(block):
+    num_episodes = variant_names.num_episodes(params.agent(agent), params.evaluate)
+    keys: list[dict[str, Any]] = []
+    plays: dict[int, list[Play]] = {seed: [] for seed in versions}
+    for seed, policies in versions.items():
+        for version, policy in policies.items():
+            for number, start in enumerate(params.evaluate.block(seed)[: num_episodes[version]]):
                 keys.append(
                     {"seed": seed, "variant": version, "episode": number, "episode_seed": start}
                 )
-                plays.append((policy, start))
-    measured = _measured(world, settings, agent, plays, num_threads)
-    return [key | own for key, own in zip(keys, measured, strict=True)]
-
-
-def _measured(
-    world: World, settings: EvaluateParams, agent: str, plays: Sequence[Play], num_threads: int
-) -> list[dict[str, float]]:
-    """Return the quantities of episodes; those of the same policy and start run once."""
-    keys = [(id(policy), start) for policy, start in plays]
-    different = dict(zip(keys, plays, strict=True))
-    episodes = playing.play(world, list(different.values()), agent, "held-out", num_threads)
-    measured = {
-        key: measure(world, settings, episode)
-        for key, episode in zip(different, episodes, strict=True)
-    }
-    return [measured[key] for key in keys]
+                plays[seed].append(Play(policy, start))
+    of_episode, workers = partial(measure, world, params.evaluate), params.compute.workers
+    measured = playing.play(world, agent, "held-out", plays, of_episode, workers)
+    table = pd.DataFrame(key | values for key, values in zip(keys, measured, strict=True))
+    is_published = table["variant"] == PUBLISHED
+    episodes = table[is_published].drop(columns="variant").reset_index(drop=True)
+    middle = episodes["return"].argsort(kind="stable").iloc[(len(episodes) - 1) // 2]
+    seed, number = (int(episodes[name].iloc[middle]) for name in ("seed", "episode"))
+    (played,) = rollout.run(world, versions[seed][PUBLISHED], [params.evaluate.block(seed)[number]])
+    median = replay(world, played, agent, seed, number)
+    return Evaluation(episodes, _means_of_variants(table[~is_published]), median)
 
 
 def _means_of_variants(table: pd.DataFrame) -> pd.DataFrame:
@@ -200,7 +135,7 @@ def measure(world: World, settings: EvaluateParams, episode: Episode) -> dict[st
     change = np.diff(episode.torques, axis=0)
     return {
         "length": len(episode.rewards),
-        "return": float(episode.rewards.sum()),
+        "return": episode.total(),
         **_returns_of_terms(episode),
         "peak_height": float(heights.max()),
         "apex": motion.apex(heights, jumps),
@@ -262,7 +197,7 @@ def replay(world: World, episode: Episode, agent: str, seed: int, number: int) -
         agent=agent,
         seed=seed,
         episode=number,
-        episode_return=float(episode.rewards.sum()),
+        episode_return=episode.total(),
         timestep=float(world.model.opt.timestep),
         frame_skip=frame_skip,
     )

@@ -23,10 +23,12 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.base.seeding import derive
 from jumping_ant.evaluation import playing
 from jumping_ant.experiment import variant_names
-from jumping_ant.experiment.models import SELECTION_EPISODES
+from jumping_ant.experiment.models import SELECTION_EPISODES, Params
+from jumping_ant.experiment.variant_names import PUBLISHED
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy, Stateless
+from jumping_ant.sim.rollout import Episode, Play
 from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
@@ -76,34 +78,27 @@ class NearestLevels(Stateless):
 
 
 def make(
-    world: World,
-    agent: str,
-    algorithm: str,
-    published: Mapping[int, Policy],
-    final: Mapping[int, Policy],
-    validation_seed: int,
-    num_threads: int = 1,
+    world: World, params: Params, agent: str, policies: Mapping[int, tuple[Policy, Policy]]
 ) -> dict[int, dict[str, Policy]]:
-    """Return the variants of each seed's published policy, by name.
+    """Return each seed's published policy and its variants, by name.
 
     Args:
         world: The robot and the task.
+        params: All parameters.
         agent: The agent's name.
-        algorithm: What trained the policies.
-        published: Each seed's published policy.
-        final: Each seed's policy at the end of training.
-        validation_seed: Seed of the first episode by which best samples are chosen.
-        num_threads: Threads that step the simulations; nothing depends on it.
+        policies: Each seed's published policy, and its policy at the end of training.
     """
-    samples = {}
+    algorithm, samples = params.agent(agent).algorithm, dict[int, Policy]()
     if algorithm in variant_names.SAMPLED:
-        samples = _best_samples(world, agent, final, validation_seed, num_threads)
+        samples = _best_samples(
+            world, params, agent, {seed: final for seed, (_, final) in policies.items()}
+        )
     variants = {}
-    for seed, policy in published.items():
-        made = {"final": final[seed], **_discrete(policy, world.env)}
+    for seed, (published, final) in policies.items():
+        made = {"final": final, **_discrete(published, world.env)}
         made |= {"best_sample": samples[seed]} if samples else {}
-        names = variant_names.names(algorithm, policy.actions.chooses_torques)
-        variants[seed] = {name: made[name] for name in names}
+        names = variant_names.names(algorithm, published.actions.chooses_torques)
+        variants[seed] = {PUBLISHED: published} | {name: made[name] for name in names}
     return variants
 
 
@@ -120,10 +115,11 @@ def _discrete(policy: Policy, env: EnvParams) -> dict[str, Policy]:
 
 
 def _best_samples(
-    world: World, agent: str, final: Mapping[int, Policy], validation_seed: int, num_threads: int
+    world: World, params: Params, agent: str, final: Mapping[int, Policy]
 ) -> dict[int, Policy]:
     """Return the best of each seed's samples: after a few episodes, finalists play the others."""
-    episodes = range(validation_seed, validation_seed + SELECTION_EPISODES)
+    first_seed = params.training.evaluation_seed
+    episodes = range(first_seed, first_seed + SELECTION_EPISODES)
     samples: dict[int, list[Policy]] = {}
     for seed, policy in final.items():
         if not isinstance(policy, LinearPolicy):
@@ -133,10 +129,13 @@ def _best_samples(
 
     def totals(played: Mapping[int, Sequence[Policy]], starts: range) -> Array:
         """Return sums of returns, shape (num_seeds, policies of each)."""
-        plays = [(one, start) for own in played.values() for one in own for start in starts]
-        episodes = playing.play(world, plays, agent, "validation", num_threads)
-        returns = np.array([episode.rewards.sum() for episode in episodes])
-        return np.asarray(returns.reshape(len(played), -1, len(starts)).sum(axis=2))
+        plays = {
+            seed: [Play(one, start) for one in own for start in starts]
+            for seed, own in played.items()
+        }
+        workers = params.compute.workers
+        returns = playing.play(world, agent, "validation", plays, Episode.total, workers)
+        return np.array(returns).reshape(len(played), -1, len(starts)).sum(axis=2)
 
     first = totals(samples, episodes[:FIRST_EPISODES])
     ranks = np.argsort(-first, axis=1, kind="stable")[:, :NUM_FINALISTS]

@@ -312,7 +312,7 @@ Substeps = Annotated[list[Annotated[int, Field(ge=1, le=1000)]], Field(max_lengt
 class PerturbationParams(Block):
     """Levels of each perturbation, from mild to severe; one without levels is not played.
 
-    `jumping_ant.robustness.perturbations` applies them.
+    `jumping_ant.sim.perturbations` applies them.
     """
 
     torso_mass: Masses = Field(default=[])

@@ -12,8 +12,8 @@ from jumping_ant.comparison.claims.statements import Row, Table
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.models import Params
 from jumping_ant.robustness import retention
-from jumping_ant.robustness.perturbations import NAMES, SENSING, Condition
 from jumping_ant.robustness.retention import Returns
+from jumping_ant.sim.perturbations import NAMES, SENSING, Condition
 
 Played = Mapping[str, Returns]
 """What each agent returns under each condition."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from jumping_ant.comparison.estimates import Estimate, estimate_iqm
 from jumping_ant.experiment.models import Params
-from jumping_ant.robustness.perturbations import NAMES, NONE, Array, Condition
+from jumping_ant.sim.perturbations import NAMES, NONE, Array, Condition
 
 HALF = 0.5
 

@@ -11,8 +11,8 @@ from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.models import Params
 from jumping_ant.robustness import claims, retention, table
-from jumping_ant.robustness.perturbations import NONE, Array, Condition
 from jumping_ant.robustness.retention import Returns
+from jumping_ant.sim.perturbations import NONE, Array, Condition
 
 
 def summarize(root: Path, params: Params, results: Mapping[str, AgentResults]) -> dict[str, Any]:

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import EPISODE_SEED, SEED, Column
+from jumping_ant.experiment import perturbed
 from jumping_ant.experiment.models import Params
-from jumping_ant.robustness import playing
-from jumping_ant.robustness.perturbations import NAMES, NONE, Condition
-from jumping_ant.robustness.playing import Case
+from jumping_ant.experiment.perturbed import Case
+from jumping_ant.sim.perturbations import NAMES, NONE, Condition
 
 DIGITS = 2  # of the returns
 COLUMNS = {
@@ -43,7 +43,7 @@ def to_csv(agent: str, played: Sequence[Case], returns: Sequence[float]) -> str:
 def read(root: Path, params: Params, agent: str) -> dict[Condition, NDArray[np.float64]]:
     """Read each seed's mean return under each condition, (num_seeds,); {} if it was not played."""
     path, stage = Paths(root).perturbed(agent), f"robustness@{agent}"
-    asked = list(playing.cases(params, agent))
+    asked = list(perturbed.cases(params, agent))
     table = tables.read(path, stage, {"agent": agent}, COLUMNS, has_rows=bool(asked))
     if not asked:
         return {}
@@ -56,8 +56,8 @@ def read(root: Path, params: Params, agent: str) -> dict[Condition, NDArray[np.f
         ]
         returns = tables.exactly(table, keys, *list(COLUMNS)[:-1])["return"]
     means: dict[Condition, NDArray[np.float64]] = {}
-    for condition in playing.conditions(params.robustness):
-        count = len(params.seeds) * playing.num_episodes(params, condition)
+    for condition in perturbed.conditions(params.robustness):
+        count = len(params.seeds) * perturbed.num_episodes(params, condition)
         means[condition] = returns[:count].reshape(len(params.seeds), -1).mean(axis=1)
         returns = returns[count:]
     return means

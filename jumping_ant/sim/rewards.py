@@ -5,9 +5,8 @@ A term is a function of the step and of its settings, which are the block of the
 its settings in `jumping_ant.params.blocks.RewardParams`, and a test.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,7 @@ Array = NDArray[np.float64]
 PREFIX = "reward_"  # of term names in `info`, in tables and in recorded episodes
 
 
-@dataclass(frozen=True, eq=False)
-class ControlStep:
+class ControlStep(NamedTuple):
     """A control step of n simulations, as the terms see it.
 
     Attributes:
@@ -76,21 +74,12 @@ TERMS: dict[str, Callable[[ControlStep, Any], Array]] = {
 }
 
 
-def active(params: RewardParams) -> list[str]:
-    """Return the names of the terms that count, in the order in which they are summed."""
+def active(params: RewardParams) -> dict[str, Any]:
+    """Return the settings of the terms that count, in the order in which they are summed."""
     settings = {name: getattr(params, name) for name in TERMS}
-    return [name for name, own in settings.items() if own is not None and own.weight]
+    return {name: term for name, term in settings.items() if term is not None and term.weight}
 
 
-def terms(step: ControlStep, params: RewardParams) -> dict[str, Array]:
-    """Return what each term that counts adds to the reward.
-
-    Args:
-        step: The control step.
-        params: Settings and weights.
-
-    Returns:
-        Weighted values, shape (n,) each, by name.
-    """
-    settings = {name: getattr(params, name) for name in active(params)}
-    return {name: own.weight * TERMS[name](step, own) for name, own in settings.items()}
+def terms(step: ControlStep, settings: Mapping[str, Any]) -> dict[str, Array]:
+    """Return the weighted values of the terms with these settings, shape (n,) each, by name."""
+    return {name: term.weight * TERMS[name](step, term) for name, term in settings.items()}

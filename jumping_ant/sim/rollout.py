@@ -2,25 +2,33 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from jumping_ant.policies.policy import Policy
+from jumping_ant.sim import perturbations
+from jumping_ant.sim.perturbations import NONE, Condition
 from jumping_ant.sim.rewards import PREFIX, active
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Play = tuple[Policy, int]
-"""A policy, and the seed of an episode that it plays."""
 
 LARGEST_BATCH = 256  # episodes; a step of more is no faster for each
 LARGEST_RECORD = 2**25  # numbers that are kept of the episodes of a batch: 256 MiB
+
+
+class Play(NamedTuple):
+    """An episode to play: by whom, from where, and what disturbs it."""
+
+    policy: Policy
+    start: int  # seed of the start state
+    condition: Condition = NONE
 
 
 class Transition(NamedTuple):
@@ -80,14 +88,18 @@ class Episode:
     airborne: Mask
     terminated: bool
 
+    def total(self) -> float:
+        """Return the sum of the rewards."""
+        return float(self.rewards.sum())
+
 
 def run(world: World, policy: Policy, seeds: Sequence[int], num_threads: int = 1) -> list[Episode]:
     """Run one episode of a policy for each seed, and return them in that order."""
-    return list(play(world, [(policy, seed) for seed in seeds], num_threads))
+    return list(play(world, [Play(policy, seed) for seed in seeds], num_threads))
 
 
 def play(world: World, plays: Sequence[Play], num_threads: int = 1) -> Iterator[Episode]:
-    """Run an episode of each policy that is given with a seed, and yield them in that order.
+    """Run episodes and yield them in their order.
 
     They run side by side, as many as `LARGEST_RECORD` allows; no episode depends on those beside
     it. The policies hold their choices for equally long. An episode that is kept keeps those that
@@ -102,7 +114,7 @@ def play(world: World, plays: Sequence[Play], num_threads: int = 1) -> Iterator[
 
 def returns(world: World, plays: Sequence[Play], num_threads: int = 1) -> Array:
     """Return the sum of the rewards of each episode (see `play`), shape (num_episodes,)."""
-    return np.array([episode.rewards.sum() for episode in play(world, plays, num_threads)])
+    return np.array([episode.total() for episode in play(world, plays, num_threads)])
 
 
 class SideBySide:
@@ -110,11 +122,11 @@ class SideBySide:
 
     def __init__(self, plays: Sequence[Play]) -> None:
         rows = defaultdict(list)
-        for row, (policy, _) in enumerate(plays):
-            rows[id(policy)].append(row)
-        self._parts = [(plays[own[0]][0], np.array(own)) for own in rows.values()]
+        for row, play in enumerate(plays):
+            rows[id(play.policy)].append(row)
+        self._parts = [(plays[own[0]].policy, np.array(own)) for own in rows.values()]
         for policy, own in self._parts:
-            policy.start([plays[row][1] for row in own])
+            policy.start([plays[row].start for row in own])
         holds = {policy.actions.hold for policy, _ in self._parts}
         if len(holds) > 1:
             raise ValueError(f"given choices held for {sorted(holds)} control steps, allowed: one")
@@ -131,8 +143,10 @@ class SideBySide:
 
 def _together(world: World, plays: Sequence[Play], num_threads: int) -> list[Episode]:
     count, horizon, anatomy = len(plays), world.env.max_episode_steps, world.anatomy
-    envs = RobotVectorEnv(world, count, num_threads, AutoresetMode.DISABLED)
-    observations, _ = envs.reset(seed=[seed for _, seed in plays])
+    starts = [play.start for play in plays]
+    conditions = [play.condition for play in plays]
+    envs = perturbations.environments(world, conditions, starts, num_threads)
+    observations, _ = envs.reset(seed=starts)
     policies = SideBySide(plays)
     start_qpos, start_qvel = envs.qpos.copy(), envs.qvel.copy()
     qpos = np.empty((horizon, count, anatomy.num_positions))
@@ -142,13 +156,15 @@ def _together(world: World, plays: Sequence[Play], num_threads: int) -> list[Epi
     airborne = np.empty((horizon, count), dtype=np.bool_)
     lengths = np.zeros(count, dtype=np.int64)
     fell = np.zeros(count, dtype=np.bool_)
-    for number, step in enumerate(steps(envs, observations, policies.act, policies.hold)):
-        torques[number], rewards[number] = step.actions, step.rewards
-        for name, values in terms.items():
-            values[number] = step.infos[PREFIX + name]
-        qpos[number], qvel[number], airborne[number] = envs.qpos, envs.qvel, envs.airborne
-        lengths += step.alive
-        fell |= step.terminated
+    is_usual = all(condition == NONE for condition in conditions)
+    with nullcontext() if is_usual else perturbations.silence():
+        for number, step in enumerate(steps(envs, observations, policies.act, policies.hold)):
+            torques[number], rewards[number] = step.actions, step.rewards
+            for name, values in terms.items():
+                values[number] = step.infos[PREFIX + name]
+            qpos[number], qvel[number], airborne[number] = envs.qpos, envs.qvel, envs.airborne
+            lengths += step.alive
+            fell |= step.terminated
     return [
         Episode(
             start_qpos[i],

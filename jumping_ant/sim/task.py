@@ -33,8 +33,7 @@ Noise of the start state, observation and the lower limit of height are those of
 without contact forces.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -48,22 +47,12 @@ from jumping_ant.sim.world import World
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
+class Outcome(NamedTuple):
     """Result of a control step in n simulations."""
 
     rewards: Array  # (n,)
     terms: dict[str, Array]  # contribution of each term to the reward, (n,) each
     terminated: NDArray[np.bool_]  # whether the episode ended, (n,)
-
-
-def action_space(actions: ActionSet, num_motors: int) -> gym.Space[Any]:
-    """Return the space of one choice from an action set."""
-    if actions.table is not None:
-        return gym.spaces.Discrete(len(actions.table))
-    if actions.levels is not None:
-        return gym.spaces.MultiDiscrete([actions.levels] * num_motors)
-    return gym.spaces.Box(-1.0, 1.0, (num_motors,), np.float32)
 
 
 class Task:
@@ -84,6 +73,7 @@ class Task:
         self.params = world.env
         self.anatomy = world.anatomy
         self.dt = world.dt
+        self._terms = rewards.active(world.env.reward)
         self._start_qpos = world.model.qpos0.copy()
         if (width := len(world.env.commands[0])) != self.anatomy.num_motors:
             raise InputError(
@@ -98,7 +88,11 @@ class Task:
 
     def action_space(self, actions: ActionSet) -> gym.Space[Any]:
         """Return the space of one choice from an action set."""
-        return action_space(actions, self.anatomy.num_motors)
+        if actions.table is not None:
+            return gym.spaces.Discrete(len(actions.table))
+        if actions.levels is not None:
+            return gym.spaces.MultiDiscrete([actions.levels] * self.anatomy.num_motors)
+        return gym.spaces.Box(-1.0, 1.0, (self.anatomy.num_motors,), np.float32)
 
     def observe(self, qpos: Array, qvel: Array) -> Array:
         """Return the observation of each state.
@@ -171,7 +165,7 @@ class Task:
         step = rewards.ControlStep(
             self.anatomy, qpos, qvel, heights, travel / self.dt, torques, contacts, terminated
         )
-        terms = rewards.terms(step, params.reward)
+        terms = rewards.terms(step, self._terms)
         if not finite.all():
             for values in terms.values():
                 values[~finite] = 0.0

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,6 +11,15 @@ from numpy.typing import NDArray
 from jumping_ant.base.archive import Archive, from_array, pack, to_array
 from jumping_ant.base.errors import InputError
 from jumping_ant.sim.rewards import PREFIX
+
+SCALARS = {
+    "agent": str,
+    "seed": int,
+    "episode": int,
+    "episode_return": float,
+    "timestep": float,
+    "frame_skip": int,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +46,13 @@ class Trajectory:
                 f"{self.timestep} s; allowed: at least one of each, of a positive duration"
             )
         rows = steps * self.frame_skip + 1
-        arrays = {"qpos": self.qpos, "qvel": self.qvel, "torques": self.torques}
-        for name, array in arrays.items():
-            length = steps if name == "torques" else rows
-            if array.ndim != 2 or len(array) != length:
-                raise ValueError(f"{name}: given shape {array.shape}, allowed: {length} rows")
-        series = {"rewards": self.rewards} | {
-            PREFIX + name: term for name, term in self.terms.items()
-        }
-        for name, array in series.items():
-            if array.shape != (steps,):
-                raise ValueError(f"{name}: given shape {array.shape}, allowed: {(steps,)}")
+        for name, length in {"qpos": rows, "qvel": rows, "torques": steps}.items():
+            shape = getattr(self, name).shape
+            if len(shape) != 2 or shape[0] != length:
+                raise ValueError(f"{name}: given shape {shape}, allowed: {length} rows")
+        for name, values in {"rewards": self.rewards, **self.terms}.items():
+            if values.shape != (steps,):
+                raise ValueError(f"{name}: given shape {values.shape}, allowed: {(steps,)}")
 
     def check(self, model: mujoco.MjModel) -> None:
         """Raise an InputError unless the trajectory fits a robot."""
@@ -93,26 +99,17 @@ def load(path: Path) -> Trajectory:
     """Read a trajectory."""
     try:
         archive = Archive(path.read_bytes())
-
-        def read(name: str) -> NDArray[np.float64]:
-            return to_array(archive[f"{name}.npy"]).astype(np.float64, copy=False)
-
-        names = [name.removesuffix(".npy") for name in archive]
-        return Trajectory(
-            qpos=read("qpos"),
-            qvel=read("qvel"),
-            torques=read("torques"),
-            rewards=read("rewards"),
-            terms={
-                name.removeprefix(PREFIX): read(name) for name in names if name.startswith(PREFIX)
-            },
-            agent=str(to_array(archive["agent.npy"])),
-            seed=int(read("seed")),
-            episode=int(read("episode")),
-            episode_return=float(read("episode_return")),
-            timestep=float(read("timestep")),
-            frame_skip=int(read("frame_skip")),
-        )
+        values = {name.removesuffix(".npy"): to_array(archive[name]) for name in archive}
+        scalars = {name: kind(values.pop(name)) for name, kind in SCALARS.items()}
+        arrays: dict[str, Any] = {
+            name: array.astype(np.float64, copy=False) for name, array in values.items()
+        }
+        terms = {
+            name.removeprefix(PREFIX): arrays.pop(name)
+            for name in list(arrays)
+            if name.startswith(PREFIX)
+        }
+        return Trajectory(**arrays, terms=terms, **scalars)
     except Exception as error:  # any error here means that the file is missing or damaged
         reason = " ".join(str(error).split())
         raise InputError(f"trajectory: cannot read {path}: {reason}") from error

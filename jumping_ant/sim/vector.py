@@ -5,7 +5,7 @@ draws its episodes' noise from its own generator, seeded with the `i`-th given s
 not depend on the number of environments that run together or on the number of threads.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -21,11 +21,12 @@ from jumping_ant.sim import rewards
 from jumping_ant.sim.task import Outcome, Task
 from jumping_ant.sim.world import World
 
+Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]]):
-    """A batch of `RobotEnv` environments with Gymnasium's vector API.
+class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
+    """A batch of environments with Gymnasium's vector API.
 
     The contents of `infos` and its masks `_<key>` are those of `SyncVectorEnv` in each autoreset
     mode:
@@ -34,7 +35,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
       observation is in `infos["final_obs"]` and its last info in `infos["final_info"]`.
     - NEXT_STEP: the step after an end ignores the action and starts an episode instead.
     - DISABLED: `reset(options={"reset_mask": ...})` restarts the environments in a mask; until
-      then, ended environments continue to simulate.
+      then, ended environments stand still.
 
     Args:
         world: The robot and the task.
@@ -50,6 +51,13 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         task: The task, with the robot's anatomy.
         batch: MuJoCo's batch of simulations.
         generators: Generator of each environment's noise.
+        substeps: Simulation steps of each environment in a control step, (num_envs,); None if all
+            take `env.frame_skip`.
+        on_reset: Hooks of perturbations (see `jumping_ant.sim.perturbations`), which need a batch
+            without autoreset that is always reset as a whole: what they do to start states.
+        before_step: What they make of the torques over peak torques of each control step,
+            (num_envs, num_motors).
+        on_observe: What they make of the observations, (num_envs, num_observations).
 
     Raises:
         InputError: The XML is not a robot, or the task does not fit it.
@@ -81,6 +89,10 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         self._ctrl = self.batch.bind("ctrl")
         self._contacts = self.batch.bind("ncon")
         self._torso_x = self.batch.bind("xpos")[:, self.task.anatomy.torso, 0]
+        self.substeps: NDArray[np.int64] | None = None
+        self.on_reset: list[Callable[[], None]] = []
+        self.before_step: list[Callable[[Array], Array]] = []
+        self.on_observe: list[Callable[[Array], Array]] = []
         self._last_x = self._torso_x.copy()  # saved separately: MuJoCo's `xpos` is a substep late
         self.generators = [np.random.default_rng() for _ in range(num_envs)]
         self._num_steps = np.zeros(num_envs, dtype=np.int64)
@@ -104,7 +116,7 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+    ) -> tuple[Array, dict[str, Any]]:
         """Start an episode in every environment, or in those of `options["reset_mask"]`.
 
         Args:
@@ -123,16 +135,16 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         if seeds is not None:
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed: given {len(seeds)} seeds, allowed: {self.num_envs}")
-            for index, own_seed in enumerate(seeds):
-                if mask[index] and own_seed is not None:
-                    self.generators[index], _ = gym.utils.seeding.np_random(own_seed)
+            for index, start in enumerate(seeds):
+                if mask[index] and start is not None:
+                    self.generators[index], _ = gym.utils.seeding.np_random(start)
         self._start_episodes(np.flatnonzero(mask))
-        observations = self.task.observe(self.qpos, self.qvel)
-        return observations, _masked({"torso_height": self._heights()}, mask)
+        for disturb in self.on_reset:
+            disturb()
+            self._last_x = self._torso_x.copy()
+        return self._observe(), _masked({"torso_height": self._heights()}, mask)
 
-    def step(
-        self, actions: NDArray[Any]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask, Mask, dict[str, Any]]:
+    def step(self, actions: NDArray[Any]) -> tuple[Array, Array, Mask, Mask, dict[str, Any]]:
         """Hold each row's action for `actions.hold` control steps.
 
         If an environment's episode ends within them, the step returns the values at that end.
@@ -146,15 +158,20 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
             (num_envs,), and infos with `reward_<term>` and `torso_height` [m], (num_envs,) each.
             Rewards are sums over the control steps.
         """
-        restarted = self._has_ended.copy() if self._autoreset is AutoresetMode.NEXT_STEP else None
-        if restarted is not None and restarted.any():
-            return self._step_the_others(actions, restarted)
-        observations, outcome, truncations, heights = self._hold(actions, None)
-        everywhere = np.ones(self.num_envs, dtype=np.bool_)
-        infos = _masked(_reward_infos(outcome), everywhere)
-        infos |= _masked({"torso_height": heights}, everywhere)
+        everywhere = stepped = np.ones(self.num_envs, dtype=np.bool_)
+        resting = self._has_ended.copy() if self._has_ended.any() else None
+        restarts = self._autoreset is AutoresetMode.NEXT_STEP
+        if resting is not None and restarts:
+            self._start_episodes(np.flatnonzero(resting))
+        observations, outcome, truncations, heights = self.advance(actions, resting)
+        if resting is not None and restarts:
+            outcome.rewards[resting] = 0.0
+            outcome.terminated[resting] = truncations[resting] = False
+            stepped = ~resting
         done = outcome.terminated | truncations
-        self._has_ended = done.copy()
+        self._has_ended |= done
+        infos = _masked(_reward_infos(outcome), stepped)
+        infos |= _masked({"torso_height": heights}, everywhere)
         if self._autoreset is AutoresetMode.SAME_STEP and done.any():
             final = np.full(self.num_envs, None, dtype=object)
             for index in np.flatnonzero(done):
@@ -167,6 +184,70 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
             infos |= {"final_obs": final, "_final_obs": done.copy()}
             infos |= {"final_info": last, "_final_info": done.copy()}
         return observations, outcome.rewards, outcome.terminated, truncations, infos
+
+    def advance(
+        self, actions: NDArray[Any], resting: Mask | None = None
+    ) -> tuple[Array, Outcome, Mask, Array]:
+        """Hold each row's action as `step` does, but go on after the ends of episodes.
+
+        Args:
+            actions: As in `step`.
+            resting: Environments that stand still, shape (num_envs,); None for none.
+
+        Returns:
+            Observations, the outcome, truncations, and heights of the torsos [m].
+        """
+        torques = np.asarray(self.actions.torques(actions), dtype=np.float64)
+        observations, outcome, truncations = self._control_step(torques, resting)
+        heights = self._heights()
+        for _ in range(self.actions.hold - 1):
+            alive = ~(outcome.terminated | truncations)
+            if resting is not None:
+                alive &= ~resting
+            if not alive.any():
+                break
+            after, then, truncated = self._control_step(torques, ~alive)
+            observations[alive], heights[alive] = after[alive], self._heights()[alive]
+            outcome.rewards[alive] += then.rewards[alive]
+            for name, values in outcome.terms.items():
+                values[alive] += then.terms[name][alive]
+            outcome.terminated[alive] = then.terminated[alive]
+            truncations[alive] = truncated[alive]
+        return observations, outcome, truncations, heights
+
+    def _control_step(self, torques: Array, resting: Mask | None) -> tuple[Array, Outcome, Mask]:
+        """Simulate one control step; return observations, the outcome and truncations."""
+        for change in self.before_step:
+            torques = change(torques)
+        self._ctrl[:] = torques * self.task.anatomy.control_limits
+        before = self._last_x
+        self._simulate(resting)
+        self._num_steps += 1 if resting is None else ~resting
+        self._last_x = self._torso_x.copy()
+        travel = self._last_x - before
+        outcome = self.task.judge(self.qpos, self.qvel, torques, travel, self._contacts)
+        truncations = ~outcome.terminated & (self._num_steps >= self._episode_steps)
+        return self._observe(), outcome, truncations
+
+    def _simulate(self, resting: Mask | None) -> None:
+        """Advance the other simulations; positions of those that MuJoCo gives up become NaN."""
+        moving = None if resting is None else np.flatnonzero(~resting)
+        parts = [(self.world.env.frame_skip, moving)]
+        if self.substeps is not None:
+            moving = np.arange(self.num_envs) if moving is None else moving
+            counts = self.substeps[moving]
+            parts = [(count, moving[counts == count]) for count in set(counts.tolist())]
+        for count, rows in parts:
+            try:
+                self.batch.step(rows, nstep=count)
+            except SimulationError as error:
+                self.qpos[error.ids] = np.nan
+
+    def _observe(self) -> Array:
+        observations = self.task.observe(self.qpos, self.qvel)
+        for change in self.on_observe:
+            observations = change(observations)
+        return observations
 
     def save_state(self) -> dict[str, Any]:
         """Return everything that later steps depend on: arrays and JSON values."""
@@ -187,75 +268,10 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         self._last_x = state["torso_x"].copy()
         self._num_steps[:] = state["num_steps"]
         self._has_ended = state["has_ended"].copy()
-        for generator, own in zip(self.generators, state["generators"], strict=True):
-            generator.bit_generator.state = own
+        for generator, saved in zip(self.generators, state["generators"], strict=True):
+            generator.bit_generator.state = saved
 
-    def _step_the_others(
-        self, actions: NDArray[Any], restarted: Mask
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Mask, Mask, dict[str, Any]]:
-        """Start an episode where the last step ended one, and step the other environments."""
-        self._start_episodes(np.flatnonzero(restarted))
-        starts, start_heights = self.task.observe(self.qpos, self.qvel), self._heights()
-        observations, outcome, truncations, heights = self._hold(actions, ~restarted)
-        observations[restarted] = starts[restarted]
-        heights = np.where(restarted, start_heights, heights)
-        rewards = np.where(restarted, 0.0, outcome.rewards)
-        terminations = outcome.terminated & ~restarted
-        infos = _masked(_reward_infos(outcome), ~restarted)
-        infos |= _masked({"torso_height": heights}, np.ones(self.num_envs, dtype=np.bool_))
-        self._has_ended = terminations | truncations
-        return observations, rewards, terminations, truncations, infos
-
-    def _hold(
-        self, actions: NDArray[Any], mask: Mask | None
-    ) -> tuple[NDArray[np.float64], Outcome, Mask, NDArray[np.float64]]:
-        """Hold actions; return observations, the outcome, truncations, and heights [m].
-
-        The mask says which environments step, None all; rows of the others are meaningless.
-        """
-        torques = np.asarray(self.actions.torques(actions), dtype=np.float64)
-        self._ctrl[:] = torques * self.task.anatomy.control_limits
-        running = None if mask is None else np.flatnonzero(mask)
-        observations, outcome, truncations = self._control_step(torques, running)
-        heights = self._heights()
-        for _ in range(self.actions.hold - 1):
-            alive = ~(outcome.terminated | truncations)
-            if mask is not None:
-                alive &= mask
-            if not alive.any():
-                break
-            after, then, truncated = self._control_step(torques, running)
-            observations[alive], heights[alive] = after[alive], self._heights()[alive]
-            outcome.rewards[alive] += then.rewards[alive]
-            for name, values in outcome.terms.items():
-                values[alive] += then.terms[name][alive]
-            outcome.terminated[alive] = then.terminated[alive]
-            truncations[alive] = truncated[alive]
-        if mask is not None:
-            truncations &= mask
-        return observations, outcome, truncations, heights
-
-    def _control_step(
-        self, torques: NDArray[np.float64], running: NDArray[np.int64] | None
-    ) -> tuple[NDArray[np.float64], Outcome, Mask]:
-        """Simulate one control step; return observations, the outcome and truncations."""
-        before = self._last_x
-        try:
-            self._simulate(running)
-        except SimulationError as error:  # MuJoCo failed on these: only their episodes end
-            self.qpos[error.ids] = np.nan
-        self._num_steps[slice(None) if running is None else running] += 1
-        self._last_x = self._torso_x.copy()
-        travel = self._last_x - before
-        outcome = self.task.judge(self.qpos, self.qvel, torques, travel, self._contacts)
-        truncations = ~outcome.terminated & (self._num_steps >= self._episode_steps)
-        return self.task.observe(self.qpos, self.qvel), outcome, truncations
-
-    def _simulate(self, running: NDArray[np.int64] | None) -> None:
-        """Advance simulations, None all, by a control step."""
-        self.batch.step(running, nstep=self.world.env.frame_skip)
-
-    def _heights(self) -> NDArray[np.float64]:
+    def _heights(self) -> Array:
         return np.array(self.task.anatomy.heights(self.qpos))
 
     def _start_episodes(self, indices: NDArray[np.int64]) -> None:
@@ -272,11 +288,11 @@ class RobotVectorEnv(VectorEnv[NDArray[np.float64], NDArray[Any], NDArray[Any]])
         self._has_ended[indices] = False
 
 
-def _reward_infos(outcome: Outcome) -> dict[str, NDArray[np.float64]]:
+def _reward_infos(outcome: Outcome) -> dict[str, Array]:
     return {f"{rewards.PREFIX}{name}": values.copy() for name, values in outcome.terms.items()}
 
 
-def _masked(infos: dict[str, NDArray[np.float64]], mask: Mask) -> dict[str, Any]:
+def _masked(infos: dict[str, Array], mask: Mask) -> dict[str, Any]:
     """Return infos as Gymnasium does: zero outside the mask, and the mask; none if it is empty."""
     masked: dict[str, Any] = {}
     for key, values in infos.items() if mask.any() else ():

@@ -25,6 +25,7 @@ from jumping_ant.base.errors import told
 from jumping_ant.params.blocks import TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
+from jumping_ant.sim.rollout import Play
 from jumping_ant.training import racing
 from jumping_ant.training.racing import Candidate, Candidates
 
@@ -107,7 +108,7 @@ def _validate(
     first, others = training.evaluation_episodes, training.finalist_episodes
     numbers = range(first, first + others) if is_final else range(first)
     plays = [
-        (policy, training.evaluation_seed + number)
+        Play(policy, training.evaluation_seed + number)
         for policy in map(policy_file.parse, policies)
         for number in numbers
     ]

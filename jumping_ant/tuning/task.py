@@ -132,7 +132,8 @@ class Task:
         if not isinstance(report.event, Finished):
             return
         policy = policy_file.parse(racing.winner(report.candidates).policy)
-        returns = rollout.returns(job.world, [(policy, start) for start in starts], job.num_threads)
+        plays = [rollout.Play(policy, start) for start in starts]
+        returns = rollout.returns(job.world, plays, job.num_threads)
         if not np.isfinite(returns).all():
             raise ValueError("returns that are not finite")
         onset = (0.0, math.inf)

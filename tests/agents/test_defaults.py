@@ -13,7 +13,6 @@ from sb3_contrib import ARS
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.job import resolve
-from jumping_ant.sim.env import Decisions
 
 SB3 = [*small_agents.of_package("off_policy"), *small_agents.of_package("on_policy")]
 
@@ -46,7 +45,7 @@ def test_networks_have_the_sizes_of_stable_baselines3(name: str) -> None:
     robot: Any = {
         "commands": "CartPole-v1",
         "torques": "Pendulum-v1",
-        "levels": Decisions(gym.make("JumpingAnt-v0"), ActionSet(levels=2)),
+        "levels": gym.make("JumpingAnt-v0", actions=ActionSet(levels=2)),
     }[settings.actions.kind]  # type: ignore[attr-defined]
     replay = {"buffer_size": 10} if "buffer_size" in own_defaults(name) else {}
     sizes = learner("MlpPolicy", robot, **replay).policy.net_arch

@@ -25,7 +25,7 @@ from jumping_ant.experiment import params_file
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.world import World
 
 PARAMS = params_file.load()
@@ -67,10 +67,11 @@ def test_returns_are_those_of_gymne(
 
     for index in range(6):
 
-        def start_like_ours(seed: int = derive(10, "starts", index)) -> Decisions:
-            env = RobotEnv(World(robot_xml, task))
+        def start_like_ours(seed: int = derive(10, "starts", index)) -> RobotEnv:
+            actions = ActionSet.of(agent.actions, task.commands)
+            env = RobotEnv(World(robot_xml, task), actions=actions)
             env.reset(seed=seed)  # a batch draws one episode when it is made
-            return Decisions(env, ActionSet.of(agent.actions, task.commands))
+            return env
 
         reference = GymNE(
             start_like_ours,

@@ -19,7 +19,7 @@ from jumping_ant.agents.off_policy.trainer import make_model, train
 from jumping_ant.agents.sb3.model import make_envs
 from jumping_ant.base.archive import Archive
 from jumping_ant.base.seeding import derive
-from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.world import World
 
 PARAMS = small_agents.PARAMS
@@ -58,8 +58,9 @@ def test_the_loop_gives_the_weights_of_learn(robot_xml: str, name: str, hold: in
 
     def single() -> gym.Env:
         task = ENV.model_copy(update={"max_episode_steps": agent.episode_steps})
-        env: gym.Env = gym.wrappers.DtypeObservation(RobotEnv(World(robot_xml, task)), np.float32)
-        return Monitor(Decisions(env, ActionSet.of(agent.actions, task.commands)))
+        actions = ActionSet.of(agent.actions, task.commands)
+        env = RobotEnv(World(robot_xml, task), actions=actions)
+        return Monitor(gym.wrappers.DtypeObservation(env, np.float32))
 
     torch.set_num_threads(1)
     envs = DummyVecEnv([single])

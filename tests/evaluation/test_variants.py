@@ -1,5 +1,6 @@
 """Other versions of a policy, and what they return on the held-out episodes."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -11,13 +12,11 @@ from jumping_ant.actions import ActionSet
 from jumping_ant.evaluation import variants
 from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.models import SELECTION_EPISODES, Params
-from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
+from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
-
-VALIDATION_SEED = 2000000
 
 
 def linear(spread: float, hold: int = 1) -> LinearPolicy:
@@ -36,8 +35,16 @@ def linear(spread: float, hold: int = 1) -> LinearPolicy:
 
 
 @pytest.fixture(scope="module")
-def short(known_params: Params) -> EnvParams:
-    return known_params.env.model_copy(update={"max_episode_steps": 20})
+def params(known_params: Params) -> Params:
+    env = known_params.env.model_copy(update={"max_episode_steps": 20})
+    return known_params.model_copy(update={"env": env})
+
+
+def made(
+    robot_xml: str, params: Params, agent: str, centers: Mapping[int, Policy]
+) -> dict[int, dict[str, Any]]:
+    policies = {seed: (policy, policy) for seed, policy in centers.items()}
+    return variants.make(World(robot_xml, params.env), params, agent, policies)
 
 
 class Chooser:
@@ -85,21 +92,17 @@ def test_levels_are_the_nearest_up_to_the_agents_amplitude(
     assert (nearest.actions.levels, nearest.actions.hold) == (levels, 2)
 
 
-def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, short: EnvParams) -> None:
-    def names(algorithm: str, policy: Any) -> list[str]:
-        own = {3: policy}
-        found = variants.make(
-            World(robot_xml, short), algorithm, algorithm, own, own, VALIDATION_SEED
-        )
-        return list(found[3])
+def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, params: Params) -> None:
+    def names(agent: str, policy: Policy) -> list[str]:
+        return list(made(robot_xml, params, agent, {3: policy})[3])
 
     policy, discrete = linear(0.1), ["signed", "three", "rounded_full", "rounded"]
     levels = replace(policy, actions=ActionSet(levels=2))
-    assert names("pgpe", policy) == ["final", *discrete, "best_sample"]
-    assert names("pgpe", levels) == ["final", "best_sample"]
-    assert names("sac", policy) == ["final", *discrete]
-    assert names("snes", policy) == ["final"]
-    assert names("random", UniformPolicy(0, ActionSet(), 8)) == ["final"]
+    assert names("pgpe", policy) == ["published", "final", *discrete, "best_sample"]
+    assert names("pgpe", levels) == ["published", "final", "best_sample"]
+    assert names("sac", policy) == ["published", "final", *discrete]
+    assert names("dqn", policy) == ["published", "final"]
+    assert names("random", UniformPolicy(0, ActionSet(), 8)) == ["published", "final"]
 
 
 def test_what_claims_compare_is_played_on_more_episodes(known_params: Params) -> None:
@@ -116,37 +119,34 @@ def test_what_claims_compare_is_played_on_more_episodes(known_params: Params) ->
     assert played_more("random") == compared  # which it has not
 
 
+@pytest.mark.parametrize("amplitude", [1.0, 0.5])
 def test_commands_at_full_amplitude_are_those_at_half_where_the_two_are_equal(
-    robot_xml: str, short: EnvParams
+    robot_xml: str, params: Params, amplitude: float
 ) -> None:
-    for amplitude in (1.0, 0.5):
-        own = {3: replace(linear(0.1), actions=ActionSet(amplitude=amplitude))}
-        found = variants.make(World(robot_xml, short), "sac", "sac", own, own, VALIDATION_SEED)[3]
-        is_same = found["rounded_full"] is found["rounded"]  # and so is played once
-        assert is_same == (amplitude == 0.5)
-        full: Any = found["rounded_full"]
-        np.testing.assert_array_equal(full.commands, amplitude * COMMAND_SIGNS)
+    policy = replace(linear(0.1), actions=ActionSet(amplitude=amplitude))
+    found = made(robot_xml, params, "sac", {3: policy})[3]
+    is_same = found["rounded_full"] is found["rounded"]  # and so is played once
+    assert is_same == (amplitude == 0.5)
+    np.testing.assert_array_equal(found["rounded_full"].commands, amplitude * COMMAND_SIGNS)
 
 
-def test_the_best_sample_wins_two_rounds_of_validation(robot_xml: str, short: EnvParams) -> None:
-    world, centers = World(robot_xml, short), {7: linear(0.5), 9: linear(0.4)}
-    episodes = [VALIDATION_SEED + i for i in range(SELECTION_EPISODES)]
-    found = variants.make(world, "pgpe", "pgpe", centers, centers, VALIDATION_SEED)
+def test_the_best_sample_wins_two_rounds_of_validation(robot_xml: str, params: Params) -> None:
+    world, centers = World(robot_xml, params.env), {7: linear(0.5), 9: linear(0.4)}
+    first_seed = params.training.evaluation_seed
+    episodes = range(first_seed, first_seed + SELECTION_EPISODES)
+    found = made(robot_xml, params, "pgpe", centers)
     for seed, center in centers.items():
         generator = np.random.default_rng(variants.derive(seed, "samples"))
         samples = [center.sample(generator) for _ in range(variants.NUM_SAMPLES)]
         returns = np.array(
-            [[own.rewards.sum() for own in rollout.run(world, each, episodes)] for each in samples]
+            [[own.total() for own in rollout.run(world, each, episodes)] for each in samples]
         )
         first = returns[:, : variants.FIRST_EPISODES].sum(axis=1)
         finalists = np.argsort(first)[-variants.NUM_FINALISTS :]
         best = finalists[returns[finalists].sum(axis=1).argmax()]
-        chosen: Any = found[seed]["best_sample"]
-        np.testing.assert_array_equal(chosen.weight, samples[best].weight)
+        np.testing.assert_array_equal(found[seed]["best_sample"].weight, samples[best].weight)
 
 
-def test_without_spread_the_best_sample_is_the_center(robot_xml: str, short: EnvParams) -> None:
-    own = {0: linear(0.0)}
-    found = variants.make(World(robot_xml, short), "pgpe", "pgpe", own, own, VALIDATION_SEED)
-    best: Any = found[0]["best_sample"]
-    np.testing.assert_array_equal(best.weight, own[0].weight)
+def test_without_spread_the_best_sample_is_the_center(robot_xml: str, params: Params) -> None:
+    found = made(robot_xml, params, "pgpe", {0: linear(0.0)})
+    np.testing.assert_array_equal(found[0]["best_sample"].weight, linear(0.0).weight)

@@ -16,10 +16,9 @@ from jumping_ant.params import article
 from jumping_ant.play import content, reference, vendor
 from jumping_ant.play import policies as forms
 from jumping_ant.policies.policy import Policy
-from jumping_ant.robustness import perturbations, perturbed
-from jumping_ant.robustness.perturbations import NONE
-from jumping_ant.robustness.perturbed import PerturbedVectorEnv
-from jumping_ant.sim import robot, rollout
+from jumping_ant.sim import perturbations, robot
+from jumping_ant.sim.perturbations import NONE
+from jumping_ant.sim.rollout import Play, returns
 from jumping_ant.sim.world import World
 
 EXACT = "commands"  # a policy that sees, and whose torques have no rounding
@@ -135,7 +134,7 @@ def test_every_term_of_the_reward_agrees(
     known: Mapping[str, Mapping[str, Policy]],
 ) -> None:
     (own,) = answers["hopper"][-1]
-    native = rollout.returns(worlds["hopper"], [(known["hopper"][EXACT], START)])
+    native = returns(worlds["hopper"], [Play(known["hopper"][EXACT], START)])
     assert own == pytest.approx(native[0], rel=1e-9)
 
 
@@ -147,13 +146,10 @@ def test_sliders_perturb_as_the_robustness_stage_does(
     number: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for module in (perturbations, perturbed):  # the page's slopes and pushes are along x
-        monkeypatch.setattr(module, "direction", lambda *_: np.array([1.0, 0.0]))
-    condition, policy = CONDITIONS[number], known["ant"][EXACT]
-    envs = PerturbedVectorEnv(worlds["ant"], [(condition, START)])
-    policy.start([START])
-    steps = rollout.steps(envs, envs.begin(), policy.act, policy.actions.hold)
-    native = sum(step.rewards[0] for step in steps)
+    # The page's slopes and pushes are along x.
+    monkeypatch.setattr(perturbations, "direction", lambda *_: np.array([1.0, 0.0]))
+    condition = CONDITIONS[number]
+    (native,) = returns(worlds["ant"], [Play(known["ant"][EXACT], START, condition)])
     (own,) = answers["ant"][number - len(CONDITIONS)]
     assert own == pytest.approx(native, rel=1e-9)
     undisturbed = answers["ant"][-len(CONDITIONS)][0]

@@ -31,7 +31,7 @@ from jumping_ant.policies.blind import (
     UniformPolicy,
 )
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.world import World
 
 OBSERVATIONS = np.random.default_rng(0).normal(0, 3, (50, 27))
@@ -107,15 +107,14 @@ def test_stable_baselines3_plays_a_policy_file_as_the_project_does(
         policy_file.parse(content),
         librarys_class(algorithm).load(io.BytesIO(content), device="cpu"),
     )
-    env = RobotEnv(World(robot_xml, known_params.env))
-    decisions = Decisions(env, ours.actions)
-    assert decisions.action_space == theirs.action_space
+    env = RobotEnv(World(robot_xml, known_params.env), actions=ours.actions)
+    assert env.action_space == theirs.action_space
     played = []
     for observation in OBSERVATIONS:
-        decisions.reset(seed=0)
+        env.reset(seed=0)
         choice, _ = theirs.predict(observation, deterministic=True)
-        decisions.step(choice)
-        played.append(env.data.ctrl.copy())
+        env.step(choice)
+        played.append(env.envs.batch.bind("ctrl")[0].copy())
     np.testing.assert_allclose(played, ours.act(OBSERVATIONS), rtol=0, atol=1e-5)
     assert np.ptp(played, axis=0).max() > 0.1, "the choices differ from state to state"
 

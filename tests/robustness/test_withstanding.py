@@ -11,10 +11,11 @@ from small_project import make_params, write_perturbed, write_project
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison.results import load
+from jumping_ant.experiment import perturbed
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import PerturbationParams, RobustnessParams
-from jumping_ant.robustness import playing, retention, summary, table
-from jumping_ant.robustness.perturbations import NONE, Condition
+from jumping_ant.robustness import retention, summary, table
+from jumping_ant.sim.perturbations import NONE, Condition
 
 AGENTS = {"beat": "open_loop", "sac": "sac", "pgpe": "pgpe", "random": "random"}
 SEEDS = list(range(8))
@@ -50,7 +51,7 @@ def project(tmp_path: Path, params: Params) -> Path:
 
 
 def test_all_levels_are_played_from_the_first_starts_of_each_block(params: Params) -> None:
-    played = list(playing.cases(params, "sac"))
+    played = list(perturbed.cases(params, "sac"))
     conditions = list(dict.fromkeys(case.condition for case in played))
     assert conditions[0] == NONE and len(conditions) == 1 + 3 + 4
     usual = params.evaluate.baseline_episodes
@@ -59,12 +60,12 @@ def test_all_levels_are_played_from_the_first_starts_of_each_block(params: Param
             starts = [own.start for own in played if own[:2] == (condition, seed)]
             count = usual if condition == NONE else 2
             assert starts == list(params.evaluate.block(seed)[:count])
-    assert list(playing.cases(params, "random")) == []
+    assert list(perturbed.cases(params, "random")) == []
 
 
 def test_the_table_is_read_as_it_was_written(project: Path, params: Params) -> None:
     read = table.read(project, params, "sac")
-    assert list(read) == playing.conditions(ROBUSTNESS)
+    assert list(read) == perturbed.conditions(ROBUSTNESS)
     for condition, returns in read.items():
         expected = [1000 * kept("sac", condition, number) for number in range(len(SEEDS))]
         assert returns == pytest.approx(expected, abs=0.006)

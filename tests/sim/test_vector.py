@@ -1,6 +1,7 @@
-"""The batched environment: each of its rows is the single environment, whatever runs beside it."""
+"""The batched environment: each of its rows is the same, whatever runs beside it."""
 
 import copy
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -12,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 from jumping_ant.actions import ActionSet
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import RewardParams, TermParams
-from jumping_ant.sim.env import Decisions, RobotEnv
+from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.rewards import TERMS
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
@@ -39,36 +40,6 @@ def make(robot_xml: str, known_params: Params) -> Any:
 
 def torques(*shape: int) -> np.ndarray:
     return np.random.default_rng(0).uniform(-1, 1, (*shape, 8)).astype(np.float32)
-
-
-def test_every_row_is_the_single_environment_to_the_last_bit(make: Any) -> None:
-    task = {"max_episode_steps": 120, "min_torso_height": 0.3}
-    actions = torques(1000, 2)
-    batches = [make(2, threads, **task) for threads in (1, 2)]
-    steps = [envs.reset(seed=7)[0] for envs in batches]
-    singles = [RobotEnv(batches[0].world) for _ in range(2)]
-    for row, single in enumerate(singles):
-        start = single.reset(seed=7 + row)[0]
-        assert all(np.array_equal(observations[row], start) for observations in steps)
-    ends = {"fall": 0, "limit": 0}
-    for action in actions:
-        outcomes = [envs.step(action) for envs in batches]
-        for row, single in enumerate(singles):
-            observation, reward, terminated, truncated, info = single.step(action[row])
-            final = observation
-            if terminated or truncated:
-                ends["fall" if terminated else "limit"] += 1
-                observation, _ = single.reset()
-            for observations, rewards, terminations, truncations, infos in outcomes:
-                np.testing.assert_array_equal(observations[row], observation)
-                last = infos["final_info"] if terminated or truncated else infos
-                assert rewards[row] == last["reward_torso_height"][row] == reward
-                assert last["torso_height"][row] == info["torso_height"]
-                assert (terminations[row], truncations[row]) == (terminated, truncated)
-                if terminated or truncated:
-                    np.testing.assert_array_equal(infos["final_obs"][row], final)
-                    assert infos["_final_obs"][row]
-    assert min(ends.values()) > 0, ends
 
 
 def test_episodes_do_not_depend_on_how_many_run(make: Any) -> None:
@@ -104,10 +75,12 @@ def test_a_wrong_count_of_seeds_is_refused(make: Any, seeds: list[int]) -> None:
 def test_without_autoreset_a_mask_restarts_what_it_names(make: Any) -> None:
     envs = make(mode=AutoresetMode.DISABLED, max_episode_steps=2)
     envs.reset(seed=0)
-    for truncated in (False, True, True):  # it simulates on
+    for truncated in (False, True, True):
+        ended = envs.qpos.copy()
         observations, _, _, truncations, infos = envs.step(STILL)
         assert truncations.tolist() == [truncated] * 3
         assert "final_obs" not in infos
+    assert np.array_equal(envs.qpos, ended), "it stands still"
     reference = make()
     reference.reset(seed=0)
     second_start = reference.reset()[0]
@@ -126,15 +99,23 @@ def test_a_mask_guards_the_noise_of_the_others(make: Any) -> None:
     np.testing.assert_array_equal(envs.reset()[0][1:], untouched.reset()[0][1:])
 
 
+@pytest.mark.parametrize("actions", [ActionSet(), ActionSet(0.5 * COMMAND_SIGNS, hold=3)])
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
-def test_infos_and_resets_are_those_of_sync_vector_env(make: Any, mode: AutoresetMode) -> None:
+def test_infos_and_resets_are_those_of_sync_vector_env(
+    make: Any, mode: AutoresetMode, actions: ActionSet
+) -> None:
     """To the last bit, keys and masks included, with ends of both kinds."""
     task = {"max_episode_steps": 30, "min_torso_height": 0.5}
-    ours = make(4, num_threads=2, mode=mode, **task)
-    theirs = gym.vector.SyncVectorEnv([lambda: RobotEnv(ours.world)] * 4, autoreset_mode=mode)
+    ours = make(4, num_threads=2, mode=mode, actions=actions, **task)
+    single = partial(RobotEnv, ours.world, actions=actions)
+    theirs = gym.vector.SyncVectorEnv([single] * 4, autoreset_mode=mode)
+    assert ours.single_action_space == theirs.single_action_space
+    assert ours.single_observation_space == theirs.single_observation_space
     same(ours.reset(seed=3), theirs.reset(seed=3))
     ends = np.zeros(2, dtype=np.int64)
-    for action in torques(150, 4):
+    ours.action_space.seed(0)
+    for _ in range(150):
+        action = ours.action_space.sample()
         outcome = ours.step(action)
         same(outcome, theirs.step(action))
         ends += [outcome[2].sum(), outcome[3].sum()]
@@ -157,28 +138,6 @@ def same(ours: Any, theirs: Any) -> None:
         np.testing.assert_array_equal(ours, theirs)
 
 
-def test_the_step_after_an_end_starts_an_episode_and_ignores_the_action(make: Any) -> None:
-    """Whole decisions of commands, too, with environments that end at different times."""
-    actions = ActionSet(0.5 * COMMAND_SIGNS, hold=3)
-    mode, limits = AutoresetMode.NEXT_STEP, np.array([6, 9, np.inf])
-    envs = make(mode=mode, actions=actions, episode_steps=limits, min_torso_height=0.0)
-    starts, _ = envs.reset(seed=0)
-    again = make()
-    again.reset(seed=0)
-    second_starts, _ = again.reset()
-    truncated = []
-    for step in range(4):
-        observations, rewards, _, truncations, infos = envs.step(np.array([3, 3, 3]))
-        truncated.append(truncations.tolist())
-        restarted = [step == 2, step == 3, False]
-        assert infos["_reward_torso_height"].tolist() == [not each for each in restarted]
-        for row in np.flatnonzero(restarted):
-            np.testing.assert_array_equal(observations[row], second_starts[row])
-            assert rewards[row] == 0
-    assert truncated[1] == [True, False, False] and truncated[2] == [False, True, False]
-    assert truncated[0] == truncated[3] == [False] * 3
-
-
 def test_a_batch_draws_a_picture_of_each() -> None:
     size = {"render_mode": "rgb_array", "width": 96, "height": 64}
     envs: Any = gym.make_vec("JumpingAnt-v0", num_envs=2, **size)
@@ -189,15 +148,12 @@ def test_a_batch_draws_a_picture_of_each() -> None:
     for action in torques(5):
         envs.step(np.stack([action, action]))
         single.step(action)
-    pictures = envs.render()
-    assert pictures is not None and [each.shape for each in pictures] == [(64, 96, 3)] * 2
-    alone = single.render()  # of the poses a simulation step before, as Gymnasium draws them
-    assert alone is not None
-    other, own = (np.abs(each.astype(float) - alone).mean() for each in pictures)
-    assert own < 1 < other
+    pictures, alone = envs.render(), single.render()
+    assert [each.shape for each in pictures] == [(64, 96, 3)] * 2
+    assert np.array_equal(pictures[1], alone) and not np.array_equal(pictures[0], alone)
     envs.close()
-    assert gym.make_vec("JumpingAnt-v0", num_envs=2).render() is None
     single.close()
+    assert gym.make_vec("JumpingAnt-v0", num_envs=2).render() is None
     with pytest.raises(ValueError, match="given 'human', allowed: None, 'rgb_array'"):
         gym.make_vec("JumpingAnt-v0", num_envs=2, render_mode="human")
 
@@ -287,81 +243,26 @@ HELD = {
 @pytest.mark.parametrize("actions", HELD.values(), ids=HELD.keys())
 def test_a_decision_is_so_many_steps_of_the_same_torques(make: Any, actions: ActionSet) -> None:
     """To the last bit, with ends of both kinds in the middle of decisions."""
-    task = {"max_episode_steps": 50, "min_torso_height": 0.3}
-    held = make(num_threads=2, actions=actions, **task)
-    plain = make(mode=AutoresetMode.DISABLED, **task)
+    task = {"max_episode_steps": 50, "min_torso_height": 0.3, "mode": AutoresetMode.DISABLED}
+    held, plain = make(20, 2, actions=actions, **task), make(20, **task)
     held.reset(seed=4)
     plain.reset(seed=4)
-    ends = set()
     held.action_space.seed(1)
-    for _ in range(150):
-        choices = held.action_space.sample()
-        observations, rewards, terminations, truncations, infos = held.step(choices)
-        torques_of_all = actions.torques(choices)
-        alive, earned = np.ones(3, dtype=bool), np.zeros(3)
-        final: list[Any] = [None] * 3
+    alive, ends = np.ones(20, dtype=bool), set()
+    while alive.any():
+        choices, before, earned = held.action_space.sample(), alive.copy(), np.zeros(20)
+        *outcome, infos = held.step(choices)
         for step in range(3):
-            seen, reward, terminated, truncated, info = plain.step(torques_of_all)
-            for row in np.flatnonzero(alive):
-                final[row] = seen[row], terminated[row], truncated[row], info["torso_height"][row]
-                earned[row] += reward[row]
-                if terminated[row] or truncated[row]:
-                    ends.add((step, bool(terminated[row])))
+            seen, reward, terminated, truncated, info = plain.step(actions.torques(choices))
+            earned += reward * alive
+            ends |= {(step, fell) for fell in terminated[alive & (terminated | truncated)].tolist()}
             alive &= ~(terminated | truncated)
-            if not alive.any():
-                break
-        expected = np.array([row[0] for row in final])
-        done = ~alive
-        last = infos["final_info"] if done.any() else {}
-        if done.any():
-            assert infos["_final_obs"].tolist() == done.tolist()
-            for row in np.flatnonzero(done):
-                np.testing.assert_array_equal(infos["final_obs"][row], expected[row])
-                assert last["torso_height"][row] == final[row][3]
-                assert last["reward_torso_height"][row] == earned[row]
-            expected[done] = plain.reset(options={"reset_mask": done})[0][done]
-        np.testing.assert_array_equal(observations, expected)
-        np.testing.assert_array_equal(rewards, earned)
-        if not done.all():
-            np.testing.assert_array_equal(infos["reward_torso_height"], np.where(done, 0, earned))
-        assert terminations.tolist() == [bool(row[1]) for row in final]
-        assert truncations.tolist() == [bool(row[2]) for row in final]
-        heights = np.array([row[3] for row in final])
-        np.testing.assert_array_equal(infos["torso_height"][~done], heights[~done])
-        np.testing.assert_array_equal(infos["torso_height"][done], observations[done, 0])
+        values = [*outcome, infos["torso_height"], infos["reward_torso_height"]]
+        expected = [seen, earned, terminated, truncated, info["torso_height"], earned]
+        for mine, other in zip(values, expected, strict=True):
+            np.testing.assert_array_equal(mine[before], other[before])
     assert {(0, True), (1, True)} & ends, "falls before a decision is over"
     assert (1, False) in ends, "a limit of 50 steps within a decision of 3"
-
-
-@pytest.mark.parametrize("actions", HELD.values(), ids=HELD.keys())
-def test_single_decisions_are_those_of_the_batch(make: Any, actions: ActionSet) -> None:
-    batch = make(2, actions=actions, max_episode_steps=40, min_torso_height=0.3)
-    singles = [Decisions(RobotEnv(batch.world), actions) for _ in range(2)]
-    batch.reset(seed=6)
-    for row, single in enumerate(singles):
-        single.reset(seed=6 + row)
-        assert single.action_space == batch.single_action_space
-    batch.action_space.seed(2)
-    ends = {"fall": 0, "limit": 0}
-    for _ in range(100):
-        choices = batch.action_space.sample()
-        observations, rewards, terminations, truncations, infos = batch.step(choices)
-        for row, single in enumerate(singles):
-            seen, reward, terminated, truncated, info = single.step(choices[row])
-            if terminated or truncated:
-                ends["fall" if terminated else "limit"] += 1
-                np.testing.assert_array_equal(infos["final_obs"][row], seen)
-                seen = single.reset()[0]
-            np.testing.assert_array_equal(observations[row], seen)
-            assert (rewards[row], terminations[row], truncations[row]) == (
-                reward,
-                terminated,
-                truncated,
-            )
-            last = infos["final_info"] if terminated or truncated else infos
-            assert last["torso_height"][row] == info["torso_height"]
-            assert last["reward_torso_height"][row] == info["reward_torso_height"]
-    assert min(ends.values()) > 0, ends
 
 
 def test_each_environment_has_an_episode_length_of_its_own(make: Any) -> None:
@@ -372,35 +273,15 @@ def test_each_environment_has_an_episode_length_of_its_own(make: Any) -> None:
     assert [row.tolist() for row in ends] == [[4, 8, 12, 16, 20, 24], [6, 12, 18, 24], []]
 
 
-def test_terms_see_the_same_velocities_and_contacts(
-    make: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_terms_see_velocities_and_contacts(make: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(TERMS, "upright", lambda step, _: step.contacts + step.qvel[:, 5])
-    reward = RewardParams(upright=TermParams(weight=1.0))
-    envs = make(2, reward=reward, min_torso_height=0.0)
-    singles = [RobotEnv(envs.world) for _ in range(2)]
+    envs = make(reward=RewardParams(upright=TermParams(weight=1.0)), min_torso_height=0.0)
     envs.reset(seed=3)
-    seen = set()
-    for row, single in enumerate(singles):
-        single.reset(seed=3 + row)
-    for action in torques(60, 2):
-        earned = envs.step(action)[1]
-        for row, single in enumerate(singles):
-            assert single.step(action[row])[1] == earned[row]
-            assert earned[row] == single.data.ncon + single.data.qvel[5]
-            seen.add(int(single.data.ncon))
-    assert len(seen) > 2
-
-
-def test_spaces_are_those_of_the_single_environment(make: Any) -> None:
-    envs = make()
-    single = RobotEnv(envs.world)
-    assert envs.single_observation_space == single.observation_space
-    assert envs.single_action_space == single.action_space
-    observations, _ = envs.reset(seed=0)
-    assert envs.observation_space.contains(observations)
-    assert envs.action_space.contains(torques(3))
-    assert envs.dt == single.dt == 0.05
+    for action in torques(60, 3):
+        contacts = envs.step(action)[1] - envs.qvel[:, 5]
+        np.testing.assert_allclose(contacts, contacts.round(), atol=1e-9)
+        assert ((contacts.round() == 0) == envs.airborne).all()
+    assert contacts.max() > 1
 
 
 def test_a_saved_state_goes_on_to_the_last_bit(make: Any) -> None:

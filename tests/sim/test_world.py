@@ -1,7 +1,6 @@
 """A robot and its task: equal, copied and sent by what they are given."""
 
 import pickle
-from dataclasses import replace
 
 import pytest
 
@@ -20,14 +19,6 @@ def test_what_arrives_in_another_process_is_text_and_parameters(
     arrived = pickle.loads(before)
     assert arrived == world and vars(arrived).keys() == {"xml", "env"}
     assert world.model is world.model and arrived.model is not world.model
-
-
-def test_another_robot_or_task_is_another_world(robot_xml: str, known_params: Params) -> None:
-    world = World(robot_xml, known_params.env)
-    slower = known_params.env.model_copy(update={"frame_skip": 10})
-    others = [replace(world, env=slower), replace(world, xml=robot_xml + " ")]
-    assert all(other != world for other in others)
-    assert [other.dt for other in others] == [0.1, 0.05]
 
 
 def test_a_text_that_is_no_robot_is_refused_when_it_is_compiled(known_params: Params) -> None:

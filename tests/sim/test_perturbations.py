@@ -14,11 +14,10 @@ from jumping_ant.params.blocks import PerturbationParams
 from jumping_ant.policies.blind import OpenLoopPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
-from jumping_ant.robustness import playing
-from jumping_ant.robustness.perturbations import NAMES, NONE, PHYSICS, SENSING, Array, Condition
-from jumping_ant.robustness.perturbed import PerturbedVectorEnv
-from jumping_ant.robustness.playing import Case
-from jumping_ant.sim import robot, rollout
+from jumping_ant.sim import perturbations, robot, rollout
+from jumping_ant.sim.perturbations import NAMES, NONE, PERTURBATIONS, SENSING, Array, Condition
+from jumping_ant.sim.rollout import Play
+from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
 START, STEPS = 9_000_000, 30
@@ -71,11 +70,16 @@ def policy() -> Policy:
     return LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], ActionSet())
 
 
+def perturbed(world: World, *played: tuple[Condition, int]) -> RobotVectorEnv:
+    conditions, starts = zip(*played, strict=True)
+    return perturbations.environments(world, conditions, starts)
+
+
 def returns(
     world: World, policy: Policy, played: Sequence[tuple[Condition, int]], num_threads: int = 1
 ) -> Array:
-    cases = [Case(own, 0, start) for own, start in played]
-    return playing.returns(world, STEPS, "sac", {0: policy}, cases, num_threads)
+    plays = [Play(policy, start, own) for own, start in played]
+    return rollout.returns(world, plays, num_threads)
 
 
 def fields(model: mujoco.MjModel) -> dict[str, Array]:
@@ -91,14 +95,13 @@ def fields(model: mujoco.MjModel) -> dict[str, Array]:
 
 def test_every_perturbation_has_a_level_here_and_a_way() -> None:
     assert tuple(PerturbationParams.model_fields) == tuple(LEVELS) == NAMES
-    assert set(PHYSICS) == set(CHANGED)
-    assert set(SENSING) < set(NAMES) - set(PHYSICS)
+    assert set(PERTURBATIONS) == set(NAMES) and set(SENSING) < set(NAMES) - set(CHANGED)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_perturbation_changes_its_part_of_the_model(world: World, name: str) -> None:
     """In its own simulation alone, beside one that is not perturbed."""
-    envs = PerturbedVectorEnv(world, [(condition(name), START), (NONE, START)])
+    envs = perturbed(world, (condition(name), START), (NONE, START))
     own, other, usual = (
         fields(envs.batch.get_model(0)),
         fields(envs.batch.get_model(1)),
@@ -111,7 +114,7 @@ def test_a_perturbation_changes_its_part_of_the_model(world: World, name: str) -
 
 def test_levels_are_what_they_say(world: World) -> None:
     names = list(CHANGED)
-    envs = PerturbedVectorEnv(world, [(condition(name), START) for name in names])
+    envs = perturbed(world, *((condition(name), START) for name in names))
     own = {name: envs.batch.get_model(row) for row, name in enumerate(names)}
     model, torso = world.model, world.anatomy.torso
     assert own["torso_mass"].body_mass[torso] == 0.7
@@ -131,7 +134,7 @@ def test_levels_are_what_they_say(world: World) -> None:
     integrated = own["integration"].opt
     assert integrated.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert integrated.timestep == world.dt / 10
-    envs.begin()
+    envs.reset(seed=0)
     envs.step(np.zeros((len(names), 8)))
     assert envs.batch.bind("time") == pytest.approx(np.full(len(names), world.dt))
 
@@ -161,8 +164,8 @@ def test_a_policy_that_sees_nothing_is_not_disturbed_by_its_sensors(world: World
 
 def observed(world: World, played: Sequence[tuple[Condition, int]], steps: int) -> list[Array]:
     """Return what policies see, from the start on, while all motors push."""
-    envs = PerturbedVectorEnv(world, played)
-    seen = [envs.begin()]
+    envs = perturbed(world, *played)
+    seen = [envs.reset(seed=[start for _, start in played])[0]]
     seen += [envs.step(np.full((len(played), 8), 0.5))[0] for _ in range(steps)]
     return seen
 
@@ -185,16 +188,8 @@ def test_lost_sensors_read_zero_and_more_of_them_include_fewer(world: World) -> 
 
 def test_noise_is_of_each_starts_own_and_grows_with_the_level(world: World) -> None:
     noisy = [(Condition("observation_noise", own), START) for own in (0.1, 0.2)]
-    seen = observed(
-        world,
-        [
-            *noisy,
-            (NONE, START),
-            (Condition("observation_noise", 0.1), START + 1),
-            (NONE, START + 1),
-        ],
-        300,
-    )
+    other = Condition("observation_noise", 0.1), START + 1
+    seen = observed(world, [*noisy, (NONE, START), other, (NONE, START + 1)], 300)
     noise = [
         np.array([step[row] - step[usual] for step in seen])
         for row, usual in ((0, 2), (1, 2), (3, 4))
@@ -207,9 +202,8 @@ def test_noise_is_of_each_starts_own_and_grows_with_the_level(world: World) -> N
 
 
 def test_actions_arrive_late(world: World) -> None:
-    played = [(Condition("action_delay", 2.0), START)]
-    envs = PerturbedVectorEnv(world, played)
-    envs.begin()
+    envs = perturbed(world, (Condition("action_delay", 2.0), START))
+    envs.reset(seed=[START])
     torques = np.random.default_rng(0).uniform(-1, 1, (5, 1, 8))
     arrived = []
     for own in torques:
@@ -220,8 +214,8 @@ def test_actions_arrive_late(world: World) -> None:
 
 
 def test_pushes_last_a_control_step_of_each_second(world: World) -> None:
-    envs = PerturbedVectorEnv(world, [(condition("push"), START), (NONE, START)])
-    envs.begin()
+    envs = perturbed(world, (condition("push"), START), (NONE, START))
+    envs.reset(seed=[START, START])
     forces = []
     for _ in range(25):
         envs.step(np.zeros((2, 8)))
@@ -237,8 +231,8 @@ def test_pushes_last_a_control_step_of_each_second(world: World) -> None:
 
 @pytest.mark.parametrize("angle", [0.0, 90.0, 180.0])
 def test_tilted_starts_are_in_the_air(world: World, angle: float) -> None:
-    envs = PerturbedVectorEnv(world, [(Condition("tilt", angle), START), (NONE, START)])
-    envs.begin()
+    envs = perturbed(world, (Condition("tilt", angle), START), (NONE, START))
+    envs.reset(seed=[START, START])
     level = world.anatomy.uprightness(envs.qpos)
     noise = np.arccos(level[1])
     assert np.degrees(np.arccos(level[0])) == pytest.approx(angle, abs=np.degrees(noise) + 1e-6)
@@ -272,9 +266,8 @@ def test_a_simulation_that_falls_apart_ends_alone(
 def test_a_robot_in_a_plane_is_perturbed_in_it() -> None:
     params = presets.load("hopper")
     hopper = World(robot.build(params.robot), params.env)
-    played = [(condition(name), START) for name in ("slope", "push", "tilt")]
-    envs = PerturbedVectorEnv(hopper, played)
-    envs.begin()
+    envs = perturbed(hopper, *((condition(name), START) for name in ("slope", "push", "tilt")))
+    envs.reset(seed=[START] * 3)
     envs.step(np.zeros((3, hopper.anatomy.num_motors)))
     assert envs.batch.get_model(0).opt.gravity[1] == pytest.approx(0, abs=1e-12)
     assert envs.batch.bind("xfrc_applied")[1, hopper.anatomy.torso, 1] == pytest.approx(

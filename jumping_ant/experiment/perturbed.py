@@ -1,0 +1,43 @@
+"""Which perturbed episodes an agent plays."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from jumping_ant.experiment.models import Params
+from jumping_ant.params.blocks import RobustnessParams
+from jumping_ant.sim.perturbations import NONE, Condition
+
+
+class Case(NamedTuple):
+    """An episode to play."""
+
+    condition: Condition
+    seed: int  # of the policy
+    start: int  # seed of the start state
+
+
+def conditions(settings: RobustnessParams) -> list[Condition]:
+    """Return no perturbation, and every level of each."""
+    levels = settings.perturbations.model_dump()
+    return [NONE, *(Condition(name, float(level)) for name in levels for level in levels[name])]
+
+
+def cases(params: Params, agent: str) -> Iterator[Case]:
+    """Yield all episodes of an agent, seed by seed under each condition.
+
+    Without perturbation they are more, as all that is kept is measured against them. Random actions
+    play none: they hold no posture or rhythm that could be disturbed.
+    """
+    if params.agent(agent).algorithm == "random":
+        return
+    for condition in conditions(params.robustness):
+        count = num_episodes(params, condition)
+        for seed in params.seeds:
+            for start in params.evaluate.block(seed)[:count]:
+                yield Case(condition, seed, start)
+
+
+def num_episodes(params: Params, condition: Condition) -> int:
+    """Return how many episodes of each seed are played under a condition."""
+    levels, usual = params.robustness.episodes, params.evaluate.baseline_episodes
+    return max(levels, usual) if condition == NONE else levels
