@@ -77,7 +77,7 @@ repro: install ## list, then rerun, what a change to params.yaml or to the code 
 try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (5 minutes)
 	python -m scripts.preset quick
 
-preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families STAGES="compare speed")
+preset: install ## run a preset in a folder of its own, .presets/NAME (PRESET=families STAGES="compare timing")
 	@python -m scripts.preset $(PRESET) $(STAGES)
 
 article: install ## reproduce what the article printed, into results/article.json (3.5 hours on 2 cores)

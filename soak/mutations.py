@@ -3,9 +3,9 @@
 Usage: python -m soak.mutations FOLDER [--seed SEED] [--each COUNT]
 
 The folder is the project that this process runs from, in which `AGENTS` are trained. A changed file
-may still be read, or is refused as bad input; nothing else may happen. The stage `compare`, `speed`
-or `crossings` runs with each changed table, and draws it; with few changes, one table of each
-stage. Each reading has limits of time and memory. The counts are printed as JSON.
+may still be read, or is refused as bad input; nothing else may happen. The stage `compare` runs
+with each changed table, and draws it; with few changes, with one. Each reading has limits of time
+and memory. The counts are printed as JSON.
 """
 
 import argparse
@@ -68,7 +68,7 @@ def main() -> None:
     parser.add_argument("--each", type=int, default=500, help="changed versions of each file")
     arguments = parser.parse_args()
     generator = random.Random(arguments.seed)
-    for stage, agent in itertools.product(("evaluate", "robustness", "scaling"), AGENTS):
+    for stage, agent in itertools.product(("evaluate", "robustness"), AGENTS):
         run_stage(stage, agent)
     run_stage("compare")
     counts: dict[str, Count] = {}
@@ -79,14 +79,13 @@ def main() -> None:
             read_changed(path, read, changes, _count(counts, arguments.folder, path))
             payloads.plant(path, read, Path(folder) / "executed", planted)
     few = arguments.each // FEWER
-    for stage, tables in drawn(arguments.folder).items():
-        draw = partial(run_stage, stage)
-        # Most of the others are changed by tests/comparison/test_tables.py, without drawing.
-        for path in tables if few else tables[:1]:
-            content = path.read_bytes()
-            others = extremes(content, generator, max(1, few))
-            changes = itertools.chain(flips(content, generator, few), others)
-            read_changed(path, draw, changes, _count(counts, arguments.folder, path))
+    # Most of the others are changed by tests/comparison/test_tables.py, without drawing.
+    for path in drawn(arguments.folder)[: None if few else 1]:
+        content = path.read_bytes()
+        others = extremes(content, generator, max(1, few))
+        changes = itertools.chain(flips(content, generator, few), others)
+        draw = partial(run_stage, "compare")
+        read_changed(path, draw, changes, _count(counts, arguments.folder, path))
     found = {name: asdict(count) for name, count in counts.items()}
     print(json.dumps({"mutations": found, "payloads": asdict(planted)}))
 
@@ -140,15 +139,11 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
         yield table, partial(_track, root, one)
 
 
-def drawn(root: Path) -> dict[str, list[Path]]:
-    """Return every kind of table that statistics are made of, by the stage that makes them."""
+def drawn(root: Path) -> list[Path]:
+    """Return every kind of table that the comparison's statistics are made of."""
     evaluated = Paths(root).agent(EVALUATED)
     curve = evaluated.seed(params_file.load(Paths(root).params).seeds[0]).curve
-    return {
-        "compare": [curve, evaluated.episodes, evaluated.variants],
-        "speed": [evaluated.timing, evaluated.scaling, evaluated.machines],
-        "crossings": [Paths(root).perturbed(EVALUATED)],
-    }
+    return [curve, evaluated.episodes, evaluated.variants, Paths(root).perturbed(EVALUATED)]
 
 
 def read_changed(path: Path, read: Read, changes: Iterable[bytes], count: Count) -> None:

@@ -40,8 +40,7 @@ KINDS = ("fail", "kill")
 DVC_STAGE = "build"
 TARGETS = (
     *("digest", "check", "build", "train", "demonstrate", "evaluate", "robustness"),
-    *("record", "scaling", "lineup", "compare", "crossings"),
-    *("overtaking", "speed", "report", "track", "play"),
+    *("record", "lineup", "compare", "timing", "report", "track", "play"),
     "dvc",  # while it runs that stage
 )
 PRELOADED = {

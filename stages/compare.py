@@ -1,15 +1,15 @@
-"""Compare the agents: statistics over seeds, verdicts on the claims, figures.
+"""Compare the agents: statistics over seeds, what they withstand, claims, figures.
 
 Usage:  python -m stages.compare
 Reads:  params.yaml, models/<agent>/seed-<n>/curve.csv, results/agents/<agent>/ (episodes.csv,
-        variants.csv)
-Writes: results/comparison.json, results/figures/, results/plots/
+        variants.csv), results/robustness/<agent>.csv
+Writes: results/comparison.json, results/robustness.json, results/figures/, results/plots/
 """
 
 from jumping_ant.base import tables
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison, results
+from jumping_ant.comparison import comparison, results, retention
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.figures import figures
 
@@ -23,6 +23,7 @@ def main() -> None:
     summary = comparison.summarize(agents, settings.compare)
     curves = comparison.learning_curves(agents, settings.compare)
     claims = verdicts.check(agents, settings.compare, settings.training.evaluation_episodes)
+    withstood = retention.summarize(PROJECT_ROOT, settings, agents)
 
     drawn = figures.draw(agents, curves, summary, claims, settings.compare.confidence)
 
@@ -32,6 +33,7 @@ def main() -> None:
     write_all(
         {
             paths.comparison: to_json(summary | {"claims": claims}),
+            paths.robustness: to_json(withstood),
             paths.plots / "learning_curves.csv": curve_table,
             paths.plots / "seeds.csv": tables.to_csv(comparison.seed_rows(agents)),
             **{paths.figures / name: content for name, content in figures.files(drawn).items()},

@@ -73,7 +73,7 @@ LONG = {
     *("test_benchmarks_pipeline.py", "test_cluster.py", "test_cluster_parts.py"),
     *("test_fingerprint.py", "test_live.py", "test_pages.py", "test_population.py"),
     *("test_postgres.py", "test_search.py"),
-    *("test_portable.py", "test_report_in_browser.py", "test_soak.py", "test_speed_page.py"),
+    *("test_portable.py", "test_report_in_browser.py", "test_soak.py"),
     *("test_stages_on_cluster.py", "test_stops.py", "test_surroundings.py", "test_ui.py"),
     *("test_verify.py", "test_wheel.py"),
 }

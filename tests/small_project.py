@@ -12,7 +12,7 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file, perturbed, scaling_table, variant_names
+from jumping_ant.experiment import params_file, perturbed, variant_names
 from jumping_ant.experiment.models import Params
 from jumping_ant.params import article
 from jumping_ant.params.blocks import CompareParams, EvaluateParams, MarginParams
@@ -80,7 +80,6 @@ def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -
         write_csv(Paths(root).agent(name).timing, timing)
         write_json(Paths(root).agent(name).machines, {str(seed): MACHINE for seed in seeds})
     write_variants(root, agents, seeds)
-    write_scaling(root, agents, seeds)
 
 
 def write_perturbed(
@@ -107,18 +106,6 @@ def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) 
             for variant in variant_names.of_agent(block(algorithm))
         ]
         write_csv(Paths(root).agent(name).variants, rows)
-
-
-def write_scaling(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
-    """Write what a unit of training took each seed of the agents that are timed."""
-    for name, algorithm in agents.items():
-        rows = [
-            {"seed": seed, "threads": threads, "seconds": 2.0 / threads + 0.01 * i}
-            for i, seed in enumerate(seeds)
-            for threads in (1, 2)
-            if algorithm in scaling_table.ALGORITHMS
-        ]
-        write_text(Paths(root).agent(name).scaling, scaling_table.to_csv(name, rows))
 
 
 def write_curve(root: Path, agent: str, seed: int, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -14,12 +14,12 @@ LIBRARY = ROOT / "jumping_ant"
 # Shared ground, in the order of the data flow; then the rooms of the stages, side by side.
 GROUND = ["base", "compute", "params", "actions", "policies", "sim", "looks", "agents"]
 GROUND += ["experiment"]
-ROOMS = ["training", "evaluation", "comparison", "recording", "report", "speed", "robustness"]
+ROOMS = ["training", "evaluation", "comparison", "recording", "report", "robustness"]
 ROOMS += ["play", "tracking", "tuning", "article"]
 # A room imports no other, but for the comparison's numbers, what its pages are made of, and tuning,
 # which trains and compares.
-BESIDE = {("report", "comparison"), ("speed", "comparison"), ("speed", "report")}
-BESIDE |= {("robustness", "comparison"), ("tuning", "training"), ("tuning", "comparison")}
+BESIDE = {("report", "comparison"), ("comparison", "robustness")}
+BESIDE |= {("tuning", "training"), ("tuning", "comparison")}
 SWITCH = LIBRARY / "__init__.py"  # every import of the library runs it first
 MODULES = sorted(path for path in LIBRARY.rglob("*.py") if path.stat().st_size and path != SWITCH)
 

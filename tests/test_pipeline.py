@@ -47,15 +47,17 @@ def test_every_other_stage_waits_for_the_check(name: str) -> None:
 
 
 def test_no_stage_but_the_last_ones_depends_on_a_clock_or_the_machine() -> None:
-    apart = {"results/timing", "results/speed", "results/speed.html", "results/speed.json"}
+    apart = {"results/timing", "results/scaling.csv", "results/speed.json"}
     outs = {name: set(_paths(stage, "outs")) for name, stage in STAGES.items()}
     timed = {"results/timing/${key}/timing.csv", "results/timing/${key}/machines.json"}
     assert outs["train"] == {"models/${key}", "results/agents/${key}/training.json", *timed}
-    assert outs["scaling"] == {"results/timing/${key}/scaling.csv"}
-    assert outs["speed"] == apart - {"results/timing"}
+    assert outs["timing"] == apart - {"results/timing"}
     for name, stage in STAGES.items():
         reads = [dep for dep in _paths(stage, "deps") if dep.startswith(tuple(apart))]
-        assert set(reads) == {"speed": {"results/timing"}, "track": apart}.get(name, set())
+        assert set(reads) == {
+            "timing": {"results/timing"},
+            "track": apart - {"results/scaling.csv"},
+        }.get(name, set())
         assert "results" not in _paths(stage, "deps")
 
 

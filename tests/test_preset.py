@@ -130,8 +130,8 @@ def test_an_interrupt_waits_for_the_pipeline_to_save(
 def test_some_stages_alone_can_be_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    copy = run_quick(monkeypatch, tmp_path, 'echo "$@" > called', "compare", "speed")
-    assert (copy / "called").read_text(encoding="utf-8") == "-m scripts.repro compare speed\n"
+    copy = run_quick(monkeypatch, tmp_path, 'echo "$@" > called', "compare", "timing")
+    assert (copy / "called").read_text(encoding="utf-8") == "-m scripts.repro compare timing\n"
     told = capsys.readouterr().out
     assert f"{copy}/results" in told
     assert "report.html" not in told  # nobody has made it

@@ -42,7 +42,6 @@ class AgentPaths:
         timing = root / "results" / "timing" / name  # what only a clock or the machine tells
         self.models = root / "models" / name  # the folder of its seeds' policies
         self.timing = timing / "timing.csv"  # training seconds at each row of the learning curves
-        self.scaling = timing / "scaling.csv"  # seconds of a unit of training by number of threads
         self.machines = timing / "machines.json"  # that each seed was trained on
         self.training = results / "training.json"  # digests of the files of each seed's training
         self.episodes = results / "episodes.csv"  # every held-out episode
@@ -81,8 +80,6 @@ class Paths:
         self.assets = root / "assets"  # the folder of the robots
         self.physique = self.assets / "robot.json"  # masses and torques, before and after the edits
         self.lineup = root / "media" / "lineup.rrd"  # all agents' median episodes in one recording
-        self.overtaking = root / "media" / "overtaking.rrd"  # the best learner and a metronome
-        self.overtaking_film = root / "media" / "overtaking.mp4"  # the same as a video
         results = root / "results"
         self.comparison = results / "comparison.json"  # statistics and claims
         self.figures = results / "figures"  # the folder of the comparison's figures
@@ -90,8 +87,7 @@ class Paths:
         self.report = results / "report.html"  # the comparison as one page
         self.robustness = results / "robustness.json"  # what agents keep under perturbations
         self.speed = results / "speed.json"  # seconds, and the claims that rest on them
-        self.speed_files = results / "speed"  # the folder of their figures and table
-        self.speed_page = results / "speed.html"  # the same as a page
+        self.scaling = results / "scaling.csv"  # of a unit of training, by number of threads
 
     def agent(self, name: str) -> AgentPaths:
         """Return the files of one agent."""

@@ -13,10 +13,7 @@ from jumping_ant.looks.naming import Family
 from jumping_ant.looks.wording import percent, percents
 
 RETURN = "Return per held-out episode"
-BUDGETS: dict[Unit, str] = {
-    "env_steps": "Training budget [control steps]",
-    "seconds": "Training time per seed [s]",
-}
+BUDGETS: dict[Unit, str] = {"env_steps": "Training budget [control steps]"}
 LEARNING = "Return per evaluation episode"
 BEHAVIOUR = {  # measures of how an agent jumps
     "apex": "Apex of a jump [m]",

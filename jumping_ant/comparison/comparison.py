@@ -1,11 +1,8 @@
-"""Comparison of the agents: the numbers of `results/comparison.json` and `results/plots/`.
+"""Comparison of the agents: the numbers of `results/comparison.json` and `results/plots/`."""
 
-The statistics are those of `jumping_ant.comparison.estimates`: one observation per seed.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import Any
 
 import numpy as np
@@ -13,8 +10,6 @@ from numpy.typing import NDArray
 
 from jumping_ant.comparison.estimates import (
     Estimate,
-    aggregate_curves,
-    common_grid,
     estimate_iqm,
     probability_of_improvement,
 )
@@ -40,7 +35,7 @@ FRONTS: dict[Unit, str] = {"env_steps": "pareto_steps", "seconds": "pareto_secon
 class LearningCurve:
     """The return of an agent's policies during training, over its seeds; all are (num_points,)."""
 
-    trained: Array  # so far, in control steps, or in seconds as the mean over seeds
+    trained: Array  # control steps so far
     returns: Estimate  # interquartile mean over seeds, with its interval
 
 
@@ -50,11 +45,9 @@ def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dic
     pairs = {}
     for one, other in combinations(returns, 2):
         won = probability_of_improvement(returns[one], returns[other], params)
+        pairs[one, other] = won.as_dict("p")
         # The reverse comparison reads the same table from the other side; it is no new experiment.
-        lost = Estimate(1 - won.value, 1 - won.high, 1 - won.low)
-        pairs[f"{one}>{other}"] = won.as_dict("p")
-        pairs[f"{other}>{one}"] = lost.as_dict("p")
-    ordered = (f"{one}>{other}" for one in returns for other in returns if one != other)
+        pairs[other, one] = Estimate(1 - won.value, 1 - won.high, 1 - won.low).as_dict("p")
     equal, early = at_equal_budgets(results, "env_steps", params.confidence)
     agents = {
         name: _summarize_agent(agent, params.confidence) | early.get(name, {})
@@ -64,7 +57,9 @@ def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dic
         "agents": agents,
         "equal_steps": equal,
         "pareto_steps": front(results, agents, "env_steps"),
-        "probability_of_improvement": {pair: pairs[pair] for pair in ordered},
+        "probability_of_improvement": {
+            ">".join(pair): pairs[pair] for pair in permutations(returns, 2)
+        },
     }
 
 
@@ -98,17 +93,19 @@ def pareto_front(costs: Mapping[str, float], gains: Mapping[str, float]) -> list
 
 
 def learning_curves(
-    results: Mapping[str, AgentResults], params: CompareParams, unit: Unit = "env_steps"
+    results: Mapping[str, AgentResults], params: CompareParams
 ) -> dict[str, LearningCurve]:
-    """Return each agent's learning curve over its seeds.
+    """Return each agent's learning curve over its seeds; one that ends early keeps its last value.
 
-    The returns are those at equal control steps, in either unit.
     A baseline learns nothing: its curve is constant at its last evaluation, from the learners'
     first evaluation to their last one.
     """
-    curves = {
-        name: _learning_curve(agent, unit, params.confidence) for name, agent in results.items()
-    }
+    curves = {}
+    for name, agent in results.items():
+        evaluated = [evaluations(curve) for curve in agent.curves.values()]
+        grid = _common_grid([steps for steps, _ in evaluated])
+        returns = np.stack([np.interp(grid, *curve) for curve in evaluated], axis=-1)
+        curves[name] = LearningCurve(grid, estimate_iqm(returns, params.confidence))
     learned = [curve for name, curve in curves.items() if not results[name].is_baseline]
     if not learned:
         return curves
@@ -121,7 +118,7 @@ def learning_curves(
 
 
 def curve_rows(
-    curves: Mapping[str, LearningCurve], families: Mapping[str, Family], unit: Unit = "env_steps"
+    curves: Mapping[str, LearningCurve], families: Mapping[str, Family]
 ) -> list[dict[str, Any]]:
     """Return the learning curves as a tidy table for `dvc plots`, one row per point.
 
@@ -131,7 +128,7 @@ def curve_rows(
     return [
         {
             "agent": name,
-            unit: float(curve.trained[i]),
+            "env_steps": float(curve.trained[i]),
             "return_iqm": float(curve.returns.value[i]),
             "low": float(curve.returns.low[i]),
             "high": float(curve.returns.high[i]),
@@ -158,6 +155,18 @@ def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
     ]
 
 
+def _common_grid(positions: Sequence[Array]) -> Array:
+    """Return where to compare curves that have points at increasing positions, (num_points,) each.
+
+    Where they have them if all agree. Otherwise as many places as the longest curve has, evenly
+    spaced from where the last curve starts to where the last one ends.
+    """
+    if all(np.array_equal(own, positions[0]) for own in positions):
+        return positions[0]
+    start, end = max(own[0] for own in positions), max(own[-1] for own in positions)
+    return np.linspace(start, end, max(len(own) for own in positions))
+
+
 def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
     """Return an agent's figures, of the seeds that have a value; a quantity of none is left out."""
     known = {name: values[~np.isnan(values)] for name, values in agent.quantities.items()}
@@ -180,8 +189,13 @@ def at_equal_budgets(
     if not learners:
         return None, {}
     least = float(min(agent.budgets(unit).min() for agent in learners.values()))
-    early = {name: _return_at(agent, unit, least, confidence) for name, agent in learners.items()}
-    return least, {name: {EARLY[unit]: value} for name, value in early.items()}
+    early = {}
+    for name, agent in learners.items():
+        evaluated = [evaluations(curve, unit) for curve in agent.curves.values()]
+        returns = np.array([np.interp(least, *curve, left=np.nan) for curve in evaluated])
+        known = not np.isnan(returns).any()
+        early[name] = {EARLY[unit]: describe(returns, confidence) if known else None}
+    return least, early
 
 
 def describe(sample: Array, confidence: float) -> dict[str, float]:
@@ -192,24 +206,3 @@ def describe(sample: Array, confidence: float) -> dict[str, float]:
         "worst": float(sample.min()),
         "best": float(sample.max()),
     }
-
-
-def _return_at(
-    agent: AgentResults, unit: Unit, place: float, confidence: float
-) -> dict[str, float] | None:
-    """Describe the return after an amount of training; None if a seed was first evaluated later."""
-    own = [evaluations(curve, unit) for curve in agent.curves.values()]
-    returns = [np.interp(place, *evaluated, left=np.nan) for evaluated in own]
-    known = not np.isnan(returns).any()
-    return describe(np.array(returns), confidence) if known else None
-
-
-def _learning_curve(agent: AgentResults, unit: Unit, confidence: float) -> LearningCurve:
-    curves = agent.curves.values()
-    evaluated = [evaluations(curve) for curve in curves]
-    grid = common_grid([steps for steps, _ in evaluated])
-    returns = aggregate_curves(grid, evaluated, confidence)
-    if unit == "env_steps":
-        return LearningCurve(grid, returns)
-    clocks = [np.interp(grid, curve["env_steps"], curve[unit]) for curve in curves]
-    return LearningCurve(np.mean(clocks, axis=0), returns)

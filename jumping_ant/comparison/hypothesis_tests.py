@@ -1,13 +1,10 @@
 """Permutation tests of two samples, or of one, for a difference and for the lack of one.
 
-Under the hypothesis that nothing differs, every arrangement of the data (seeds assigned to the two
-agents, or signs of paired differences) is equally likely. The p value is the share of arrangements
-whose statistic is at least as extreme as that of the data. It is valid for any number of seeds and
-with ties. If there are more than `MOST` arrangements, `MOST` random ones, including the observed
-data, are used instead of all, which is valid, too (Phipson and Smyth 2010).
-
-`equivalence` turns one-sided tests of shifted data into a test of whether a difference is smaller
-than a margin.
+If nothing differs, every arrangement of the data (seeds assigned to the two agents, or signs of
+paired differences) is equally likely. The p value is the share of arrangements whose statistic is
+at least as extreme as that of the data: valid for any number of seeds and with ties. Of more than
+`MOST` arrangements, `MOST` random ones, including the observed data, stand for all (Phipson and
+Smyth 2010).
 
 Sources: Fisher, "The Design of Experiments", 1935, section 21 (signs of paired differences); Mann
 and Whitney, Annals of Mathematical Statistics 18, 1947 (pairs won); Mantel, Biometrics 23, 1967
@@ -41,9 +38,8 @@ ROUNDING = 1e-9  # of the largest statistic: arrangements equal up to rounding c
 def rank_test(x: Array, y: Array, seed: int, side: Side = "two-sided") -> float:
     """Return the p value of two independent samples that win half of the pairs each.
 
-    Null: both samples come from one distribution. The statistic is proportional to Mann and
-    Whitney's U (pairs that x wins, ties counting half) less its mean. A pair that bounds leave
-    undecided is a tie (Mantel 1967).
+    Null: both come from one distribution. The statistic is proportional to Mann and Whitney's U
+    less its mean; a pair that bounds leave undecided is a tie (Mantel 1967).
 
     Args:
         x: First sample, shape (num_x,), or (num_x, 2) with bounds as in `pair_scores`.
@@ -54,18 +50,15 @@ def rank_test(x: Array, y: Array, seed: int, side: Side = "two-sided") -> float:
     pooled = np.concatenate([x, y])
     # Pairs within a sample cancel, so the sum over x equals that of its pairs with y.
     scores = (pair_scores(pooled, pooled) - 0.5).sum(axis=1)
-    return _two_samples(scores, len(x), _mean, seed, side)
+    return _two_samples(scores, len(x), lambda dealt: dealt.mean(axis=-1), seed, side)
 
 
 def spread_test(x: Array, y: Array, seed: int) -> float:
     """Return the two-sided p value of two samples that spread equally, relative to their medians.
 
-    Null: divided by their medians, both come from one distribution. So both are divided by their
-    medians and then permuted; the statistic is the difference in `relative_spread`, a mean of
-    deviations from the median (Levene 1960; Brown and Forsythe 1974). As the medians are estimates,
-    the test is not quite exact: for samples of eight that spread equally it finds a difference at
-    the 5 % level in 5 % of normal, 3 % of lognormal and 8 % of bimodal samples (a fifth of
-    failures).
+    Null: divided by their medians, both come from one distribution. So they are divided by their
+    medians and permuted; the statistic is the difference in `relative_spread` (Levene 1960; Brown
+    and Forsythe 1974). As medians are estimates, the test is not quite exact (docs/tables.md).
 
     Args:
         x: First sample, shape (num_x,).
@@ -82,9 +75,9 @@ def spread_test(x: Array, y: Array, seed: int) -> float:
 def excess_spread_test(x: Array, y: Array, bound: float, side: OneSide) -> float:
     """Return the p value of a relative spread of x that exceeds that of y by a bound.
 
-    Welch's test of the deviations from the medians (Welch 1947, Brown and Forsythe 1974). As they
-    are neither normal nor independent, it finds too much at small levels; its p value is therefore
-    doubled (docs/tables.md has the measured error rates). Samples without any spread prove nothing.
+    Welch's test of the deviations from the medians (Welch 1947; Brown and Forsythe 1974). As they
+    are neither normal nor independent, it finds too much at small levels, so its p value is doubled
+    (docs/tables.md). Samples without any spread prove nothing.
 
     Args:
         x: First sample, shape (num_x,).
@@ -106,8 +99,8 @@ def excess_spread_test(x: Array, y: Array, bound: float, side: OneSide) -> float
 def sign_test(differences: Array, seed: int, side: Side = "two-sided") -> float:
     """Return the p value of paired differences with a mean of 0.
 
-    Null: differences are distributed symmetrically around 0, so every sign is equally likely
-    (Fisher 1935, section 21). The statistic is their sum.
+    Null: they are distributed symmetrically around 0, so every sign is equally likely (Fisher 1935,
+    section 21). The statistic is their sum.
 
     Args:
         differences: Shape (num,).
@@ -124,20 +117,12 @@ def sign_test(differences: Array, seed: int, side: Side = "two-sided") -> float:
 
 
 def equivalence(test: Callable[[float, OneSide], float], low: float, high: float) -> float:
-    """Return the p value of an effect outside a margin: small if the effect lies inside.
+    """Return the p value of an effect outside a margin from `low` to `high` (Schuirmann 1987).
 
-    Two one-sided tests, the larger p value of which counts (Schuirmann 1987).
-
-    Args:
-        test: Returns the p value of an effect that equals a bound, against one on a side of it.
-        low: Lower end of the margin.
-        high: Upper end of the margin.
+    It is the larger one of two one-sided tests; `test` returns the p value of an effect that equals
+    a bound, against one on a side of it.
     """
     return max(test(low, "greater"), test(high, "less"))
-
-
-def _mean(sample: Array) -> Array:
-    return np.asarray(sample.mean(axis=-1))
 
 
 def _two_samples(

@@ -1,11 +1,7 @@
-"""The measurements of every agent, read from the project folder.
+"""The measurements of every agent, read from the project folder: one number per seed."""
 
-The sample of every statistic is one number per seed; `jumping_ant.comparison.comparison` and
-`jumping_ant.comparison.claims` compute the statistics.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +36,7 @@ class AgentResults:
 
     @property
     def algorithm(self) -> str:
-        """Return the agent's algorithm."""
+        """The agent's algorithm."""
         return self.block.algorithm
 
     @property
@@ -87,45 +83,18 @@ def load(
     return results
 
 
-def joined(
-    results: Mapping[str, AgentResults], added: Mapping[str, AgentResults]
-) -> dict[str, AgentResults]:
-    """Return the results of all agents, of some of them with more seeds."""
-    return {
-        name: _with_seeds(own, added[name]) if name in added else own
-        for name, own in results.items()
-    }
-
-
-def _with_seeds(own: AgentResults, more: AgentResults) -> AgentResults:
-    return replace(
-        own,
-        quantities=_end_to_end(own.quantities, more.quantities),
-        curves=own.curves | more.curves,
-        episodes=_end_to_end(own.episodes, more.episodes),
-        variants={
-            name: _end_to_end(table, more.variants[name]) for name, table in own.variants.items()
-        },
-    )
-
-
-def _end_to_end(one: Mapping[str, Array], other: Mapping[str, Array]) -> dict[str, Array]:
-    return {name: np.concatenate([column, other[name]]) for name, column in one.items()}
-
-
 def _seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
-    """Return each quantity's mean over the episodes of each seed, ignoring empty cells.
+    """Return each quantity's mean over the episodes of each seed; NaN where all cells are empty.
 
     Not those of `seeds.csv`: pandas sums in another order, so that last digits differ.
     """
+
+    def mean(values: Array) -> float:
+        known = values[~np.isnan(values)]
+        return float(known.mean()) if len(known) else float("nan")
+
     others = (name for name in table if name not in (*episodes.EPISODE_KEYS, *QUANTITIES))
     return {
-        name: np.array([_mean(table[name][table["seed"] == seed]) for seed in seeds])
+        name: np.array([mean(table[name][table["seed"] == seed]) for seed in seeds])
         for name in (*QUANTITIES, *others)
     }
-
-
-def _mean(values: Array) -> float:
-    """Return the mean of the values that are not NaN, or NaN if all are."""
-    known = values[~np.isnan(values)]
-    return float(known.mean()) if len(known) else float("nan")

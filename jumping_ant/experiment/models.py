@@ -25,7 +25,7 @@ from jumping_ant.params.blocks import (
     TuningParams,
 )
 
-RESERVED_NAMES = {"lineup", "overtaking"}  # names of files in media/
+RESERVED_NAMES = {"lineup"}  # names of files in media/
 # File systems allow 255 characters, of which DVC and MLflow need some.
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60)]
 

@@ -1,4 +1,4 @@
-"""The summaries of `compare` and `speed`, `comparison.json` and `speed.json`, as one.
+"""The summaries of `compare` and `timing`, `comparison.json` and `speed.json`, as one.
 
 What is equal on every machine and what a clock tells are in files of their own.
 """

@@ -91,7 +91,7 @@ def build(root: Path, params: Params, seeds: Mapping[str, Sequence[int]]) -> dic
     """
     kinds = sorted({params.agent(name).robot for name in params.agents})
     worlds = {kind: World(robot.read(root, kind), params.env) for kind in kinds}
-    withstood = read_json(Paths(root).robustness, "crossings")["agents"]
+    withstood = read_json(Paths(root).robustness, "compare")["agents"]
     families = {name: catalogue.row(params.agent(name)).family for name in params.agents}
     drawn = looks.looks(families)
     return {

@@ -99,36 +99,6 @@ highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
 """
 
 
-def overtaking_page(
-    stories: Mapping[str, Story],
-    trajectories: Mapping[str, Trajectory],
-    opening: Opening,
-    *,
-    condition: str,
-) -> str:
-    """Describe a learner and a metronome that start alike under a perturbation."""
-    rows = "\n".join(
-        f"| **{story.label}**{_remark(story)} | {trajectories[agent].seed} | "
-        f"{trajectories[agent].episode_return:,.0f} | {story.mean_return:,.0f} |"
-        for agent, story in stories.items()
-    )
-    return f"""\
-## A learner, and a rhythm that sees nothing
-
-Both start alike, with {condition}. The mean is over all seeds.
-
-| agent | seed | return | mean return |
-|---|---|---|---|
-{rows}
-
-The metronome ignores all observations. Arrows are the forces of the ground, computed for the robot
-as it is without perturbation. The recording loops over the highest jump of the first
-{opening.end:g} s, at {opening.peak:.1f} s.
-
-{MOVING_ABOUT}
-"""
-
-
 def _algorithm(story: Story) -> str:
     """Return what an agent runs, in words."""
     return BASELINES.get(story.algorithm, ALGORITHMS[story.algorithm].label)

@@ -49,7 +49,7 @@ MODEL, POLICY_DIGEST = "jumping-ant-", "policy_digest"
 def build(root: Path, params: Params) -> str:
     """Return the page's HTML, from the project's assets, models, results and media."""
     summary = read_json(Paths(root).comparison, "compare")
-    withstood = read_json(Paths(root).robustness, "crossings")
+    withstood = read_json(Paths(root).robustness, "compare")
     summary |= {"claims": [*summary["claims"], *withstood["claims"]]}
     loaded = load(root, params)
     drawn = looks.looks(charting.families(loaded))
@@ -72,7 +72,6 @@ def build(root: Path, params: Params) -> str:
         "confidence": f"{100 * params.compare.confidence:g}",
         "episodes": params.evaluate.episodes,
         "baseline_episodes": params.evaluate.baseline_episodes,
-        "overtaking": _overtaking(results, withstood["filmed"]),
         "robust_steps": params.robustness.episode_steps,
         "robot": _robot(root),
         "params": _params_text(params),
@@ -106,15 +105,6 @@ def _charts(
     if len(results) > 1:
         figures["improvement"] = contests.improvement(results, summary)
     return figures | sections.figures(params, results, summary, drawn, "env_steps")
-
-
-def _overtaking(results: Mapping[str, AgentResults], filmed: Mapping[str, Any]) -> str:
-    """Return who is filmed under what, in words; empty if nothing is perturbed."""
-    if len(filmed["agents"]) < 2:
-        return ""
-    learner, metronome = (results[name].label for name in filmed["agents"])
-    perturbation = filmed["perturbation"].replace("_", " ")
-    return f"{learner} and {metronome} with {perturbation} of {filmed['level']:g}"
 
 
 def _leaders(results: Mapping[str, AgentResults]) -> list[str]:

@@ -67,7 +67,7 @@ def _learning(
     unit: Unit,
 ) -> dict[str, go.Figure]:
     """Return the chart of learning curves, or of many learners one for each family."""
-    curves = comparison.learning_curves(results, params.compare, unit)
+    curves = comparison.learning_curves(results, params.compare)
     grouped = panels.panels(charting.families(results))
     named = comparison.best_baseline(results, summary["agents"]) if len(grouped) > 1 else None
     return {

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import plotly.graph_objects as go
 
 from jumping_ant.comparison.results import AgentResults
@@ -47,13 +48,13 @@ def levels(
     for column in names:
         for name in shown:
             own, look = withstood["agents"][name][column], drawn[name]
-            places = range(len(own["level"]))
+            kept, low, high = (np.array(own[key], float) for key in ("retention", "low", "high"))
             figure.add_scatter(
                 x=[f"{level:g}" for level in own["level"]],
                 y=own["retention"],
                 error_y={
-                    "array": [_gap(own["retention"][i], own["high"][i]) for i in places],
-                    "arrayminus": [_gap(own["low"][i], own["retention"][i]) for i in places],
+                    "array": (high - kept).tolist(),
+                    "arrayminus": (kept - low).tolist(),
                     "thickness": 1,
                     "width": 0,
                 },
@@ -112,7 +113,3 @@ def _told(own: Mapping[str, Any], perturbation: str) -> str:
     if own["crossing"] is not None:
         told += f"; the metronome leads by more than the margin from {own['crossing']:g} on"
     return told
-
-
-def _gap(low: float | None, high: float | None) -> float | None:
-    return None if low is None or high is None else high - low

@@ -162,12 +162,12 @@ class ComparisonRecord:
     def results(self) -> dict[str, Any]:
         """`results/comparison.json` with `results/speed.json`, empty if there is no comparison."""
         paths = Paths(self.root)
-        return summaries.merged(_json(paths.comparison, "compare"), _json(paths.speed, "speed"))
+        return summaries.merged(_json(paths.comparison, "compare"), _json(paths.speed, "timing"))
 
     @cached_property
     def summary(self) -> dict[str, float]:
         """The comparison's headline numbers."""
-        withstood = _json(Paths(self.root).robustness, "crossings")
+        withstood = _json(Paths(self.root).robustness, "compare")
         return dict(_headlines(self.results)) | dict(_withstood(withstood))
 
     def over_seeds(self, agent: str) -> tuple[dict[str, float], dict[Point, float]]:

@@ -9,49 +9,67 @@ rollouts and updates. Later rows take as long.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from typing import Any
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.events import Progress
 from jumping_ant.agents.job import Job, trainer_of
-from jumping_ant.base import machine
-from jumping_ant.experiment import scaling_table
+from jumping_ant.base import machine, tables
+from jumping_ant.experiment.models import Params
+from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
-REPEATS = 2  # the faster one counts: disturbances only add time
+ALGORITHMS = ("dqn", "sac", "pgpe")  # those of the claim on threads (docs/measures-and-claims.md)
+SEEDS = 8  # whose training is timed: the first ones
+REPEATS = 2  # the fastest one counts: disturbances only add time
+DIGITS = 6  # of the seconds
+
+Seconds = dict[int, NDArray[np.float64]]
+"""The time of a unit of training [s], (num_seeds,), by number of threads; {} if not timed."""
 
 
-def measure(
-    world: World, agent: AgentBlock, seeds: Sequence[int], cores: int | None = None
-) -> list[dict[str, Any]]:
-    """Time a unit of an agent's training on one or more threads, at most as many as cores.
+def measure_all(root: Path, params: Params) -> dict[str, Seconds]:
+    """Time each agent, one after the other, in a process that does nothing else."""
+    with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
+        found = pool.map(partial(measure, root, params), params.agents)
+        return dict(zip(params.agents, found, strict=True))
 
-    The rows have `scaling_table.COLUMNS`; there are none if no claim compares the algorithm's
-    speed-up.
-    """
-    timed = scaling_table.timed(agent)
-    if timed is None:
-        return []
-    unit = partial(_time_row, world, timed)
-    counts = list(scaling_table.thread_counts(cores or machine.num_cores()))
-    return [
-        {"seed": seed, "threads": threads, "seconds": round(seconds, scaling_table.DIGITS)}
-        for seed in seeds
-        for threads, seconds in _fastest(unit, seed, counts).items()
+
+def to_csv(scaling: Mapping[str, Seconds], seeds: Sequence[int]) -> str:
+    """Return a table of what `measure_all` found, seed by seed."""
+    rows = [
+        {"agent": agent, "seed": seed, "threads": threads, "seconds": own[i]}
+        for agent, seconds in scaling.items()
+        for i, seed in enumerate(seeds[:SEEDS])
+        for threads, own in seconds.items()
     ]
+    return tables.to_csv(rows, ["agent", "seed", "threads", "seconds"])
 
 
-def _fastest(
-    unit: Callable[[int, int], float], seed: int, counts: Sequence[int]
-) -> dict[int, float]:
-    """Return the shortest time of a seed's unit [s] by number of threads, measured in turn."""
-    fastest = dict.fromkeys(counts, float("inf"))
-    for _ in range(REPEATS):
-        for threads in counts:
-            fastest[threads] = min(fastest[threads], unit(seed, threads))
-    return fastest
+def measure(root: Path, params: Params, name: str, cores: int | None = None) -> Seconds:
+    """Time a unit of an agent's training on 1, 2, 4, ... threads, at most as many as cores.
+
+    Returns {} if no claim compares the algorithm's speed-up.
+    """
+    agent = params.agent(name)
+    timed = agent.for_timing() if agent.algorithm in ALGORITHMS else None
+    if timed is None:
+        return {}
+    world = World(robot.read(root, agent.robot), params.env)
+    seeds, most = params.seeds[:SEEDS], cores or machine.num_cores()
+    counts = sorted({min(2**power, most) for power in range(most.bit_length() + 1)})
+    fastest = np.full((len(seeds), len(counts)), np.inf)
+    for own, seed in zip(fastest, seeds, strict=True):
+        for _ in range(REPEATS):
+            own[:] = np.minimum(own, [_time_row(world, timed, seed, count) for count in counts])
+    return dict(zip(counts, fastest.T.round(DIGITS), strict=True))
 
 
 def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float:

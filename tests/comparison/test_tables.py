@@ -9,11 +9,10 @@ from table_faults import NUMBERS, STRUCTURE, faults
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison
+from jumping_ant.comparison import comparison, timing
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import load
 from jumping_ant.experiment import curves, episodes
-from jumping_ant.speed import seconds
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1]
@@ -22,7 +21,6 @@ PGPE, TIMING = Path("results/agents/pgpe"), Path("results/timing/pgpe")
 TABLES = {
     PGPE / "episodes.csv": "evaluate@pgpe",
     PGPE / "variants.csv": "evaluate@pgpe",
-    TIMING / "scaling.csv": "scaling@pgpe",
     TIMING / "timing.csv": "train@pgpe",
     Path("models/pgpe/seed-3/curve.csv"): "train@pgpe",
 }
@@ -31,7 +29,6 @@ WRITERS = {  # by folder and name
     ("agents", "episodes"): "evaluate",
     ("agents", "variants"): "evaluate",
     ("timing", "timing"): "train",
-    ("timing", "scaling"): "scaling",
 }
 
 
@@ -46,7 +43,7 @@ def compared(root: Path) -> object:
     agents = load(root, PARAMS, curves.read_timed)
     claims = verdicts.check(agents, COMPARE, PARAMS.training.evaluation_episodes)
     summary = comparison.summarize(agents, COMPARE)
-    timed = seconds.summarize(root, PARAMS, agents, summary)
+    timed = timing.summarize(PARAMS, agents, summary, dict.fromkeys(AGENTS, {}))
     return summary, claims, comparison.seed_rows(agents), timed
 
 
@@ -172,7 +169,6 @@ def test_a_cut_training_is_noticed(project: Path) -> None:
         ("episodes", "fluidity", "-inf", "a finite decimal number from -1e+30 to 0, or none"),
         ("episodes", "return", "1_000", "a finite decimal number from -1e+30 to 1e+30"),
         ("variants", "variant", "best", "final, signed, three, rounded_full, rounded"),
-        ("scaling", "seconds", "0", "a finite decimal number from 1e-06 to 1e+09"),
         ("timing", "seconds", "-1", "a finite decimal number from 0 to 1e+09"),
     ],
 )

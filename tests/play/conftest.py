@@ -10,11 +10,11 @@ from jumping_ant.agents.events import Finished
 from jumping_ant.agents.job import trainer_of
 from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.comparison import retention
 from jumping_ant.comparison.results import load
 from jumping_ant.experiment.models import Params
 from jumping_ant.play import page
 from jumping_ant.policies import policy_file
-from jumping_ant.robustness import summary
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
@@ -44,7 +44,7 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params) -> Path:
             row = {"env_steps": 0, "episodes": 1, "return_mean": 10 - seed, "return_std": 0}
             write_csv(paths.validation, [{"agent": name, "seed": seed} | row])
     write_perturbed(root, settings, lambda name, condition, seed: 0.5 if name == "sac" else 0.9)
-    withstood = summary.summarize(root, settings, load(root, settings))
+    withstood = retention.summarize(root, settings, load(root, settings))
     write_json(root / "results" / "robustness.json", withstood)
     return root
 

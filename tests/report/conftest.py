@@ -11,13 +11,12 @@ from small_project import block, make_params, shown, write_perturbed, write_proj
 
 from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison
+from jumping_ant.comparison import comparison, retention
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import load
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import rendering
 from jumping_ant.report import page
-from jumping_ant.robustness import summary as robustness
 from jumping_ant.sim import robot
 
 
@@ -53,7 +52,7 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     summary = comparison.summarize(results, settings.compare) | {"claims": found}
     write_json(root / "results" / "comparison.json", summary)
     write_perturbed(root, settings, lambda name, condition, seed: 1 - 0.01 * seed)
-    withstood = robustness.summarize(root, settings, results)
+    withstood = retention.summarize(root, settings, results)
     write_json(root / "results" / "robustness.json", withstood)
     return root
 

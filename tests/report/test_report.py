@@ -15,14 +15,13 @@ from small_project import make_params, shown, write_perturbed, write_project
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, write_bytes, write_json
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison
+from jumping_ant.comparison import comparison, retention
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import AgentResults, load
 from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import looks
 from jumping_ant.report import contests, page, statements
-from jumping_ant.robustness import summary as robustness
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import models, pages, store
 
@@ -52,7 +51,7 @@ def test_every_link_stays_on_this_machine(html: str, project: Path) -> None:
     files = [link for _, link in links if link.startswith("../")]
     assert {f"../media/{name}.mp4" for name in AGENTS} <= set(files)
     for tag, link in links:
-        assert link.startswith(("../", "#", "data:", "speed.html", "play.html", page.MLFLOW)), link
+        assert link.startswith(("../", "#", "data:", "play.html", page.MLFLOW)), link
         assert tag in ("a", "iframe", "video", "img", "link")
     for link in files:
         if not link.endswith(".rrd"):  # recordings take longer than this test may
@@ -316,7 +315,7 @@ def test_a_lone_agent_of_one_seed_has_a_page(
     summary = comparison.summarize(results, alone.compare) | {"claims": []}
     write_json(tmp_path / "results" / "comparison.json", summary)
     write_perturbed(tmp_path, alone, lambda name, condition, seed: 0.9)
-    write_json(Paths(tmp_path).robustness, robustness.summarize(tmp_path, alone, results))
+    write_json(Paths(tmp_path).robustness, retention.summarize(tmp_path, alone, results))
     text = page.build(tmp_path, alone)
     assert f"<title>Ant: {results[name].label}</title>" in text
     assert f"{results[name].label} returns {outcome}.</p>" in text
@@ -352,7 +351,7 @@ def crowd(project: Path, settings: Params, tmp_path_factory: pytest.TempPathFact
     summary = comparison.summarize(results, many.compare) | {"claims": found}
     write_json(root / "results" / "comparison.json", summary)
     write_perturbed(root, many, lambda name, condition, seed: 0.9)
-    write_json(Paths(root).robustness, robustness.summarize(root, many, results))
+    write_json(Paths(root).robustness, retention.summarize(root, many, results))
     return page.build(root, many)
 
 
@@ -400,7 +399,7 @@ def test_many_claims_are_folded_under_their_statements(crowd: str, html: str) ->
             lambda p: p.write_text("{", encoding="utf-8"),
             "run `dvc repro --force compare`",
         ),
-        ("results/robustness.json", Path.unlink, "run `dvc repro crossings`"),
+        ("results/robustness.json", Path.unlink, "run `dvc repro compare`"),
         ("models/dqn/seed-7/policy.zip", Path.unlink, "run `dvc repro train@dqn`"),
     ],
 )

@@ -1,67 +1,55 @@
-from pathlib import Path
+"""How training speeds up with threads: what is timed, and the table of it."""
 
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 import pytest
 import small_agents
 
 from jumping_ant.base.files import write_text
-from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import scaling_table
 from jumping_ant.experiment.models import Params
-from jumping_ant.sim.world import World
 from jumping_ant.training import scaling
 
-SEEDS = [0, 5]
+NET: dict[str, Any] = {"net_arch": [16], "batch_size": 8, "num_envs": 2, "gradient_steps": 64}
+SMALL = {"pgpe": {"population_size": 6, "episode_steps": 10}, "dqn": NET, "sac": NET}
 
 
-def small(known: Params) -> Params:
-    pgpe = known.agents["pgpe"].model_copy(update={"population_size": 6, "episode_steps": 10})
-    return known.model_copy(update={"agents": known.agents | {"pgpe": pgpe}})
+@pytest.fixture
+def settings(known_params: Params, robot_xml: str, tmp_path: Path) -> Params:
+    write_text(tmp_path / "assets" / "edited.xml", robot_xml)
+    agents = small_agents.agents() | {
+        name: known_params.agent(name).model_copy(update=own) for name, own in SMALL.items()
+    }
+    return known_params.model_copy(update={"agents": agents, "seeds": [0, 5]})
 
 
-def test_each_seed_is_timed_on_one_thread_up_to_all(known_params: Params, robot_xml: str) -> None:
-    settings = small(known_params)
-    rows = scaling.measure(World(robot_xml, settings.env), settings.agent("pgpe"), SEEDS, cores=3)
-    assert [tuple(row) for row in rows] == [tuple(scaling_table.COLUMNS)] * 6
-    assert [(row["seed"], row["threads"]) for row in rows] == [
-        (seed, threads) for seed in SEEDS for threads in (1, 2, 3)
-    ]
-    assert all(0 < row["seconds"] < 60 for row in rows)
-
-
-def test_learners_that_update_one_policy_are_timed_too(
-    known_params: Params, robot_xml: str
+@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize(("cores", "counts"), [(1, [1]), (3, [1, 2, 3]), (4, [1, 2, 4])])
+def test_each_seed_is_timed_on_one_thread_up_to_all(
+    settings: Params, tmp_path: Path, name: str, cores: int, counts: list[int]
 ) -> None:
-    for name in ("dqn", "sac"):
-        small_net = {"net_arch": [16], "batch_size": 8, "num_envs": 2, "gradient_steps": 64}
-        agent = known_params.agent(name).model_copy(update=small_net)
-        rows = scaling.measure(World(robot_xml, known_params.env), agent, [3], cores=2)
-        assert [(row["seed"], row["threads"]) for row in rows] == [(3, 1), (3, 2)]
-        assert all(0 < row["seconds"] < 60 for row in rows)
+    found = scaling.measure(tmp_path, settings, name, cores)
+    assert list(found) == counts
+    assert all(own.shape == (2,) and (own > 0).all() and (own < 60).all() for own in found.values())
 
 
-@pytest.mark.parametrize("algorithm", ["random", "open_loop", "snes", "ppo", "td3", "bc"])
-def test_what_no_claim_compares_is_not_timed(
-    known_params: Params, robot_xml: str, algorithm: str
-) -> None:
-    agent = small_agents.agents()[algorithm]
-    assert scaling.measure(World(robot_xml, known_params.env), agent, SEEDS) == []
+@pytest.mark.parametrize("name", ["random", "open_loop", "snes", "ppo", "td3", "bc"])
+def test_what_no_claim_compares_is_not_timed(settings: Params, tmp_path: Path, name: str) -> None:
+    assert scaling.measure(tmp_path, settings, name) == {}
 
 
-def test_the_table_is_read_back(known_params: Params, robot_xml: str, tmp_path: Path) -> None:
-    settings = small(known_params)
-    rows = scaling.measure(World(robot_xml, settings.env), settings.agent("pgpe"), SEEDS, cores=2)
-    write_text(Paths(tmp_path).agent("pgpe").scaling, scaling_table.to_csv("pgpe", rows))
-    read = scaling_table.read(tmp_path, settings.model_copy(update={"seeds": SEEDS}), "pgpe")
-    assert list(read) == [1, 2]
-    assert read[2].tolist() == [row["seconds"] for row in rows if row["threads"] == 2]
+def test_all_agents_are_timed_with_their_first_seeds(settings: Params, tmp_path: Path) -> None:
+    agents = {name: settings.agent(name) for name in ("random", "pgpe")}
+    seeds = [*range(5, 5 + scaling.SEEDS), 2]
+    few = settings.model_copy(update={"agents": agents, "seeds": seeds})
+    found = scaling.measure_all(tmp_path, few)
+    assert list(found) == ["random", "pgpe"] and found["random"] == {}
+    assert [len(own) for own in found["pgpe"].values()] == [scaling.SEEDS] * len(found["pgpe"])
 
 
-def test_no_more_seeds_are_timed_than_the_repetitions_that_are_asked_for(
-    known_params: Params, tmp_path: Path
-) -> None:
-    seeds = [*range(5, 5 + scaling_table.REPETITIONS), 2]
-    settings = known_params.model_copy(update={"seeds": seeds})
-    rows = [{"seed": seed, "threads": 1, "seconds": 1.0} for seed in scaling_table.seeds(settings)]
-    write_text(Paths(tmp_path).agent("pgpe").scaling, scaling_table.to_csv("pgpe", rows))
-    assert [row["seed"] for row in rows] == seeds[:-1]
-    assert len(scaling_table.read(tmp_path, settings, "pgpe")[1]) == len(rows)
+def test_the_table_has_a_row_for_each_time() -> None:
+    found = {"random": {}, "pgpe": {1: np.array([2.0, 2.5]), 2: np.array([1.25, 1.5])}}
+    assert scaling.to_csv(found, [7, 3]) == (
+        "agent,seed,threads,seconds\npgpe,7,1,2.0\npgpe,7,2,1.25\npgpe,3,1,2.5\npgpe,3,2,1.5\n"
+    )

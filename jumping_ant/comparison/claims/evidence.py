@@ -53,8 +53,7 @@ Key = Literal["returns", "fluidity"]  # of margins, for differences
 def more(*quantities: str, factor: float = 1.0, margin: Key | None = None) -> Compare:
     """Ask whether the first agent exceeds the second, times a factor, in each quantity.
 
-    In each: the probability that a seed of the first does, and the rank test of it
-    (`findings.independent`). All of them must hold (`findings.both`).
+    All of them must hold (`findings.both`, of `findings.independent`).
     """
     return lambda case: findings.both(
         [
@@ -75,9 +74,8 @@ def more_in_version(
 ) -> Compare:
     """Ask whether one version of an agent's policies exceeds the other, seed by seed.
 
-    The mean difference of the same seeds, and the sign-flip test (`findings.paired`). The versions
-    are keys of `VERSIONS`; there is no finding if the agent lacks one. With `or_equal` the claim is
-    only that the first one is not smaller by the margin (non-inferiority).
+    The versions are keys of `VERSIONS`; there is no finding if the agent lacks one. With `or_equal`
+    the claim is only that the first one is not smaller by the margin (non-inferiority).
     """
 
     def compare(case: Case) -> Finding | None:
@@ -101,11 +99,7 @@ def at_full_torque(compare: Compare) -> Compare:
 
 
 def less_spread(case: Case) -> Finding:
-    """Ask whether the first agent's return varies less than the second's.
-
-    The difference in spread over seeds relative to the median, and the permutation test of it
-    (`findings.less_spread`).
-    """
+    """Ask whether the first agent's return varies less over seeds than the second's."""
     margin = case.params.margins.relative_spread
     samples = case.samples(_mean("return"))
     return findings.less_spread(AXES["return"], *samples, case.params, (-margin, margin))
@@ -115,8 +109,7 @@ def more_effort(unit: curves.Unit, *, margin: bool = False) -> Compare:
     """Ask whether the first agent needs more than the second to learn anything, for good.
 
     A seed's effort lies between the last evaluation that does not exceed `Field.threshold` and the
-    next one, so the rank test is the one with bounds (Mantel 1967; `findings.more_effort`). There
-    is no finding without a random agent, which gives the threshold. The margin is a ratio.
+    next one. There is no finding without a random agent, which gives the threshold.
     """
 
     def compare(case: Case) -> Finding | None:
@@ -133,10 +126,7 @@ def more_effort(unit: curves.Unit, *, margin: bool = False) -> Compare:
 
 
 def fewer_steps(case: Case) -> Finding | None:
-    """Ask whether the first agent needs fewer control steps than the second to learn anything.
-
-    It is `more_effort` of the agents in reverse order.
-    """
+    """Ask whether the first agent needs fewer control steps than the second to learn anything."""
     return more_effort("env_steps")(replace(case, agents=case.agents[::-1]))
 
 

@@ -17,9 +17,8 @@ from jumping_ant.comparison.estimates import (
     estimate,
     estimate_iqm,
     estimate_mean,
-    mean_pair_score,
-    pair_scores,
     pairwise_median,
+    probability_of_improvement,
     relative_spread,
 )
 from jumping_ant.comparison.hypothesis_tests import (
@@ -117,7 +116,7 @@ def independent(
     plot = _plot(quantity, first, second)
     if not (len(x) and len(y)):
         return _nothing(quantity, plot, ends)
-    effect = mean_pair_score(pair_scores(np.sort(x), np.sort(y)), params)
+    effect = probability_of_improvement(x, y, params)
     times = f"{factor:g} times " if factor != 1 else ""
     evidence = (
         f"{quantity}: {_iqm(first, params)}, {_iqm(second, params)}; a seed of {first.label} "
@@ -184,13 +183,10 @@ def less_spread(
     """Compare the spread over seeds, relative to the median: does the first one have less?"""
     x, y = first.values, second.values
 
-    def excess(own: Array, other: Array, axis: int = -1) -> Array:
-        return relative_spread(other, axis) - relative_spread(own, axis)
-
     plot = _plot(quantity, first, second)
     if 0 in (np.median(x), np.median(y)):
         return _nothing(quantity, plot, ends)
-    effect = estimate(excess, [x, y], params)
+    effect = estimate(lambda x, y: relative_spread(y) - relative_spread(x), [x, y], params)
     spreads = ", ".join(
         f"{sample.label} {number(relative_spread(sample.values))} (worst seed "
         f"{number(sample.values.min())}, median {number(np.median(sample.values))})"
@@ -218,7 +214,7 @@ def more_effort(
     The ends of a margin are ratios.
     """
     x, y = first.bounds, second.bounds
-    effect = mean_pair_score(pair_scores(x, y), params)
+    effect = probability_of_improvement(x, y, params)
     efforts = ", ".join(
         f"{own.label} {number(np.median(own.spent))} "
         f"({own.reached.sum()} of {len(own.reached)} seeds got there)"

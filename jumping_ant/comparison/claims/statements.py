@@ -4,7 +4,7 @@ docs/measures-and-claims.md fixed them before the run that they judge.
 
 An agent represents its algorithm, whatever its name: with two SAC agents there are two claims on
 SAC and DQN. A claim whose agents or measurements are missing is left out.
-Those that rest on seconds are in `jumping_ant.speed.claims`.
+Those on perturbed episodes and on seconds are in the modules `robustness` and `timing`.
 """
 
 from collections.abc import Iterator

@@ -16,8 +16,9 @@ from jumping_ant.comparison.claims.findings import Finding, Sample
 from jumping_ant.comparison.claims.statements import Row, Table
 from jumping_ant.comparison.results import AgentResults
 
-# By agent, the time of a unit of training [s], (num_seeds,), by number of threads; {} if not timed.
 Scaling = Mapping[str, Mapping[int, NDArray[np.float64]]]
+"""By agent, the time of a unit of training [s], (num_seeds,), by number of threads; {} if not
+timed."""
 
 ARTICLES_STEPS = {"sac": 100_000, "dqn": 1_000_000}  # [control steps] of training
 HEAVY = "{0} is computationally heavy: it needs more training seconds than {1} to learn anything."
@@ -44,7 +45,11 @@ def table(scaling: Scaling) -> Table:
 
 def longer_step(case: Case) -> Finding:
     """Ask whether the first agent trains for longer than the second per control step (`more`)."""
-    samples = case.samples(lambda agent: Sample(agent.label, 1000 * _seconds_per_step(agent)))
+    samples = case.samples(
+        lambda agent: Sample(
+            agent.label, 1000 * (agent.budgets("seconds") / agent.budgets("env_steps"))
+        )
+    )
     return findings.independent("Training time per control step [ms]", *samples, case.params)
 
 
@@ -57,10 +62,6 @@ def longer_training(case: Case) -> Finding | None:
         return None
     samples = case.samples(lambda agent: Sample(agent.label, agent.budgets("seconds")))
     return findings.independent("Training time [s]", *samples, case.params)
-
-
-def _seconds_per_step(agent: AgentResults) -> NDArray[np.float64]:
-    return agent.budgets("seconds") / agent.budgets("env_steps")
 
 
 def more_speed_up(scaling: Scaling) -> Compare:

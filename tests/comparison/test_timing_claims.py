@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from small_field import HEAVY, HIGH, PARALLEL, RANDOM, SLOW, agent, check, one_verdict, the_claim
 
+from jumping_ant.comparison.claims import timing as claims
 from jumping_ant.experiment import presets
-from jumping_ant.speed import claims
 
 UNTIMED = dict.fromkeys(("pgpe", "sac", "dqn"), {})
 

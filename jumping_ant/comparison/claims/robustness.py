@@ -9,17 +9,15 @@ from jumping_ant.comparison.claims.evidence import Case, Compare
 from jumping_ant.comparison.claims.field import Field, pairs
 from jumping_ant.comparison.claims.findings import Finding, Sample
 from jumping_ant.comparison.claims.statements import Row, Table
-from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.models import Params
-from jumping_ant.robustness import retention
-from jumping_ant.robustness.retention import Returns
-from jumping_ant.sim.perturbations import NAMES, SENSING, Condition
+from jumping_ant.sim.perturbations import NAMES, NONE, SENSING, Array, Condition
 
+Returns = Mapping[Condition, Array]
+"""An agent's mean return of every seed under each condition, (num_seeds,); `NONE` is the first."""
 Played = Mapping[str, Returns]
 """What each agent returns under each condition."""
 
 SEVERE = 3  # levels of a perturbation, the last ones, that the claims on it average
-KEPT = "Share of the return that is kept"
 
 
 def table(params: Params, played: Played) -> Table:
@@ -45,12 +43,30 @@ def table(params: Params, played: Played) -> Table:
     )  # fmt: skip
 
 
+def margin(params: Params) -> float:
+    """Return the smallest difference of practical size between returns of perturbed episodes.
+
+    It is that of returns, in proportion to the length of the episodes.
+    """
+    share = params.robustness.episode_steps / params.env.max_episode_steps
+    return share * params.compare.margins.returns
+
+
+def kept(returns: Returns) -> dict[Condition, Array]:
+    """Return what each seed keeps under each perturbation, (num_seeds,).
+
+    NaN for a seed without a positive return where nothing is perturbed.
+    """
+    usual = np.where(returns[NONE] > 0, returns[NONE], np.nan)
+    return {condition: own / usual for condition, own in returns.items() if condition != NONE}
+
+
 def overtakes(params: Params, played: Played, conditions: Sequence[Condition]) -> Compare:
     """Ask whether the second agent returns more than the first, on average over conditions.
 
     Seeds of both play the same starts, so they are paired (`findings.paired`).
     """
-    margin = retention.margin(params)
+    size = margin(params)
 
     def compare(case: Case) -> Finding | None:
         if not all(played[agent.name] for agent in case.agents):
@@ -60,7 +76,7 @@ def overtakes(params: Params, played: Played, conditions: Sequence[Condition]) -
                 agent.label, np.mean([played[agent.name][one] for one in conditions], axis=0)
             )
         )
-        return findings.paired("Return", other, own, case.params, (-margin, margin))
+        return findings.paired("Return", other, own, case.params, (-size, size))
 
     return compare
 
@@ -77,25 +93,17 @@ def keeps_more(played: Played, names: Collection[str], compared: Callable[..., F
             `findings.independent`.
     """
 
+    def shares(name: str) -> list[Array]:
+        returns = played[name]
+        found = kept(returns) if returns else {}
+        return [share for condition, share in found.items() if condition.perturbation in names]
+
     def compare(case: Case) -> Finding | None:
-        if not _are_played(played, case, names):
+        if not all(shares(agent.name) for agent in case.agents):
             return None
-        samples = case.samples(lambda agent: _kept(played, agent, names))
-        return compared(KEPT, *samples, case.params)
+        samples = case.samples(
+            lambda agent: Sample(agent.label, np.mean(shares(agent.name), axis=0))
+        )
+        return compared("Share of the return that is kept", *samples, case.params)
 
     return compare
-
-
-def _are_played(played: Played, case: Case, names: Collection[str]) -> bool:
-    """Return whether all agents of a case played any of some perturbations."""
-    return all(
-        any(condition.perturbation in names for condition in played[agent.name])
-        for agent in case.agents
-    )
-
-
-def _kept(played: Played, agent: AgentResults, names: Collection[str]) -> Sample:
-    """Return the mean of what each seed keeps over all levels of some perturbations."""
-    shares = retention.kept(played[agent.name])
-    means = [share for condition, share in shares.items() if condition.perturbation in names]
-    return Sample(agent.label, np.mean(means, axis=0))
