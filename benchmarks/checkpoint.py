@@ -11,8 +11,8 @@ from benchmarks.measure import Row, row
 from benchmarks.settings import CORES, default_world
 from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.job import Job
-from jumping_ant.agents.off_policy import trainer
 from jumping_ant.agents.off_policy.algorithms import DQNParams
+from jumping_ant.agents.sb3 import trainer
 from jumping_ant.compute import jobs
 from jumping_ant.experiment import params_file
 from jumping_ant.training.checkpoints import Checkpoints, Saved

@@ -13,9 +13,9 @@ from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import CORES, article_agent, default_world
-from jumping_ant.agents import kernels
 from jumping_ant.agents.evolution import trainer
 from jumping_ant.agents.job import Job
+from jumping_ant.agents.kernels import use_portable_kernels
 
 GENERATIONS = 2  # per repeat
 
@@ -31,7 +31,7 @@ def project(num_threads: int) -> Callable[[], float]:
     Args:
         num_threads: Threads that step the simulations; torch has one, as in the pipeline.
     """
-    kernels.use()
+    use_portable_kernels()
     agent = article_agent("pgpe")
     events = trainer.train(Job(default_world(), agent, seed=0, num_threads=num_threads))
     next(events)

@@ -13,9 +13,9 @@ from benchmarks.article_ant import ArticleAnt, Commanded
 from benchmarks.measure import Row, rate
 from benchmarks.settings import article_agent, default_world
 from jumping_ant.actions import ActionSet
-from jumping_ant.agents import kernels
 from jumping_ant.agents.job import Job
-from jumping_ant.agents.off_policy import trainer
+from jumping_ant.agents.kernels import use_portable_kernels
+from jumping_ant.agents.sb3 import trainer
 
 REPEATS = 5
 STEPS = {"dqn": 1200, "sac": 120}  # control steps per repeat
@@ -48,7 +48,7 @@ def on_one_core(contender: Contender) -> Callable[[], float]:
 
 def project(algorithm: str) -> Callable[[], float]:
     """Start the project's training of an agent with the article's settings, on one thread."""
-    kernels.use()
+    use_portable_kernels()
     steps = STEPS[algorithm]
     changes: dict[str, Any] = {"log_interval": steps}
     if algorithm == "dqn":

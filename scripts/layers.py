@@ -17,11 +17,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.agents import kernels
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.events import Finished
 from jumping_ant.agents.imitation.demonstrations import Demonstrations, play
 from jumping_ant.agents.job import Job, trainer_of
+from jumping_ant.agents.kernels import use_portable_kernels
 from jumping_ant.base import machine
 from jumping_ant.evaluation import evaluation
 from jumping_ant.looks import plotting, rendering
@@ -50,67 +50,6 @@ FILM = RecordParams(
     camera_azimuth=90.0,
     camera_elevation=-15.0,
 )
-TORQUES = {"kind": "torques", "amplitude": 1.0, "hold": 3}
-# Settings of a few updates, by kind of trainer; others have their defaults, and their real sizes.
-SETTINGS: dict[str, dict[str, Any]] = {
-    "off_policy": {
-        "actions": TORQUES,
-        "total_steps": 600,
-        "num_envs": 4,
-        "learning_starts": 100,
-        "log_interval": 100,
-    },
-    "on_policy": {
-        "actions": TORQUES,
-        "total_steps": 1536,
-        "num_envs": 4,
-        "n_steps": 64,
-        "log_interval": 768,
-    },
-    "evolution": {
-        "actions": TORQUES,
-        "generations": 3,
-        "population_size": 8,
-        "episode_steps": 30,
-    },
-    "imitation": {
-        "actions": TORQUES,
-        "total_steps": 240,
-        "rounds": 4,
-        "updates_per_round": 20,
-        "learning_rate": 0.002,
-        "batch_size": 64,
-        "net_arch": [128, 128],
-        "velocity_scale": 0.1,
-    },
-    "open_loop": {
-        "amplitude": 0.5,
-        "commands": [3, 4],
-        "half_periods": [2, 3],
-        "episodes": 2,
-        "episode_steps": 30,
-    },
-    "random_actions": {"actions": TORQUES},
-}
-COMMANDS = {"actions": {"kind": "commands", "amplitude": 0.5, "hold": 3}}
-LEVELS = {"actions": {"kind": "levels", "levels": 2, "amplitude": 1.0, "hold": 3}}
-SPREAD = {"stdev_init": 0.2}
-RATES = SPREAD | {"center_learning_rate": 0.1, "stdev_learning_rate": 0.1}
-OWN_SETTINGS: dict[str, dict[str, Any]] = {
-    "dqn": COMMANDS,
-    "decqn": LEVELS,
-    "qrdqn": COMMANDS,
-    "ddpg": {"action_noise": 0.2},
-    "td3": {"action_noise": 0.2},
-    "pgpe": RATES | {"max_speed": 0.2},
-    "snes": RATES,
-    "xnes": RATES,
-    "cem": SPREAD | {"parenthood_ratio": 0.5},
-    "cmaes": SPREAD,
-    "oscillator": SPREAD | {"frequency": 3.0},
-    "ars": {"n_top": 2},
-    "dagger": {"episode_steps": 30, "tumbled_starts": 0.25},
-}
 
 
 def layers() -> Iterator[tuple[str, Callable[[], str]]]:
@@ -188,7 +127,7 @@ def _physics() -> str:
 
 def _episodes(num_threads: int) -> list[Episode]:
     world = _world()
-    actions = ActionSet.of(_settings("random").actions, world.env.commands)
+    actions = ActionSet.of(ALGORITHMS["random"].example_agent().actions, world.env.commands)
     policy = UniformPolicy(0, actions, world.anatomy.num_motors)
     return rollout.run(world, policy, range(EPISODES), num_threads)
 
@@ -225,7 +164,7 @@ def _numpy_sums() -> str:
 
 
 def _numpy_products() -> str:
-    kernels.use()
+    use_portable_kernels()
     singles = [(one.astype(np.float32), other.astype(np.float32)) for one, other in _pairs()]
     return _digest(found for one, other in [*_pairs(), *singles] for found in (one @ other,))
 
@@ -242,7 +181,7 @@ def _both() -> list[torch.Tensor]:
 
 
 def _torch_functions() -> str:
-    kernels.use()
+    use_portable_kernels()
     softplus, huber = torch.nn.functional.softplus, torch.nn.functional.smooth_l1_loss
     kinds = (torch.exp, torch.tanh, torch.sigmoid, torch.sin, torch.cos, torch.erf, softplus)
     found = [kind(numbers) for numbers in _both() for kind in kinds]
@@ -260,7 +199,7 @@ def _torch_sums() -> str:
 
 
 def _torch_products() -> str:
-    kernels.use()
+    use_portable_kernels()
     doubles = [(torch.from_numpy(one), torch.from_numpy(other)) for one, other in _pairs()]
     pairs = [*doubles, *((one.float(), other.float()) for one, other in doubles)]
     layers = [torch.nn.functional.linear(one, other.t(), other[0]) for one, other in pairs]
@@ -269,7 +208,7 @@ def _torch_products() -> str:
 
 
 def _torch_decompositions() -> str:
-    kernels.use()
+    use_portable_kernels()
     square = _both()[1][:4096].reshape(64, 64)
     positive = square @ square.t() + 1000 * torch.eye(64)
     return _digest(
@@ -282,23 +221,16 @@ def _torch_decompositions() -> str:
     )
 
 
-def _settings(algorithm: str) -> Any:
-    """Return settings of an algorithm that make a few updates."""
-    row = ALGORITHMS[algorithm]
-    own = SETTINGS[row.package] | OWN_SETTINGS.get(algorithm, {})
-    return row.settings.model_validate({"algorithm": algorithm, "robot": "edited", **own})
-
-
 def _training(algorithm: str) -> str:
-    agent = _settings(algorithm)
+    agent = ALGORITHMS[algorithm].example_agent()
     demonstrations = _demonstrations() if agent.learns_from_demonstrations else None
     return _digest([np.frombuffer(_policy(algorithm, demonstrations), np.uint8)])
 
 
 def _policy(algorithm: str, demonstrations: bytes | None = None) -> bytes:
     """Return the policy that a short training ends with."""
-    kernels.use()
-    agent = _settings(algorithm)
+    use_portable_kernels()
+    agent = ALGORITHMS[algorithm].example_agent()
     *_, finished = trainer_of(agent)(Job(_world(), agent, seed=0, demonstrations=demonstrations))
     assert isinstance(finished, Finished)
     return finished.policy

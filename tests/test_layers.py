@@ -73,7 +73,7 @@ def users(library: str) -> set[str]:
 def test_mlflow_optuna_and_ray_have_one_home_each() -> None:
     assert {name.split("/")[0] for name in users("optuna")} == {"tuning"}
     assert {name.split("/")[0] for name in users("mlflow")} == {"tracking"}
-    assert users("ray") == {"compute/cluster.py", "compute/cluster_parts.py"}
+    assert users("ray") == {"compute/cluster.py"}
 
 
 def test_package_files_are_empty_but_for_a_switch() -> None:

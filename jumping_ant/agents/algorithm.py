@@ -1,13 +1,16 @@
 """An algorithm's row of the catalogue, and the settings that all agents share."""
 
 from abc import abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self, TypeVar, get_args
 
+from jumping_ant.agents.ranges import Ranges
 from jumping_ant.looks.naming import Family
 from jumping_ant.params.blocks import Block, EnvParams
 from jumping_ant.policies.policy_file import KINDS
+
+TORQUES = {"kind": "torques", "amplitude": 1.0, "hold": 3}  # of examples
 
 
 class AgentBlock(Block):
@@ -34,10 +37,6 @@ class AgentBlock(Block):
     def fault(self, env: EnvParams) -> str | None:
         """Return what does not fit the task (key, given, allowed), or None if the block fits."""
         return None
-
-    def memory(self, num_observations: int, num_motors: int) -> int:
-        """Return about how much memory training a seed takes, beyond the program's own [bytes]."""
-        return 0
 
     def for_timing(self) -> Self | None:
         """Return settings with which each row of the learning curve is one unit of work.
@@ -70,12 +69,20 @@ class Algorithm:
     Attributes:
         settings: The model of its block in `params.yaml`.
         family: The kind of algorithm; results are grouped and coloured by it.
+        example: Settings of a training of a few updates, for checks; others have their defaults.
         learner: `module:name` of what the trainer builds, imported when training starts; empty if
             the trainer needs none.
-        logged: Logged values that the learning curve keeps, by the learner's own names.
+        logged: Logged values that the learning curve keeps, by the learner's names.
         counters: Counters of the learner in addition to those that its whole family keeps.
+        trainer: The module that trains its agents; by default `trainer` beside the settings.
         label: The algorithm's name as it is printed; by default in capitals.
-        network: The kind of its policies, a key of `KINDS`; by default the algorithm's own name.
+        about: What it is in words, in recordings; by default the label.
+        policy_kind: The kind of its policies, a key of `KINDS`; by default the algorithm's name.
+        ranges: What a search for settings may choose from; empty if there is nothing to search.
+        has_rounded: Whether variants of its policies that round torques are played as well.
+        has_best_sample: Whether a variant that is the best of a distribution's samples is, too.
+        is_scaled: Whether its training is timed by the number of threads.
+        is_perturbed: Whether its policies are played under perturbations.
 
     Raises:
         ValueError: There are no policies of such a kind.
@@ -83,17 +90,30 @@ class Algorithm:
 
     settings: type[AgentBlock]
     family: Family
+    example: Mapping[str, Any]
     learner: str = ""
     logged: tuple[str, ...] = ()
     counters: tuple[str, ...] = ()
+    trainer: str = ""
     label: str = ""
-    network: str = ""
+    about: str = ""
+    policy_kind: str = ""
+    ranges: Ranges = field(default_factory=dict)
+    has_rounded: bool = False
+    has_best_sample: bool = False
+    is_scaled: bool = False
+    is_perturbed: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "label", self.label or self.name.upper())
-        object.__setattr__(self, "network", self.network or self.name)
-        if self.network not in KINDS:
-            raise ValueError(f"{self.name}: given network {self.network!r}, allowed: {[*KINDS]}")
+        beside = self.settings.__module__.rpartition(".")[0]
+        object.__setattr__(self, "trainer", self.trainer or f"{beside}.trainer")
+        object.__setattr__(self, "about", self.about or self.label)
+        object.__setattr__(self, "policy_kind", self.policy_kind or self.name)
+        if self.policy_kind not in KINDS:
+            raise ValueError(
+                f"{self.name}: given policy_kind {self.policy_kind!r}, allowed: {[*KINDS]}"
+            )
 
     @property
     def name(self) -> str:
@@ -101,15 +121,15 @@ class Algorithm:
         (name,) = get_args(self.settings.model_fields["algorithm"].annotation)
         return str(name)
 
+    def example_agent(self) -> Any:
+        """Return an agent of the algorithm that trains for a few updates."""
+        agent = {"algorithm": self.name, "robot": "edited", **self.example}
+        return self.settings.model_validate(agent)
+
     @property
     def package(self) -> str:
         """Name of the package in `jumping_ant.agents` that has its settings and its trainer."""
         return self.settings.__module__.split(".")[-2]
-
-    @property
-    def trainer(self) -> str:
-        """Name of the module that trains its agents."""
-        return f"jumping_ant.agents.{self.package}.trainer"
 
     @property
     def is_baseline(self) -> bool:

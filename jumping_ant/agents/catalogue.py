@@ -1,16 +1,14 @@
 """Every algorithm that an agent of `params.yaml` may name."""
 
 from jumping_ant.agents.algorithm import AgentBlock, Algorithm
+from jumping_ant.agents.baselines import algorithms as baselines
 from jumping_ant.agents.evolution import algorithms as evolution
 from jumping_ant.agents.imitation import algorithms as imitation
 from jumping_ant.agents.off_policy import algorithms as off_policy
 from jumping_ant.agents.on_policy import algorithms as on_policy
-from jumping_ant.agents.open_loop import algorithms as open_loop
-from jumping_ant.agents.random_actions import algorithms as random
 
 ALGORITHMS: dict[str, Algorithm] = (
-    random.ALGORITHMS
-    | open_loop.ALGORITHMS
+    baselines.ALGORITHMS
     | off_policy.ALGORITHMS
     | on_policy.ALGORITHMS
     | evolution.ALGORITHMS

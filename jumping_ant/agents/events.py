@@ -9,63 +9,38 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Progress:
-    """One row of the learning curve.
+    """One row of the learning curve; its returns are NaN if no episode ended in it."""
 
-    Attributes:
-        env_steps: Control steps simulated so far, over all environments.
-        updates: Updates of the learner so far (gradient steps, or generations).
-        episodes: Training episodes finished so far.
-        return_mean: Mean return of the training episodes that ended since the previous row, NaN
-            if none did.
-        return_std: Their standard deviation (of the population), NaN if none ended.
-        extra: Values specific to the algorithm: losses, exploration rate and so on.
-    """
-
-    env_steps: int
-    updates: int
-    episodes: int
-    return_mean: float
-    return_std: float
-    extra: dict[str, float]
+    env_steps: int  # control steps simulated so far, over all environments
+    updates: int  # of the learner so far: gradient steps, or generations
+    episodes: int  # training episodes finished so far
+    return_mean: float  # of the episodes that ended since the previous row
+    return_std: float  # their standard deviation (of the population)
+    extra: dict[str, float]  # specific to the algorithm: losses, exploration rate and so on
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The current policy, for periodic evaluation.
+    """The current policy, for periodic evaluation."""
 
-    Attributes:
-        env_steps: Control steps simulated so far.
-        policy: Content of a policy file (see `jumping_ant.policies`).
-    """
-
-    env_steps: int
-    policy: bytes
+    env_steps: int  # so far
+    policy: bytes  # content of a policy file (see `jumping_ant.policies`)
 
 
 @dataclass(frozen=True)
 class Finished:
-    """The last event: training is complete.
+    """The last event: training is complete."""
 
-    Attributes:
-        env_steps: Control steps simulated in total.
-        policy: Content of the trained policy's file.
-    """
-
-    env_steps: int
-    policy: bytes
+    env_steps: int  # in total
+    policy: bytes  # content of the trained policy's file
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """The complete state of training, which resumes from it as if it had never stopped.
+    """The complete state of training, which resumes from it as if it had never stopped."""
 
-    Attributes:
-        env_steps: Control steps simulated so far.
-        content: State that the trainer of this agent resumes from.
-    """
-
-    env_steps: int
-    content: bytes
+    env_steps: int  # so far
+    content: bytes  # what the trainer of this agent resumes from
 
 
 Event = Progress | Snapshot | Checkpoint | Finished

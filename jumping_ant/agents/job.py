@@ -3,12 +3,11 @@
 import importlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event
-from jumping_ant.compute.parts import Spread
 from jumping_ant.sim.world import World
 
 Settings = TypeVar("Settings", bound=AgentBlock, covariant=True)
@@ -31,7 +30,6 @@ class Job(Generic[Settings]):
         demonstrations: Content of the file of demonstrations, for agents that learn from them.
         checkpoint: Checkpoint of an earlier run to resume from; None starts a new run.
         is_checkpoint_due: Whether to yield a checkpoint; called after every round of work.
-        spread: What puts shares of a population on other machines; None keeps them in threads.
     """
 
     world: World
@@ -42,30 +40,15 @@ class Job(Generic[Settings]):
     demonstrations: bytes | None = None
     checkpoint: bytes | None = None
     is_checkpoint_due: Callable[[], bool] = _never
-    spread: Spread | None = None
 
 
-class Trainer(Protocol):
-    """The function `train` in the `trainer` module of each family's package."""
-
-    def __call__(self, job: Job[Any]) -> Iterator[Event]:
-        """Train, and yield events.
-
-        Yields:
-            Progress, a snapshot for each evaluation, checkpoints when they are due, and finally
-            Finished.
-        """
+# Trains, and yields Progress, a Snapshot for each evaluation, Checkpoints when they are due, and
+# finally Finished.
+Trainer = Callable[[Job[Any]], Iterator[Event]]
 
 
 def trainer_of(agent: AgentBlock) -> Trainer:
-    """Return the trainer of an agent, which imports its libraries.
-
-    From then on this process computes as anywhere (see `jumping_ant.agents.kernels`).
-    """
-    if not agent.is_baseline:  # these do without PyTorch, which takes seconds to import
-        from jumping_ant.agents import kernels
-
-        kernels.use()
+    """Return the function `train` of an agent's trainer, which imports its libraries."""
     trainer: Trainer = resolve(f"{row(agent).trainer}:train")
     return trainer
 

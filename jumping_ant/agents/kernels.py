@@ -15,15 +15,13 @@ import numpy as np
 import torch
 from threadpoolctl import threadpool_limits
 from torch import Tensor
-from torch.optim import Optimizer
 
 from jumping_ant.base import machine
 
 
-def use() -> None:
+def use_portable_kernels() -> None:
     """Have PyTorch compute the same as anywhere, in this process, with one thread for products."""
     _replace()
-    _keep_the_compiler_out()
     torch.set_num_threads(machine.BLAS_THREADS)
     threadpool_limits(machine.BLAS_THREADS, user_api="blas")
 
@@ -47,16 +45,6 @@ def _replace() -> torch.library.Library:
         for name, kernel in kernels.items():
             library.impl(name, kernel, "CPU", allow_override=True)
     return library
-
-
-def _keep_the_compiler_out() -> None:
-    """Call methods of optimisers as they are: nothing here is compiled.
-
-    PyTorch would import its compiler, in seconds, to have it leave these methods alone.
-    """
-    for method in vars(Optimizer).values():
-        if plain := getattr(method, "__wrapped__", None):
-            plain.__dynamo_disable = plain  # what torch._compile looks for
 
 
 def _product(first: Tensor, second: Tensor) -> Tensor:

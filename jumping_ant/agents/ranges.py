@@ -1,8 +1,4 @@
-"""What a search for settings may choose from: the ranges of an algorithm's settings.
-
-Each family has its own in `ranges.py`, beside its settings and in the same units. No training reads
-them: to change a range makes no stage stale.
-"""
+"""What a search for settings may choose from: the ranges of an algorithm's settings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -43,14 +39,7 @@ class OneOf:
 
 
 Ranges = Mapping[str, Between | OneOf]
-"""Of an algorithm, by the setting's name."""
-
-
-EPISODES: Ranges = {
-    "long_episodes": OneOf((0.0, 0.25, 0.5, 0.75, 1.0)),
-    "tumbled_starts": Between(0.0, 0.75, is_log=False),
-}
-"""How the training episodes of learners that step several environments start and end."""
+"""Of an algorithm, by the setting's name and in its unit."""
 
 
 def whole(low: int, high: int, is_log: bool = True) -> Between:

@@ -9,18 +9,18 @@ PACKAGES = Path(__file__).parent
 
 
 def packages() -> list[str]:
-    """Return the names of the packages that train agents."""
-    return sorted(path.parent.name for path in PACKAGES.glob("*/trainer.py"))
+    """Return the names of the families' packages."""
+    return sorted(path.parent.name for path in PACKAGES.glob("*/algorithms.py"))
 
 
 def training_code(algorithm: str, script: Path) -> set[Path]:
     """Return the files that a training run depends on, if `script` calls the trainer.
 
-    The catalogue imports the settings of every algorithm and names what its trainer builds; of the
-    packages that train, only the algorithm's own counts.
+    The catalogue imports the settings of every algorithm; of the families, only the algorithm's
+    counts.
     """
     row = ALGORITHMS[algorithm]
-    own = imports.files_of(row.trainer) | imports.files_of(row.learner.partition(":")[0])
-    others = {PACKAGES / name for name in packages()} - {file.parent for file in own}
-    files = imports.closure(script, *own)
+    called = imports.files_of(row.trainer) | imports.files_of(row.learner.partition(":")[0])
+    others = {PACKAGES / name for name in packages() if name != row.package}
+    files = imports.closure(script, *called)
     return {file for file in files if others.isdisjoint(file.parents)}

@@ -5,7 +5,6 @@ one thread for products. Other versions of MuJoCo, NumPy and torch give others.
 """
 
 import importlib.metadata
-import math
 import os
 import platform
 import re
@@ -15,7 +14,6 @@ from typing import Any
 
 PACKAGES = ("evotorch", "gymnasium", "mujoco", "numpy", "sb3-contrib", "stable-baselines3", "torch")
 KEYS = ("cpu family", "model")  # in /proc/cpuinfo
-CONTROL_GROUP = Path("/sys/fs/cgroup")
 BLAS_THREADS = 1  # per worker; simulations may use more, which does not affect results
 
 
@@ -35,21 +33,6 @@ def num_cores() -> int:
     if hasattr(os, "sched_getaffinity"):  # not on macOS
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def available_memory() -> float:
-    """Return the bytes this process may still take, also in a container; infinity if unknown."""
-    available = math.inf
-    with suppress(OSError, ValueError, StopIteration):
-        lines = Path("/proc/meminfo").read_text(encoding="utf-8").splitlines()
-        line = next(line for line in lines if line.startswith("MemAvailable:"))
-        available = 1024 * int(line.split()[1])
-    with suppress(OSError, ValueError):  # the limit may be the word "max"
-        limit = int((CONTROL_GROUP / "memory.max").read_text(encoding="utf-8"))
-        available = min(
-            available, limit - int((CONTROL_GROUP / "memory.current").read_text(encoding="utf-8"))
-        )
-    return available
 
 
 def processor() -> str:

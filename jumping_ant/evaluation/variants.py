@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.seeding import derive
 from jumping_ant.evaluation import playing
 from jumping_ant.experiment import variant_names
@@ -89,7 +90,7 @@ def make(
         policies: Each seed's published policy, and its policy at the end of training.
     """
     algorithm, samples = params.agent(agent).algorithm, dict[int, Policy]()
-    if algorithm in variant_names.SAMPLED:
+    if ALGORITHMS[algorithm].has_best_sample:
         samples = _best_samples(
             world, params, agent, {seed: final for seed, (_, final) in policies.items()}
         )

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from jumping_ant.agents.catalogue import row
 from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import RobustnessParams
 from jumping_ant.sim.perturbations import NONE, Condition
@@ -28,7 +29,7 @@ def cases(params: Params, agent: str) -> Iterator[Case]:
     Without perturbation they are more, as all that is kept is measured against them. Random actions
     play none: they hold no posture or rhythm that could be disturbed.
     """
-    if params.agent(agent).algorithm == "random":
+    if not row(params.agent(agent)).is_perturbed:
         return
     for condition in conditions(params.robustness):
         count = num_episodes(params, condition)

@@ -4,16 +4,14 @@
 """
 
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.params.blocks import ActionParams, EvaluateParams
 
 PUBLISHED = "published"
 DISCRETE = ("signed", "three", "rounded_full", "rounded")
 NAMES = ("final", *DISCRETE, "best_sample")
-# Claims compare a policy with these of its variants, and those of these algorithms
-# (docs/measures-and-claims.md).
+# Claims compare a policy with these of its variants (docs/measures-and-claims.md).
 IN_CLAIMS = ("signed", "rounded_full", "rounded", "best_sample")
-ROUNDED = ("sac", "pgpe")
-SAMPLED = ("pgpe",)
 
 
 def of_agent(agent: AgentBlock) -> tuple[str, ...]:
@@ -25,14 +23,15 @@ def of_agent(agent: AgentBlock) -> tuple[str, ...]:
 
 def names(algorithm: str, chooses_torques: bool) -> tuple[str, ...]:
     """Return the names of the variants of an algorithm's policies."""
-    discrete = DISCRETE if algorithm in ROUNDED and chooses_torques else ()
-    return ("final", *discrete, *(("best_sample",) if algorithm in SAMPLED else ()))
+    known = ALGORITHMS[algorithm]
+    discrete = DISCRETE if known.has_rounded and chooses_torques else ()
+    return ("final", *discrete, *(("best_sample",) if known.has_best_sample else ()))
 
 
 def num_episodes(agent: AgentBlock, evaluate: EvaluateParams) -> dict[str, int]:
     """Return on how many held-out episodes each version of a seed's policy is played."""
     in_claims = [*IN_CLAIMS]
-    if agent.algorithm in SAMPLED:
+    if row(agent).has_best_sample:
         in_claims.append("final")  # the centre beside the best sample
     if not agent.is_baseline:
         in_claims.append(PUBLISHED)

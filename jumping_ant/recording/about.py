@@ -15,11 +15,6 @@ from jumping_ant.sim.world import World
 
 LEG_COLOR_NAMES = ("coral", "yellow", "green", "violet")  # of `LEG_COLORS`
 
-BASELINES = {
-    "random": "a baseline that acts at random",
-    "open_loop": "a baseline that moves to a fixed beat and ignores observations",
-}
-
 MOVING_ABOUT = """\
 **Navigation.** Drag in the bar below, or click in a plot, to choose a time; space pauses, and the
 loop button plays everything. In the view of a robot, drag to rotate, right-drag to pan, scroll to
@@ -101,7 +96,7 @@ highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
 
 def _algorithm(story: Story) -> str:
     """Return what an agent runs, in words."""
-    return BASELINES.get(story.algorithm, ALGORITHMS[story.algorithm].label)
+    return ALGORITHMS[story.algorithm].about
 
 
 def _robot(story: Story) -> str:

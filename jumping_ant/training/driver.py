@@ -17,14 +17,13 @@ from jumping_ant.base import portable, tables
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import read_bytes, to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.compute import cluster, jobs
-from jumping_ant.compute.cluster_parts import ClusterSpread
+from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
 from jumping_ant.experiment import curves
 from jumping_ant.experiment.models import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
-from jumping_ant.training import memory, seed_run
+from jumping_ant.training import seed_run
 from jumping_ant.training.checkpoint_key import checkpoint_key
 from jumping_ant.training.checkpoints import Checkpoints
 from jumping_ant.training.forced import is_forced
@@ -44,7 +43,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
         agent_name: Which agent.
 
     Raises:
-        InputError: There is no such agent, no robot yet, or too little memory.
+        InputError: There is no such agent, or no robot yet.
         WorkerError: The workers of one seed died repeatedly.
         StoppedError: A signal asked training to stop; another call resumes from there.
         OSError: A file cannot be written, as on a full disk; another call resumes from the last
@@ -102,9 +101,6 @@ def _run(
     requested, agent = params.compute.workers, params.agent(display.agent)
     untrained = [number for number, seed in seeds.items() if not seed.is_finished]
     workers = 0 if agent.is_baseline else jobs.num_workers(requested, len(untrained))
-    if untrained and not agent.is_baseline and not cluster.address():
-        memory.check(world, display.agent, agent, workers, display.say)
-    spread = ClusterSpread(workers) if workers and cluster.address() else None
     while untrained:  # once, unless a checkpoint is rejected
         if agent.is_baseline:
             threads = jobs.num_threads(requested, 1) * len(untrained)
@@ -121,7 +117,6 @@ def _run(
                 seed=number if agent.depends_on_seed else SHARED_SEED,
                 evaluations=params.training.evaluations,
                 num_threads=num_threads[number],
-                spread=spread,
                 demonstrations=demonstrations,
                 checkpoint=saved.content if saved else None,
             )

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Progress
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine, tables
@@ -26,7 +27,6 @@ from jumping_ant.experiment.models import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
-ALGORITHMS = ("dqn", "sac", "pgpe")  # those of the claim on threads (docs/measures-and-claims.md)
 SEEDS = 8  # whose training is timed: the first ones
 REPEATS = 2  # the fastest one counts: disturbances only add time
 DIGITS = 6  # of the seconds
@@ -59,7 +59,7 @@ def measure(root: Path, params: Params, name: str, cores: int | None = None) -> 
     Returns {} if no claim compares the algorithm's speed-up.
     """
     agent = params.agent(name)
-    timed = agent.for_timing() if agent.algorithm in ALGORITHMS else None
+    timed = agent.for_timing() if row(agent).is_scaled else None
     if timed is None:
         return {}
     world = World(robot.read(root, agent.robot), params.env)
@@ -74,9 +74,13 @@ def measure(root: Path, params: Params, name: str, cores: int | None = None) -> 
 
 def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float:
     """Return the seconds of the second row of a seed's learning curve."""
-    from threadpoolctl import threadpool_limits  # slow to import, and not for agents without a row
+    # Slow to import, and not for agents without a row.
+    from threadpoolctl import threadpool_limits
 
-    train = trainer_of(agent)  # which limits the threads, so it comes first
+    from jumping_ant.agents.kernels import use_portable_kernels
+
+    use_portable_kernels()  # which limits the threads, so it comes first
+    train = trainer_of(agent)
     with threadpool_limits(threads, user_api="blas"):
         events = train(Job(world, agent, seed, num_threads=threads))
         rows = (event for event in events if isinstance(event, Progress))

@@ -64,6 +64,10 @@ def run(
     `seconds` is the training time before the checkpoint that the job resumes from, `candidates`
     are the snapshots before it that may be published.
     """
+    if not job.agent.is_baseline:  # these do without PyTorch, which takes seconds to import
+        from jumping_ant.agents.kernels import use_portable_kernels
+
+        use_portable_kernels()
     train = trainer_of(job.agent)  # its imports are no training
     started = last = time.perf_counter()
     paused = -seconds

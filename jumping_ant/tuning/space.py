@@ -9,16 +9,12 @@ import optuna
 from pydantic import ValidationError
 
 from jumping_ant.agents.algorithm import AgentBlock
-from jumping_ant.agents.evolution import ranges as evolution
-from jumping_ant.agents.imitation import ranges as imitation
-from jumping_ant.agents.off_policy import ranges as off_policy
-from jumping_ant.agents.on_policy import ranges as on_policy
+from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.ranges import OneOf, Ranges
 from jumping_ant.base.errors import InputError
 
 DIGITS = 3  # significant ones, of numbers that are drawn: people read and type them
-RANGES: dict[str, Ranges] = {**off_policy.RANGES, **on_policy.RANGES}  # by algorithm
-RANGES |= {**evolution.RANGES, **imitation.RANGES}
+RANGES = {name: row.ranges for name, row in ALGORITHMS.items() if row.ranges}
 
 
 class RefusedError(ValueError):

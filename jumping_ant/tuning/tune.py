@@ -14,7 +14,6 @@ from jumping_ant.compute import cluster, jobs
 from jumping_ant.experiment import params_file
 from jumping_ant.experiment.models import Params
 from jumping_ant.experiment.trials import COLUMNS
-from jumping_ant.training import memory
 from jumping_ant.tuning import outcome, search
 from jumping_ant.tuning.search import SamplerName
 from jumping_ant.tuning.task import SearchSettings, Task, task_of
@@ -50,7 +49,6 @@ def run(
     if outside := [key for key, range_ in ranges if not range_.has(getattr(present, key))]:
         say(f"{name}: outside of what is searched, and so no trial: {', '.join(outside)}")
     workers = jobs.num_workers(params.compute.workers, max(1, settings.trials // ROUNDS))
-    memory.check(task.world, name, present, workers, say)
     key, first = task.study_name(sampler), {} if outside else task.space.present
     with search.opened(address, key, sampler, settings.prune_level, first) as study:
         say(f"{name}: study {key}, {settings.trials} trials")

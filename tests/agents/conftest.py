@@ -1,5 +1,5 @@
 """Trainings in this process compute as those of workers do."""
 
-from jumping_ant.agents import kernels
+from jumping_ant.agents.kernels import use_portable_kernels
 
-kernels.use()
+use_portable_kernels()

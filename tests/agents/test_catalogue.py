@@ -39,8 +39,8 @@ def test_names_are_printed_as_the_literature_writes_them() -> None:
 
 
 def test_an_unknown_kind_of_policy_is_refused_at_once() -> None:
-    with pytest.raises(ValueError, match="sac: given network 'gausian', allowed: .*'sac'"):
-        replace(ALGORITHMS["sac"], network="gausian")
+    with pytest.raises(ValueError, match="sac: given policy_kind 'gausian', allowed: .*'sac'"):
+        replace(ALGORITHMS["sac"], policy_kind="gausian")
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
@@ -92,12 +92,21 @@ def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> Non
     assert last.env_steps <= run.job.agent.max_env_steps + 16  # a round may pass the mark
     assert any(isinstance(event, Snapshot) for event in run.events)
     header = json.loads(Archive(last.policy)["policy.json"])
-    assert header["kind"] == ALGORITHMS[name].network
+    assert header["kind"] == ALGORITHMS[name].policy_kind
     assert header["num_motors"] == 8 and header["num_observations"] in (27, None)
     policy = policy_file.parse(last.policy)
     policy.start(range(3))
     torques = policy.act(np.random.default_rng(0).normal(size=(3, 27)))
     assert torques.shape == (3, 8) and (np.abs(torques) <= 1).all()
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_the_seed_alone_determines_the_run(name: str, robot_xml: str) -> None:
+    run = run_of(name, robot_xml)
+    train = trainer_of(run.job.agent)
+    again, other = (list(train(replace(run.job, seed=seed, num_threads=2))) for seed in (3, 4))
+    assert repr(again) == repr(run.events), "a NaN equals no other"
+    assert repr(other) != repr(run.events)
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
@@ -117,7 +126,7 @@ def test_a_resumed_training_is_the_same_to_the_last_bit(name: str, robot_xml: st
     assert len(places) > 2
     for place in (places[0], places[len(places) // 2], places[-1]):
         rest = list(trainer_of(run.job.agent)(replace(run.job, checkpoint=events[place].content)))
-        # A NaN equals no other; and what is said of it, but not the checkpoints' content, counts.
+        # Checkpoints' content may differ.
         told = [repr(event) for event in rest if not isinstance(event, Checkpoint)]
         whole = [event for event in events[place + 1 :] if not isinstance(event, Checkpoint)]
         assert told == [repr(event) for event in whole]

@@ -17,10 +17,10 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.job import Job
-from jumping_ant.agents.off_policy import trainer
 from jumping_ant.agents.off_policy.lean.adam import FlatAdam, denormals_flushed
 from jumping_ant.agents.off_policy.lean.mlp import MLP, Pass
 from jumping_ant.agents.off_policy.lean.replay import BatchedReplayBuffer
+from jumping_ant.agents.sb3 import trainer
 from jumping_ant.agents.sb3.model import make_envs
 from jumping_ant.experiment import presets
 from jumping_ant.params.blocks import LevelParams
@@ -113,18 +113,6 @@ def test_the_value_of_levels_is_the_mean_over_the_motors(robot_xml: str, levels:
     assert moved > 0.01 and (mine - theirs).norm() < 1e-3 * moved
 
 
-def test_each_motor_explores_on_its_own(robot_xml: str) -> None:
-    model = filled_model(robot_xml, "decqn")
-    observation = np.random.default_rng(0).normal(0, 1, (4, 27)).astype(np.float32)
-    greedy = model.predict(observation, deterministic=True)[0]
-    assert greedy.shape == (4, 8) and set(np.unique(greedy)) == {0, 1}
-    model.exploration_rate = 0.5
-    explored = np.array([model.predict(observation)[0] != greedy for _ in range(1000)])
-    np.testing.assert_allclose(explored.mean(axis=0), 0.25, atol=0.07)
-    together = np.corrcoef(explored.reshape(1000, -1).T)[np.triu_indices(32, 1)]
-    assert abs(together.mean()) < 0.05
-
-
 @pytest.mark.parametrize("epsilon", [0.0, 0.5, 1.0])
 def test_one_environment_explores_as_in_sb3(robot_xml: str, epsilon: float) -> None:
     model = filled_model(robot_xml, "dqn", num_envs=1)
@@ -142,22 +130,28 @@ def test_one_environment_explores_as_in_sb3(robot_xml: str, epsilon: float) -> N
     assert others == pytest.approx(0.8 * epsilon, abs=0.15), "one of five is the greedy one"
 
 
-def test_each_environment_tosses_a_coin_of_its_own(robot_xml: str) -> None:
-    """SB3 tosses one for all: either every environment explores or none does."""
-    model = filled_model(robot_xml, "dqn", num_envs=4)
+@pytest.mark.parametrize(("name", "others"), [("dqn", 0.4), ("decqn", 0.25)])
+def test_each_environment_and_each_motor_explores_alone(
+    robot_xml: str, name: str, others: float
+) -> None:
+    """SB3 decides once for all: either every environment explores or none does."""
+    model = filled_model(robot_xml, name, num_envs=4)
     model.exploration_rate = 0.5
     observation = np.random.default_rng(0).normal(0, 1, (4, 27)).astype(np.float32)
     greedy = model.predict(observation, deterministic=True)[0]
 
-    def between_environments(predict: Callable[..., Any]) -> float:
+    def correlation(predict: Callable[..., Any]) -> float:
         np.random.seed(3)
         model.action_space.seed(4)
         explored = np.array([predict(observation)[0] != greedy for _ in range(1000)])
-        np.testing.assert_allclose(explored.mean(axis=0), 0.4, atol=0.07)
-        return float(np.corrcoef(explored.T)[np.triu_indices(4, 1)].mean())
+        np.testing.assert_allclose(explored.mean(axis=0), others, atol=0.07)
+        return float(
+            np.corrcoef(explored.reshape(1000, -1).T)[np.triu_indices(greedy.size, 1)].mean()
+        )
 
-    assert abs(between_environments(model.predict)) < 0.05
-    assert between_environments(partial(DQN.predict, model)) > 0.5
+    assert abs(correlation(model.predict)) < 0.05
+    if name == "dqn":
+        assert correlation(partial(DQN.predict, model)) > 0.5
 
 
 def test_sb3_sees_the_state_of_the_optimizers(robot_xml: str) -> None:

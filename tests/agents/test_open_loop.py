@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
 
+from jumping_ant.agents.baselines.algorithms import OpenLoopParams
+from jumping_ant.agents.baselines.trainer import metronome, search
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job
-from jumping_ant.agents.open_loop.algorithms import OpenLoopParams
-from jumping_ant.agents.open_loop.trainer import metronome, train
 from jumping_ant.base.seeding import derive_all
 from jumping_ant.experiment.models import Params
 from jumping_ant.policies import policy_file
@@ -27,7 +27,7 @@ AGENT = OpenLoopParams(
 
 @pytest.fixture(scope="module")
 def events(robot_xml: str, known_params: Params) -> list:
-    return list(train(Job(World(robot_xml, known_params.env), AGENT, seed=5, evaluations=9)))
+    return list(search(Job(World(robot_xml, known_params.env), AGENT, seed=5, evaluations=9)))
 
 
 def test_the_best_rhythm_is_kept(events: list, robot_xml: str, known_params: Params) -> None:
@@ -58,7 +58,7 @@ def test_control_steps_are_counted(robot_xml: str, known_params: Params, events:
     assert AGENT.max_env_steps == 3 * full
     high = known_params.env.model_copy(update={"min_torso_height": 0.55})
     starts = derive_all(5, "starts", AGENT.episodes)
-    events, expected = train(Job(World(robot_xml, high), AGENT, 5)), []
+    events, expected = search(Job(World(robot_xml, high), AGENT, 5)), []
     steps = [event.env_steps for event in events]
     limited = high.model_copy(update={"max_episode_steps": AGENT.episode_steps})
     for half_period in AGENT.half_periods:
@@ -78,12 +78,3 @@ def test_the_policy_plays_a_square_wave(events: list, robot_xml: str, known_para
     turns = np.arange(len(episode.torques)) // half_period % 2
     np.testing.assert_array_equal(episode.torques, np.where(turns[:, None] == 0, down, up))
     assert len(turns) > 2 * half_period
-
-
-def test_the_seed_alone_determines_the_run(robot_xml: str, known_params: Params) -> None:
-    first, second, other = (
-        list(train(Job(World(robot_xml, known_params.env), AGENT, seed, 1, num_threads)))
-        for seed, num_threads in ((1, 1), (1, 2), (2, 1))
-    )
-    assert first == second
-    assert first[0].return_mean != other[0].return_mean

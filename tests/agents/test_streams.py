@@ -24,11 +24,11 @@ NETWORKS = {
 POPULATION = {"generations": 2, "population_size": NUM_STARTS, "episode_steps": EPISODE_STEPS}
 RHYTHMS = {"half_periods": [2, 3], "episodes": NUM_STARTS, "episode_steps": EPISODE_STEPS}
 ROUNDS = {name: value for name, value in NETWORKS.items() if name != "learning_starts"}
-SMALL = {"off_policy": NETWORKS, "on_policy": ROUNDS, "evolution": POPULATION, "open_loop": RHYTHMS}
+SMALL = {"off_policy": NETWORKS, "on_policy": ROUNDS, "evolution": POPULATION, "baselines": RHYTHMS}
 AGENTS = {
     name: agent.model_copy(update=SMALL[row(agent).package])
     for name, agent in small_agents.agents().items()
-    if row(agent).package in SMALL
+    if row(agent).package in SMALL and agent.algorithm != "random"
 }
 
 

@@ -9,8 +9,7 @@ from evotorch.neuroevolution import GymNE
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.job import Job
-from jumping_ant.agents.off_policy.trainer import make_model
-from jumping_ant.agents.sb3.model import make_envs, policy_bytes
+from jumping_ant.agents.sb3.model import make_envs, make_model, policy_bytes
 from jumping_ant.article import reproduction
 from jumping_ant.article.reproduction import Trace, judge, place, play
 from jumping_ant.base.seeding import derive

@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 import small_agents
 
-from jumping_ant.agents import kernels
 from jumping_ant.agents.catalogue import demonstrated
+from jumping_ant.agents.kernels import use_portable_kernels
 from jumping_ant.base.files import write_bytes, write_text
 from jumping_ant.base.paths import Paths
 
-kernels.use()  # before anything computes
+use_portable_kernels()  # before anything computes
 
 
 @pytest.fixture

@@ -56,17 +56,6 @@ def test_an_agent_reports_the_same_from_workers(robot_xml: str) -> None:
     assert all(isinstance(reports[-1].event, Finished) for reports in runs[0].values())
 
 
-def test_a_training_that_memory_is_too_small_for_is_refused(
-    project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    settings = small_params(2)
-    large = settings.agent("sac").model_copy(update={"buffer_size": 10**9})
-    settings = settings.model_copy(update={"agents": {**settings.agents, "sac": large}})
-    words = r"agents.sac: given sizes that need about 4\d\d\.\d GiB of memory, 2 seeds at a time"
-    with pytest.raises(InputError, match=words):
-        driver.train(project, settings, "sac")
-
-
 def test_nothing_is_written_through_a_link_into_the_cache(project: Path) -> None:
     """`cache.type: symlink` makes links of outputs; DVC unlinks only what it knows."""
     settings = small_params(1)

@@ -5,11 +5,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import AgentBlock, Algorithm
+from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm
+from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
 from jumping_ant.params.blocks import ActionParams, Count, Fraction, NonNegative, Number, Positive
-
-COPIES = 6  # of each policy: as sampled, in EvoTorch's batches and in the problem's
-ROBOT_BYTES = 4_000  # state of one simulated robot
 
 
 class EvolutionParams(AgentBlock):
@@ -39,11 +37,6 @@ class EvolutionParams(AgentBlock):
     def has_ended(self, env_steps: int, updates: int) -> bool:
         """Return whether a seed has evolved all its generations."""
         return updates >= self.generations
-
-    def memory(self, num_observations: int, num_motors: int) -> int:
-        """Return about how much memory a seed takes: its population and their robots [bytes]."""
-        policy = 4 * (num_observations + 1) * num_motors
-        return self.population_size * (COPIES * policy + ROBOT_BYTES)
 
     def for_timing(self) -> Self:
         """Return settings of two generations; each row of the curve is a generation anyway."""
@@ -170,19 +163,87 @@ class OpenAIESParams(EvolutionParams):
 
 
 _SEARCHERS = "jumping_ant.agents.evolution.searchers"
-_row = partial(Algorithm, family="evolution", network="linear")
+# Generations follow from the population and the episodes, so that all spend the same control steps.
+_POPULATIONS: Ranges = {
+    "population_size": OneOf((10, 16, 20, 30, 40)),
+    "episode_steps": OneOf((100, 200, 300, 400)),
+}
+_WIDTHS: Ranges = {**_POPULATIONS, "stdev_init": Between(0.03, 1.0)}
+_RATES: Ranges = {
+    **_WIDTHS,
+    "center_learning_rate": Between(0.3, 3.0),
+    "stdev_learning_rate": Between(0.03, 3.0),
+}
+_SEPARABLE: Ranges = {**_WIDTHS, "separable": OneOf((True, False))}
+_SHORT = {"actions": TORQUES, "generations": 3, "population_size": 8, "episode_steps": 30}
+_SHORT_WIDTH = _SHORT | {"stdev_init": 0.2}
+_SHORT_RATES = _SHORT_WIDTH | {"center_learning_rate": 0.1, "stdev_learning_rate": 0.1}
+
+_row = partial(Algorithm, family="evolution", policy_kind="linear")
 ALGORITHMS = {
-    "pgpe": _row(PGPEParams, learner=f"{_SEARCHERS}:pgpe"),
-    "snes": _row(SNESParams, learner="evotorch.algorithms:SNES"),
-    "xnes": _row(XNESParams, learner="evotorch.algorithms:XNES"),
-    "cem": _row(CEMParams, learner="evotorch.algorithms:CEM"),
-    "cmaes": _row(CMAESParams, learner="evotorch.algorithms:CMAES", label="CMA-ES"),
+    "pgpe": _row(
+        PGPEParams,
+        learner=f"{_SEARCHERS}:pgpe",
+        has_rounded=True,
+        has_best_sample=True,
+        is_scaled=True,
+        ranges={
+            **_WIDTHS,
+            "center_learning_rate": Between(0.01, 0.3),
+            "stdev_learning_rate": Between(0.02, 0.5),
+            "max_speed": Between(0.02, 0.5),
+            "momentum": Between(0.5, 0.95, is_log=False),
+        },
+        example=_SHORT_RATES | {"max_speed": 0.2},
+    ),
+    "snes": _row(
+        SNESParams, learner="evotorch.algorithms:SNES", ranges=_RATES, example=_SHORT_RATES
+    ),
+    "xnes": _row(
+        XNESParams, learner="evotorch.algorithms:XNES", ranges=_RATES, example=_SHORT_RATES
+    ),
+    "cem": _row(
+        CEMParams,
+        learner="evotorch.algorithms:CEM",
+        ranges={**_WIDTHS, "parenthood_ratio": Between(0.2, 0.6, is_log=False)},
+        example=_SHORT_WIDTH | {"parenthood_ratio": 0.5},
+    ),
+    "cmaes": _row(
+        CMAESParams,
+        learner="evotorch.algorithms:CMAES",
+        label="CMA-ES",
+        ranges=_SEPARABLE,
+        example=_SHORT_WIDTH,
+    ),
     "oscillator": _row(
         OscillatorParams,
         learner=f"{_SEARCHERS}:oscillator",
         label="oscillator",
-        network="oscillator",
+        policy_kind="oscillator",
+        ranges={**_SEPARABLE, "frequency": Between(1.0, 6.0)},
+        example=_SHORT_WIDTH | {"frequency": 3.0},
     ),
-    "ars": _row(ARSParams, learner=f"{_SEARCHERS}:AugmentedRandomSearch"),
-    "openai-es": _row(OpenAIESParams, learner=f"{_SEARCHERS}:OpenAIES", label="OpenAI-ES"),
+    "ars": _row(
+        ARSParams,
+        learner=f"{_SEARCHERS}:AugmentedRandomSearch",
+        ranges={
+            **_POPULATIONS,
+            "learning_rate": Between(0.005, 0.3),
+            "delta_std": Between(0.03, 1.0),
+            "n_top": whole(1, 5),
+        },
+        example=_SHORT | {"n_top": 2},
+    ),
+    "openai-es": _row(
+        OpenAIESParams,
+        learner=f"{_SEARCHERS}:OpenAIES",
+        label="OpenAI-ES",
+        ranges={
+            **_POPULATIONS,
+            "learning_rate": Between(0.005, 0.5),
+            "noise_stdev": Between(0.02, 1.0),
+            "weight_decay": Between(5e-4, 0.05),
+        },
+        example=_SHORT,
+    ),
 }

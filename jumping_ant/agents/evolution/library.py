@@ -1,40 +1,17 @@
-"""EvoTorch, imported without what it can do without, and its searches made resumable.
-
-If MLflow, pandas and `cma` are installed, EvoTorch imports them for loggers and an algorithm that
-nobody uses here: two thirds of the time its import takes, in every process.
+"""EvoTorch's searches and its normaliser, made resumable.
 
 Resuming needs names that EvoTorch keeps private, those with an underscore. They are in this module
 only, and are those of version 0.6.1.
 """
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import torch
+from evotorch import Problem, SolutionBatch
+from evotorch.algorithms import CMAES, PGPE
+from evotorch.neuroevolution.net import RunningNorm
+from evotorch.tools.ranking import centered
 from torch import Tensor
-
-UNUSED = ("cma", "mlflow", "pandas")
-
-
-@contextmanager
-def not_installed(*names: str) -> Iterator[None]:
-    """Make imports of packages fail, unless they are imported already."""
-    hidden = [name for name in names if name not in sys.modules]
-    sys.modules.update(dict.fromkeys(hidden))  # type: ignore[arg-type]  # None: there is no such
-    try:
-        yield
-    finally:
-        for name in hidden:
-            del sys.modules[name]
-
-
-with not_installed(*UNUSED):
-    from evotorch import Problem, SolutionBatch
-    from evotorch.algorithms import CMAES, PGPE
-    from evotorch.neuroevolution.net import RunningNorm
-    from evotorch.tools.ranking import centered
 
 __all__ = ["CMAES", "PGPE", "Problem", "SolutionBatch", "centered"]
 
@@ -44,8 +21,8 @@ def plain(tensor: Tensor) -> Tensor:
     return tensor.as_subclass(Tensor)
 
 
-class _Search:
-    """A search of EvoTorch."""
+class Gaussian:
+    """A search of EvoTorch whose distribution is a Gaussian, with each with an update rule."""
 
     def __init__(self, search: Any) -> None:
         self._search = search
@@ -58,10 +35,6 @@ class _Search:
     def step(self) -> None:
         """Sample and evaluate a generation, and improve the distribution."""
         self._search.step()
-
-
-class Gaussian(_Search):
-    """A search distribution that is a Gaussian, with its own update rule."""
 
     @property
     def center(self) -> Tensor:
@@ -78,35 +51,29 @@ class Gaussian(_Search):
     def save_state(self) -> dict[str, Any]:
         """Return last generation, distribution and the optimiser's velocity."""
         population, optimizer = self._search.population, self._search.optimizer
-        return {
-            "generation": self.generation,
-            "population": plain(population.values).numpy(),
-            "evals": plain(population.evals).numpy(),
-            "distribution": {
-                name: plain(value).numpy()
-                for name, value in self._search._distribution.parameters.items()
-                if isinstance(value, Tensor)
-            },
-            "velocity": None if optimizer is None else plain(optimizer._velocity).numpy(),
-        }
+        tensors = {"values": population.values, "evals": population.evals}
+        numbers = self._search._distribution.parameters.items()
+        tensors |= {name: value for name, value in numbers if isinstance(value, Tensor)}
+        if optimizer is not None:
+            tensors["velocity"] = optimizer._velocity
+        arrays = {name: plain(tensor).numpy() for name, tensor in tensors.items()}
+        return {"generation": self.generation, **arrays}
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Restore a state from `save_state` of a search created with the same settings."""
-        search = self._search
-        values = torch.from_numpy(state["population"])
-        population = SolutionBatch(search.problem, popsize=len(values), empty=True)
-        population.access_values()[:] = values
-        population.set_evals(torch.from_numpy(state["evals"]))
-        search._population = population
-        search._first_iter = False
-        search._steps_count = state["generation"]
-        tensors = {name: torch.from_numpy(value) for name, value in state["distribution"].items()}
-        search._distribution = search._distribution.modified_copy(**tensors)
+        search, arrays = self._search, dict(state)
+        search._steps_count, search._first_iter = arrays.pop("generation"), False
+        tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        values, evals = tensors.pop("values"), tensors.pop("evals")
+        search._population = SolutionBatch(search.problem, popsize=len(values), empty=True)
+        search._population.access_values()[:] = values
+        search._population.set_evals(evals)
         if search.optimizer is not None:
-            search.optimizer._velocity = torch.from_numpy(state["velocity"])
+            search.optimizer._velocity = tensors.pop("velocity")
+        search._distribution = search._distribution.modified_copy(**tensors)
 
 
-class CovarianceMatrix(_Search):
+class CovarianceMatrix(Gaussian):
     """The distribution of CMA-ES, and its evolution paths."""
 
     TENSORS = ("m", "sigma", "C", "A", "p_sigma", "p_c")
@@ -125,8 +92,8 @@ class CovarianceMatrix(_Search):
 
     def save_state(self) -> dict[str, Any]:
         """Return the distribution and its paths."""
-        tensors = {name: plain(getattr(self._search, name)).numpy() for name in self.TENSORS}
-        return {"generation": self.generation, **tensors}
+        arrays = {name: plain(getattr(self._search, name)).numpy() for name in self.TENSORS}
+        return {"generation": self.generation, **arrays}
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Restore a state from `save_state` of a search created with the same settings."""

@@ -1,31 +1,31 @@
 """The EvoTorch problems of finding a linear policy that jumps, or oscillators that do.
 
-A generation's policies run side by side, for one short episode each, in one or more shares.
+A generation's policies play side by side, for one short episode each. Each thread steps a batch of
+its own from start to end: none waits for another.
 """
 
 import logging
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import torch
-from gymnasium.utils.seeding import np_random
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.agents.evolution.library import Normalizer, Problem, SolutionBatch, plain
-from jumping_ant.agents.evolution.shares import Act, Array, Play, Share, joined
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive, derive_all
-from jumping_ant.compute.parts import Parts, Rows, Threads
 from jumping_ant.policies.blind import OscillatorPolicy, Oscillators
 from jumping_ant.policies.linear import LinearPolicy
-from jumping_ant.sim.task import Task
+from jumping_ant.sim import rollout
+from jumping_ant.sim.vector import RobotVectorEnv
 
-Evolved = LinearPolicy | OscillatorPolicy
-Network = tuple[torch.Tensor, torch.Tensor]  # weight (outputs, observations), bias (outputs,)
+Array = NDArray[Any]
+Act = Callable[[Array], Array]  # policies' outputs for their observations, a row for each
 INITIAL_BOUNDS = (-1e-5, 1e-5)  # of the initial centre, as in EvoTorch's GymNE
 
 
@@ -56,30 +56,32 @@ class JumpProblem(Problem):
         self.env_steps = 0
         self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
         self.fitness: NDArray[np.float64] = np.zeros(agent.population_size)
-        starts = derive_all(job.seed, "starts", agent.population_size)
-        self._generators: Sequence[np.random.Generator] = [np_random(seed)[0] for seed in starts]
-        task = Task(job.world)
-        for generator in self._generators:
-            task.start_state(generator)  # Gymnasium's environments draw one when they are seeded
-        make = partial(
-            Share,
-            job.world,
-            self.actions,
-            agent.episode_steps,
-            keeps_observations=agent.observation_normalization,
-        )
-        spread = job.spread or partial(Threads, num_threads=job.num_threads)
-        self._shares: Parts[Share] = spread(make, agent.population_size)
+        count, size = min(job.num_threads, agent.population_size), agent.population_size
+        self._rows = np.array_split(np.arange(size), count)  # of the policies, by thread
+        self._envs = [
+            RobotVectorEnv(
+                job.world,
+                len(rows),
+                autoreset_mode=AutoresetMode.DISABLED,
+                actions=self.actions,
+                episode_steps=np.full(len(rows), agent.episode_steps),
+            )
+            for rows in self._rows
+        ]
+        starts = derive_all(job.seed, "starts", size)
+        for rows, envs in zip(self._rows, self._envs, strict=True):
+            envs.reset(seed=[starts[row] for row in rows])
+        self._threads = ThreadPoolExecutor(count)
 
     def _solution_length(self) -> int:
         num_outputs, num_observations = self._shape
         return num_outputs * (num_observations + 1)
 
-    def policy(self, center: torch.Tensor, spread: torch.Tensor) -> Evolved:
+    def policy(self, center: torch.Tensor, spread: torch.Tensor) -> LinearPolicy | OscillatorPolicy:
         """Return the policy at a centre, (solution_length,), with the current normaliser."""
-        weight, bias = _unflatten(center, self._shape)
+        weight, bias = self._unflatten(center)
         mean, stdev = self._moments()
-        weight_spread, bias_spread = _unflatten(spread, self._shape)
+        weight_spread, bias_spread = self._unflatten(spread)
         return LinearPolicy(
             weight.numpy(),
             bias.numpy(),
@@ -95,7 +97,7 @@ class JumpProblem(Problem):
         return {
             "env_steps": self.env_steps,
             "generator": self.generator.get_state().numpy(),
-            "envs": [generator.bit_generator.state for generator in self._generators],
+            "envs": [generator.bit_generator.state for generator in self._generators()],
             **self.normalizer.save_state(),
         }
 
@@ -103,31 +105,57 @@ class JumpProblem(Problem):
         """Restore a state from `save_state`."""
         self.env_steps = state["env_steps"]
         self.generator.set_state(torch.from_numpy(state["generator"]))
-        for generator, own in zip(self._generators, state["envs"], strict=True):
-            generator.bit_generator.state = own
+        for generator, saved in zip(self._generators(), state["envs"], strict=True):
+            generator.bit_generator.state = saved
         self.normalizer.load_state(state)
 
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
-        solutions = plain(batch.values)
+        solutions, hold, most = plain(batch.values), self.actions.hold, self.agent.episode_steps
+        shape = (1 - (-most // hold), len(solutions))  # the start, and each decision
+        seen = np.zeros((*shape, self._shape[1]), np.float32)
+        alive, self.returns = np.zeros(shape, np.bool_), np.zeros(len(solutions))
 
-        def play(rows: Rows) -> Play:
-            return Play(self._start(solutions[rows]), [self._generators[row] for row in rows])
+        def play(rows: Array, envs: RobotVectorEnv) -> None:
+            outputs = self._start(solutions[rows])
+            start, _ = envs.reset()
+            seen[0, rows], alive[0, rows] = start, True
+            steps = rollout.steps(envs, start, lambda each: self.actions.choices(outputs(each)))
+            for number, step in enumerate(steps, start=1):
+                seen[number, rows], alive[number, rows] = step.next_observations, step.alive
+                self.returns[rows] += step.rewards
 
-        episodes = joined(self._shares.map(Share.play, play))
-        self.returns, self._generators = episodes.returns, episodes.generators
-        if episodes.seen is not None:
-            self.normalizer.update(torch.from_numpy(episodes.seen))
-        lengths = np.minimum(
-            episodes.alive[1:].sum(0) * self.actions.hold, self.agent.episode_steps
-        )
+        list(self._threads.map(play, self._rows, self._envs))  # raises what they raise
+        if self.agent.observation_normalization:
+            self.normalizer.update(torch.from_numpy(seen[alive]))
+        lengths = np.minimum(alive[1:].sum(0) * hold, most)
         self.env_steps += int(lengths.sum())
         self.fitness = self.returns - self.agent.decrease_rewards_by * lengths
         batch.set_evals(torch.as_tensor(self.fitness, dtype=torch.float32))
 
-    def _start(self, solutions: torch.Tensor) -> Callable[[], Act]:
-        """Return what begins an episode of solutions' policies."""
-        moments = (moment.numpy() for moment in self._moments())
-        return partial(_networks, self._shape, solutions.numpy(), *moments)
+    def _generators(self) -> list[np.random.Generator]:
+        """Return the generator of each policy's start states."""
+        return [generator for envs in self._envs for generator in envs.generators]
+
+    def _start(self, solutions: torch.Tensor) -> Act:
+        """Begin an episode of solutions' policies, a row each."""
+        networks = [self._unflatten(solution) for solution in solutions]
+        outputs = torch.empty(len(networks), self._shape[0])
+        mean, stdev = self._moments()
+
+        def act(observations: Array) -> Array:
+            normalized = (torch.from_numpy(observations.astype(np.float32)) - mean) / stdev
+            # Row by row, as GymNE does: a single product of all rows would round differently.
+            for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
+                torch.addmv(bias, weight, row, out=out)
+            return outputs.numpy()
+
+        return act
+
+    def _unflatten(self, solution: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return a flat solution's weight, (outputs, observations), and bias, (outputs,)."""
+        num_outputs, num_observations = self._shape
+        weight, bias = solution.split([num_outputs * num_observations, num_outputs])
+        return weight.reshape(self._shape), bias
 
     def _moments(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the normaliser's mean and standard deviation; 0 and 1 before its first update."""
@@ -150,12 +178,20 @@ class OscillatorProblem(JumpProblem):
     def _solution_length(self) -> int:
         return 3 * self._shape[0] + 2
 
-    def policy(self, center: torch.Tensor, spread: torch.Tensor) -> Evolved:
+    def policy(self, center: torch.Tensor, spread: torch.Tensor) -> LinearPolicy | OscillatorPolicy:
         """Return the policy at a centre, (solution_length,)."""
         return OscillatorPolicy(self._oscillators(center), self.actions)
 
-    def _start(self, solutions: torch.Tensor) -> Callable[[], Act]:
-        return partial(_rhythms, self._oscillators(solutions))
+    def _start(self, solutions: torch.Tensor) -> Act:
+        oscillators = self._oscillators(solutions)
+        angles = oscillators.phases
+
+        def act(observations: Array) -> Array:
+            nonlocal angles
+            outputs, angles = oscillators.outputs(angles)
+            return outputs
+
+        return act
 
     def _oscillators(self, solutions: torch.Tensor) -> Oscillators:
         """Return the oscillators of a solution, or of several, a row each."""
@@ -163,38 +199,3 @@ class OscillatorProblem(JumpProblem):
         amplitudes, phases, offsets = np.split(numbers[..., :-2], 3, axis=-1)
         speeds = 2 * np.pi * self._step_seconds * np.exp2(numbers[..., -2:])
         return Oscillators(amplitudes, phases, offsets, speeds)
-
-
-def _unflatten(solution: torch.Tensor, shape: tuple[int, int]) -> Network:
-    """Return weight, of a shape (num_outputs, num_observations), and bias of a flat solution."""
-    num_outputs, num_observations = shape
-    weight, bias = solution.split([num_outputs * num_observations, num_outputs])
-    return weight.reshape(shape), bias
-
-
-def _networks(shape: tuple[int, int], solutions: Array, mean: Array, stdev: Array) -> Act:
-    """Return the outputs of linear policies, flat in a row each, for normalised observations."""
-    networks = [_unflatten(solution, shape) for solution in torch.tensor(solutions)]
-    outputs = torch.empty(len(networks), shape[0])
-    center, scale = torch.tensor(mean), torch.tensor(stdev)
-
-    def act(observations: Array) -> Array:
-        normalized = (torch.from_numpy(observations.astype(np.float32)) - center) / scale
-        # Row by row, as GymNE does: a single product of all rows would round differently.
-        for row, (weight, bias), out in zip(normalized, networks, outputs, strict=True):
-            torch.addmv(bias, weight, row, out=out)
-        return outputs.numpy()
-
-    return act
-
-
-def _rhythms(oscillators: Oscillators) -> Act:
-    """Return the outputs of oscillators from their start on, whatever the observations."""
-    angles = oscillators.phases
-
-    def act(observations: Array) -> Array:
-        nonlocal angles
-        outputs, angles = oscillators.outputs(angles)
-        return outputs
-
-    return act

@@ -45,7 +45,7 @@ class MirroredSearch:
     @property
     @abstractmethod
     def width(self) -> float:
-        """Standard deviation of each number of a policy."""
+        """Standard deviation of each number of a solution."""
 
     @property
     def spread(self) -> Tensor:
@@ -92,7 +92,7 @@ class AugmentedRandomSearch(MirroredSearch):
 
     @property
     def width(self) -> float:
-        """Standard deviation of each number of a policy."""
+        """Standard deviation of the directions."""
         return self.delta_std
 
     def _move(self, directions: Tensor, fitness: Tensor) -> None:
@@ -123,7 +123,7 @@ class OpenAIES(MirroredSearch):
 
     @property
     def width(self) -> float:
-        """Standard deviation of each number of a policy."""
+        """Standard deviation of the policies around the centre."""
         return self.noise_stdev
 
     def _move(self, directions: Tensor, fitness: Tensor) -> None:

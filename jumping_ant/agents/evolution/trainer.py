@@ -18,7 +18,7 @@ PROBLEMS = {"linear": JumpProblem, "oscillator": OscillatorProblem}  # by the ki
 def train(job: Job[EvolutionParams]) -> Iterator[Event]:
     """Evolve a policy; each row of the curve is a generation, each snapshot its centre."""
     agent = job.agent
-    problem = PROBLEMS[row(agent).network](job)
+    problem = PROBLEMS[row(agent).policy_kind](job)
     searcher = make_searcher(problem, agent)
     if job.checkpoint is not None:
         state = unpack_state(job.checkpoint)

@@ -4,7 +4,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from jumping_ant.agents.algorithm import AgentBlock, Algorithm
+from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm
+from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
 from jumping_ant.agents.sb3.settings import Layers, Learning
 from jumping_ant.params.blocks import Count, Fraction, Positive, Steps, TorqueParams
 
@@ -40,11 +41,6 @@ class ImitationParams(AgentBlock):
         """Budget of a seed [control steps]."""
         return self.total_steps
 
-    def memory(self, num_observations: int, num_motors: int) -> int:
-        """Return about how much memory a seed takes: that of its data, twice [bytes]."""
-        decisions = self.total_steps // self.actions.hold
-        return 2 * 4 * decisions * (num_observations + num_motors + 1)
-
 
 class BCParams(ImitationParams):
     """Behaviour cloning: all data are demonstrations (Pomerleau 1991)."""
@@ -68,7 +64,31 @@ class DAggerParams(ImitationParams):
     """[-] Share of the agent's own episodes that start in the air, in any orientation."""
 
 
+_FITS: Ranges = {
+    "learning_rate": Between(2e-4, 5e-3),
+    "batch_size": OneOf((64, 128, 256)),
+    "net_arch": OneOf(([64, 64], [128, 128], [256, 256])),
+    "rounds": whole(4, 32),
+    "updates_per_round": whole(100, 2000),
+    "velocity_scale": Between(0.03, 0.3),
+}
+_SHORT = {
+    "actions": TORQUES,
+    "total_steps": 240,
+    "rounds": 4,
+    "updates_per_round": 20,
+    "learning_rate": 0.002,
+    "batch_size": 64,
+    "net_arch": [128, 128],
+    "velocity_scale": 0.1,
+}
 ALGORITHMS = {
-    "bc": Algorithm(BCParams, family="imitation"),
-    "dagger": Algorithm(DAggerParams, family="imitation", label="DAgger"),
+    "bc": Algorithm(BCParams, family="imitation", ranges=_FITS, example=_SHORT),
+    "dagger": Algorithm(
+        DAggerParams,
+        family="imitation",
+        label="DAgger",
+        ranges=_FITS,
+        example=_SHORT | {"episode_steps": 30, "tumbled_starts": 0.25},
+    ),
 }

@@ -72,21 +72,12 @@ class _Imitator:
         self._demonstrated = concatenated([episodes[index] for index in order])
         self._data = self._demonstrated[:0]
         torch.manual_seed(derive(job.seed, "learner", bits=32))
-        sizes = self._anatomy.num_observations, self._anatomy.num_motors
-        space = spaces.Box(-np.inf, np.inf, sizes[:1], np.float32)
-        features = ScaledObservations(
-            space, self._agent.velocity_scale, self._anatomy.num_observed_positions
-        )
-        self._actor = Actor(
-            space,
-            spaces.Box(-1.0, 1.0, sizes[1:], np.float32),
-            self._agent.net_arch,
-            features,
-            features.features_dim,
-        )
-        self._optimizer = torch.optim.Adam(
-            self._actor.mu.parameters(), lr=self._agent.learning_rate
-        )
+        anatomy, agent = self._anatomy, self._agent
+        seen = spaces.Box(-np.inf, np.inf, (anatomy.num_observations,), np.float32)
+        chosen = spaces.Box(-1.0, 1.0, (anatomy.num_motors,), np.float32)
+        features = ScaledObservations(seen, agent.velocity_scale, anatomy.num_observed_positions)
+        self._actor = Actor(seen, chosen, agent.net_arch, features, features.features_dim)
+        self._optimizer = torch.optim.Adam(self._actor.mu.parameters(), lr=agent.learning_rate)
 
     def grow(self) -> NDArray[np.float64]:
         """Begin a round: add its share of the data, and return the returns of their episodes."""
@@ -127,7 +118,7 @@ class _Imitator:
         anatomy, weights = self._anatomy, io.BytesIO()
         torch.save({f"actor.{name}": v for name, v in self._actor.state_dict().items()}, weights)
         interface = Interface(self._actions, anatomy.num_observations, anatomy.num_motors)
-        header = header_entries(row(self._agent).network, interface)
+        header = header_entries(row(self._agent).policy_kind, interface)
         return pack(header | {"policy.pth": weights.getvalue()})
 
     def save_state(self) -> dict[str, Any]:

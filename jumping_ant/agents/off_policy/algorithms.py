@@ -5,13 +5,14 @@ computes the same with fewer operations. Settings that are parameters of its con
 to it by name.
 """
 
-import operator
+from functools import partial
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import Algorithm, defaults
-from jumping_ant.agents.sb3.settings import SB3Params
+from jumping_ant.agents.algorithm import TORQUES, Algorithm, defaults
+from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
+from jumping_ant.agents.sb3.settings import EPISODE_RANGES, SB3Params
 from jumping_ant.params.blocks import (
     CommandParams,
     Count,
@@ -24,8 +25,6 @@ from jumping_ant.params.blocks import (
 )
 
 TIMED_UPDATES = 64  # gradient steps per timed unit of work
-NETWORKS = 5  # an actor, two critics and their targets; DQN has fewer
-COPIES = 4  # of a learned number: itself, its gradient and Adam's two means
 
 
 class OffPolicyParams(SB3Params):
@@ -44,34 +43,13 @@ class OffPolicyParams(SB3Params):
     gradient_steps: Count = 1
     """[-] Gradient steps per round of updates."""
 
+    ROUND: ClassVar[str] = "train_freq"
+
     def for_timing(self) -> Self:
         """Return settings whose rows, from the second on, are a few rounds with updates."""
-        round_size = self.num_envs * self.train_freq
-        rounds = -(-TIMED_UPDATES // self.gradient_steps)
-        return self.model_copy(
-            update={
-                "learning_starts": round_size,
-                "log_interval": rounds * round_size,
-                "total_steps": 4 * rounds * round_size * self.actions.hold,
-            }
-        )
-
-    def memory(self, num_observations: int, num_motors: int) -> int:
-        """Return about how much memory a seed takes: replay buffer, networks, a batch [bytes]."""
-        sizes = [num_observations + num_motors, *self.net_arch, num_motors]
-        transition = 4 * (2 * num_observations + num_motors + 3)
-        numbers = NETWORKS * COPIES * sum(map(operator.mul, sizes, sizes[1:]))
-        return self.buffer_size * transition + 4 * (numbers + 4 * self.batch_size * sum(sizes))
-
-    @model_validator(mode="after")
-    def _budget_holds_a_round(self) -> "OffPolicyParams":
-        round_steps = self.num_envs * self.train_freq * self.actions.hold
-        if self.total_steps < round_steps:
-            raise ValueError(
-                f"total_steps is {self.total_steps}, but one round of num_envs x train_freq x "
-                f"actions.hold takes {round_steps}"
-            )
-        return self
+        row = -(-TIMED_UPDATES // self.gradient_steps) * self.round_size
+        steps = {"log_interval": row, "total_steps": 4 * row * self.actions.hold}
+        return self.model_copy(update={"learning_starts": self.round_size, **steps})
 
     @model_validator(mode="after")
     def _budget_exceeds_the_random_start(self) -> "OffPolicyParams":
@@ -225,61 +203,104 @@ class TD3Params(TargetParams):
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "n_critics")
 
 
+_RANGES: Ranges = {
+    **EPISODE_RANGES,
+    "learning_rate": Between(1e-4, 3e-3),
+    "gamma": Between(0.85, 0.995, is_log=False),
+    "batch_size": OneOf((64, 128, 256, 512)),
+    "net_arch": OneOf(([64, 64], [128, 128], [256, 256])),
+    "n_steps": whole(1, 4, is_log=False),
+    "velocity_scale": Between(0.03, 0.3),
+    "learning_starts": whole(250, 2500),
+}
+_VALUES: Ranges = {
+    **_RANGES,
+    "gradient_steps": whole(2, 16),
+    "target_update_interval": whole(500, 8000),
+    "exploration_fraction": Between(0.05, 0.8, is_log=False),
+    "exploration_final_eps": Between(0.005, 0.1),
+}
+_CRITICS: Ranges = {**_RANGES, "gradient_steps": whole(1, 16), "tau": Between(0.002, 0.05)}
+_ENTROPY: Ranges = {"ent_coef": Between(0.01, 0.5)}
+_DETERMINISTIC: Ranges = {
+    **_CRITICS,
+    "learning_starts": whole(250, 5000),
+    "action_noise": Between(0.03, 1.0),
+}
+_DELAY: Ranges = {"policy_delay": whole(1, 4, is_log=False)}
+_SHORT = {
+    "actions": TORQUES,
+    "total_steps": 600,
+    "num_envs": 4,
+    "learning_starts": 100,
+    "log_interval": 100,
+}
+_SHORT_COMMANDS = _SHORT | {"actions": {"kind": "commands", "amplitude": 0.5, "hold": 3}}
+_TRAINER = "jumping_ant.agents.sb3.trainer"
 _LEAN = "jumping_ant.agents.off_policy.lean.learners"
+
+_values = partial(
+    Algorithm,
+    family="value-based",
+    trainer=_TRAINER,
+    logged=("train/loss", "rollout/exploration_rate"),
+    counters=("_n_calls", "exploration_rate"),
+    ranges=_VALUES,
+)
+_actor_critic = partial(
+    Algorithm,
+    family="off-policy actor-critic",
+    trainer=_TRAINER,
+    logged=("train/actor_loss", "train/critic_loss"),
+    example=_SHORT,
+)
+_entropic = partial(
+    _actor_critic, logged=("train/actor_loss", "train/critic_loss", "train/ent_coef")
+)
 ALGORITHMS = {
-    "dqn": Algorithm(
-        DQNParams,
-        family="value-based",
-        learner=f"{_LEAN}:LeanDQN",
-        logged=("train/loss", "rollout/exploration_rate"),
-        counters=("_n_calls", "exploration_rate"),
-    ),
-    "decqn": Algorithm(
+    "dqn": _values(DQNParams, learner=f"{_LEAN}:LeanDQN", is_scaled=True, example=_SHORT_COMMANDS),
+    "decqn": _values(
         DecQNParams,
-        family="value-based",
         learner="jumping_ant.agents.off_policy.decqn:DecQN",
         label="DecQN",
-        network="dqn",
-        logged=("train/loss", "rollout/exploration_rate"),
-        counters=("_n_calls", "exploration_rate"),
+        policy_kind="dqn",
+        example=_SHORT | {"actions": TORQUES | {"kind": "levels", "levels": 2}},
     ),
-    "sac": Algorithm(
+    "sac": _entropic(
         SACParams,
-        family="off-policy actor-critic",
         learner=f"{_LEAN}:LeanSAC",
-        logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
+        has_rounded=True,
+        is_scaled=True,
+        ranges={**_CRITICS, **_ENTROPY},
     ),
-    "qrdqn": Algorithm(
-        QRDQNParams,
-        family="value-based",
-        learner="sb3_contrib:QRDQN",
-        label="QR-DQN",
-        logged=("train/loss", "rollout/exploration_rate"),
-        counters=("_n_calls", "exploration_rate"),
+    "qrdqn": _values(
+        QRDQNParams, learner="sb3_contrib:QRDQN", label="QR-DQN", example=_SHORT_COMMANDS
     ),
-    "tqc": Algorithm(
+    "tqc": _entropic(
         TQCParams,
-        family="off-policy actor-critic",
         learner="sb3_contrib:TQC",
-        logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
+        ranges={**_CRITICS, **_ENTROPY, "top_quantiles_to_drop_per_net": whole(0, 8, is_log=False)},
     ),
-    "crossq": Algorithm(
+    "crossq": _entropic(
         CrossQParams,
-        family="off-policy actor-critic",
         learner="sb3_contrib:CrossQ",
         label="CrossQ",
-        logged=("train/actor_loss", "train/critic_loss", "train/ent_coef"),
+        ranges={**_RANGES, **_ENTROPY, "gradient_steps": whole(1, 8), **_DELAY},
     ),
-    "ddpg": Algorithm(
+    "ddpg": _actor_critic(
         DDPGParams,
-        family="off-policy actor-critic",
         learner="stable_baselines3:DDPG",
-        logged=("train/actor_loss", "train/critic_loss"),
+        ranges=_DETERMINISTIC,
+        example=_SHORT | {"action_noise": 0.2},
     ),
-    "td3": Algorithm(
+    "td3": _actor_critic(
         TD3Params,
-        family="off-policy actor-critic",
         learner="stable_baselines3:TD3",
-        logged=("train/actor_loss", "train/critic_loss"),
+        ranges={
+            **_DETERMINISTIC,
+            **_DELAY,
+            "target_policy_noise": Between(0.05, 0.5, is_log=False),
+        },
+        example=_SHORT | {"action_noise": 0.2},
     ),
 }

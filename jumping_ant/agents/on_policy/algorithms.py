@@ -1,15 +1,14 @@
 """On-policy algorithms of Stable-Baselines3: their settings and learners."""
 
-import operator
+from functools import partial
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import Algorithm, defaults
-from jumping_ant.agents.sb3.settings import SB3Params
+from jumping_ant.agents.algorithm import TORQUES, Algorithm, defaults
+from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
+from jumping_ant.agents.sb3.settings import EPISODE_RANGES, SB3Params
 from jumping_ant.params.blocks import Count, Fraction, NonNegative, Positive
-
-COPIES = 4  # of a learned number: itself, its gradient and the optimiser's two means
 
 
 class OnPolicyParams(SB3Params):
@@ -34,31 +33,11 @@ class OnPolicyParams(SB3Params):
     """[-] Initial logarithm of the torques' standard deviations; commands have none."""
 
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "log_std_init")
-
-    @property
-    def round_steps(self) -> int:
-        """Control steps of a round, in all environments."""
-        return self.num_envs * self.n_steps * self.actions.hold
-
-    def memory(self, num_observations: int, num_motors: int) -> int:
-        """Return about how much memory a seed takes: a round's experience, networks [bytes]."""
-        sizes = [num_observations, *self.net_arch, num_motors]
-        numbers = 2 * COPIES * sum(map(operator.mul, sizes, sizes[1:]))
-        transition = 4 * (num_observations + num_motors + 6)
-        return 2 * self.num_envs * self.n_steps * transition + 4 * numbers
-
-    @model_validator(mode="after")
-    def _budget_holds_a_round(self) -> Self:
-        if self.total_steps < self.round_steps:
-            raise ValueError(
-                f"total_steps is {self.total_steps}, but one round of num_envs x n_steps x "
-                f"actions.hold takes {self.round_steps}"
-            )
-        return self
+    ROUND: ClassVar[str] = "n_steps"
 
     @model_validator(mode="after")
     def _advantages_can_be_normalised(self) -> Self:
-        if self.normalize_advantage and self.num_envs * self.n_steps < 2:
+        if self.normalize_advantage and self.round_size < 2:
             raise ValueError("normalize_advantage needs rounds of two decisions or more")
         return self
 
@@ -87,28 +66,62 @@ class PPOParams(OnPolicyParams):
 
     @model_validator(mode="after")
     def _batches_divide_a_round(self) -> Self:
-        if self.num_envs * self.n_steps % self.batch_size:
+        if self.round_size % self.batch_size:
             raise ValueError(
                 f"batch_size is {self.batch_size}, but a round of num_envs x n_steps has "
-                f"{self.num_envs * self.n_steps} transitions, which it must divide"
+                f"{self.round_size} transitions, which it must divide"
             )
         return self
 
 
+_RANGES: Ranges = {
+    **EPISODE_RANGES,
+    "learning_rate": Between(1e-4, 5e-3),
+    "gamma": Between(0.85, 0.995, is_log=False),
+    "net_arch": OneOf(([64, 64], [128, 128], [256, 256])),
+    "gae_lambda": Between(0.8, 1.0, is_log=False),
+    "vf_coef": Between(1e-4, 0.5),
+    "log_std_init": Between(-1.5, 0.0, is_log=False),
+    "max_grad_norm": Between(0.1, 5.0),
+    "velocity_scale": Between(0.03, 0.3),
+}
+_row = partial(
+    Algorithm,
+    family="on-policy actor-critic",
+    trainer="jumping_ant.agents.sb3.trainer",
+    example={
+        "actions": TORQUES,
+        "total_steps": 1536,
+        "num_envs": 4,
+        "n_steps": 64,
+        "log_interval": 768,
+    },
+)
 ALGORITHMS = {
-    "a2c": Algorithm(
+    "a2c": _row(
         A2CParams,
-        family="on-policy actor-critic",
         learner="stable_baselines3:A2C",
         logged=("train/policy_loss", "train/value_loss", "train/entropy_loss"),
+        ranges={
+            **_RANGES,
+            "n_steps": OneOf((4, 5, 8, 16, 32)),
+            "normalize_advantage": OneOf((True, False)),
+        },
     ),
-    "ppo": Algorithm(
+    "ppo": _row(
         PPOParams,
-        family="on-policy actor-critic",
         learner="stable_baselines3:PPO",
         logged=(
             *("train/policy_gradient_loss", "train/value_loss", "train/entropy_loss"),
             *("train/approx_kl", "train/clip_fraction"),
         ),
+        # Batches must divide a round; with the environments of presets/families these do.
+        ranges={
+            **_RANGES,
+            "n_steps": OneOf((8, 16, 32, 64)),
+            "batch_size": OneOf((64, 128, 256)),
+            "n_epochs": whole(3, 20),
+            "clip_range": Between(0.1, 0.4, is_log=False),
+        },
     ),
 }

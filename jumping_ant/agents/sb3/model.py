@@ -1,7 +1,6 @@
 """Models of Stable-Baselines3: their environments, their construction and their policy files."""
 
 import copyreg
-import inspect
 import io
 import json
 from typing import Any, cast
@@ -10,6 +9,7 @@ import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.type_aliases import TrainFrequencyUnit
 from stable_baselines3.common.utils import LinearSchedule
@@ -29,8 +29,7 @@ from jumping_ant.sim.vector import RobotVectorEnv
 # Policy files hold it pickled: by name in Python 3.11.2, and by value in later versions, as here.
 copyreg.pickle(TrainFrequencyUnit, lambda unit: (TrainFrequencyUnit, (unit.value,)))
 
-# State of the run rather than of the policy, and so excluded from policy files: times, and the last
-# observations and episodes.
+# State of the run rather than of the policy, and so excluded from policy files.
 RUN_STATE = (
     "start_time",
     "ep_info_buffer",
@@ -39,19 +38,6 @@ RUN_STATE = (
     "_last_original_obs",
     "_last_episode_starts",
     "_logger",
-)
-# Settings that this project's own code uses; all others are for the model's class or its policy.
-OWN_SETTINGS = (
-    *("algorithm", "robot"),  # the catalogue; the driver
-    *("actions", "total_steps", "log_interval"),  # the loop
-    *(
-        "num_envs",
-        "episode_steps",
-        "long_episodes",
-        "tumbled_starts",
-        "sparse_rewards",
-    ),  # make_envs
-    *("final_learning_rate", "velocity_scale"),  # make_model
 )
 
 
@@ -72,45 +58,38 @@ class ScaledObservations(BaseFeaturesExtractor):
         return observations * self.factors
 
 
-def make_model(envs: VecEnv, agent: SB3Params, seed: int, **more: Any) -> Any:
+def make_model(envs: VecEnv, agent: SB3Params, seed: int) -> Any:
     """Return the untrained Stable-Baselines3 model of an agent.
 
-    The settings of `POLICY_SETTINGS` are passed to the model's policy by name; those that are not
-    this project's own, and `more`, to its class.
+    Settings that an algorithm adds to `SB3Params` are passed by name to the model's class, which
+    refuses what it does not know, or to its policy (see `POLICY_SETTINGS`).
     """
-    learner = resolve(row(agent).learner)
-    settings = _settings_of(agent, learner)
+    names = {"gamma"} | (type(agent).model_fields.keys() - SB3Params.model_fields.keys())
+    settings = {name: getattr(agent, name) for name in names - {*agent.POLICY_SETTINGS}}
     first, last = agent.learning_rate, agent.final_learning_rate
-    last = first if last is None else last
-    settings["learning_rate"] = LinearSchedule(first, last, end_fraction=1.0)
-    policy_kwargs = {name: getattr(agent, name) for name in agent.POLICY_SETTINGS} | {
-        "features_extractor_class": ScaledObservations,
-        "features_extractor_kwargs": {
-            "velocity_scale": agent.velocity_scale,
-            "first_velocity": _task(envs).anatomy.num_observed_positions,
-        },
-    }
-    model: BaseAlgorithm = learner(
+    if "action_noise" in settings:
+        zeros = np.zeros(cast(spaces.Box, envs.action_space).shape)
+        settings["action_noise"] = NormalActionNoise(zeros, zeros + settings["action_noise"])
+    model: BaseAlgorithm = resolve(row(agent).learner)(
         "MlpPolicy",
         envs,
-        policy_kwargs=policy_kwargs,
+        learning_rate=LinearSchedule(first, first if last is None else last, end_fraction=1.0),
+        policy_kwargs={name: getattr(agent, name) for name in agent.POLICY_SETTINGS}
+        | {
+            "features_extractor_class": ScaledObservations,
+            "features_extractor_kwargs": {
+                "velocity_scale": agent.velocity_scale,
+                "first_velocity": _task(envs).anatomy.num_observed_positions,
+            },
+        },
         seed=derive(seed, "learner", bits=32),
         device="cpu",
-        **settings | more,
+        **settings,
     )
     # SB3 seeds all generators alike; the networks' weights and noise keep that seed.
     np.random.seed(derive(seed, "replay", bits=32))  # for minibatches and exploration
     model.action_space.seed(derive(seed, "actions"))
     return model
-
-
-def _settings_of(agent: SB3Params, learner: type[BaseAlgorithm]) -> dict[str, Any]:
-    """Return the settings that are passed to the model's class, by name."""
-    elsewhere = {*OWN_SETTINGS, *agent.POLICY_SETTINGS}
-    names = [name for name in type(agent).model_fields if name not in elsewhere]
-    if unused := [name for name in names if name not in inspect.signature(learner).parameters]:
-        raise TypeError(f"{agent.algorithm}: {learner.__name__} takes no {', '.join(unused)}")
-    return {name: getattr(agent, name) for name in names}
 
 
 def make_envs(job: Job[SB3Params]) -> VecEnv:
@@ -143,7 +122,7 @@ def policy_bytes(model: BaseAlgorithm, agent: SB3Params, actions: ActionSet) -> 
     entries["data"] = json.dumps(_without_addresses(json.loads(entries["data"]))).encode()
     anatomy = _task(model.env).anatomy
     interface = Interface(actions, anatomy.num_observations, anatomy.num_motors)
-    return pack(header_entries(row(agent).network, interface) | entries)
+    return pack(header_entries(row(agent).policy_kind, interface) | entries)
 
 
 def _task(envs: VecEnv | None) -> Task:

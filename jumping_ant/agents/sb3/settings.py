@@ -1,14 +1,20 @@
 """Settings shared by all algorithms of Stable-Baselines3."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.ranges import Between, OneOf, Ranges
 from jumping_ant.params.blocks import ActionParams, Count, Fraction, Positive, Steps
 
 Learning = Annotated[float, Field(gt=0, le=1)]
 Layers = Annotated[list[Annotated[int, Field(ge=1, le=65_536)]], Field(min_length=1)]
+
+EPISODE_RANGES: Ranges = {
+    "long_episodes": OneOf((0.0, 0.25, 0.5, 0.75, 1.0)),
+    "tumbled_starts": Between(0.0, 0.75, is_log=False),
+}
 
 
 class SB3Params(AgentBlock):
@@ -48,8 +54,25 @@ class SB3Params(AgentBlock):
 
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch",)
     """Settings that Stable-Baselines3 takes as `policy_kwargs`."""
+    ROUND: ClassVar[str]
+    """The setting that says how many decisions of each environment are between updates."""
 
     @property
     def max_env_steps(self) -> int:
         """Budget of a seed [control steps]."""
         return self.total_steps
+
+    @property
+    def round_size(self) -> int:
+        """Decisions of a round, in all environments."""
+        return self.num_envs * int(getattr(self, self.ROUND))
+
+    @model_validator(mode="after")
+    def _budget_holds_a_round(self) -> Self:
+        round_steps = self.round_size * self.actions.hold
+        if self.total_steps < round_steps:
+            raise ValueError(
+                f"total_steps is {self.total_steps}, but one round of num_envs x {self.ROUND} x "
+                f"actions.hold takes {round_steps}"
+            )
+        return self

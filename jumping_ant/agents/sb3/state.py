@@ -4,7 +4,7 @@ It consists of networks, optimisers, replay buffer, counters, simulations, and e
 generator in use. An on-policy model has no replay buffer, and no experience left between rounds.
 
 Names that Stable-Baselines3 keeps private, those with an underscore, are those of version 2.9.2,
-here and in the loop and the model beside it.
+here and in the trainer and the model beside it.
 """
 
 from collections.abc import Iterator, Sequence

@@ -95,13 +95,13 @@ class SB3VecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Raise an error: the environments are one batch."""
-        raise AttributeError(f"{attr_name} cannot be set on single environments of a batch")
+        raise NotImplementedError(f"{attr_name} of single environments of a batch")
 
     def env_method(
         self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
     ) -> list[Any]:
         """Raise an error: the environments are one batch."""
-        raise AttributeError(f"{method_name} cannot be called on single environments of a batch")
+        raise NotImplementedError(f"{method_name} of single environments of a batch")
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
         """Return False for each environment: the batch is never wrapped."""

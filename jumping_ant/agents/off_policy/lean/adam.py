@@ -37,12 +37,8 @@ class FlatAdam:
     @property
     def vectors(self) -> dict[str, Tensor]:
         """All tensors that `step` modifies, by name."""
-        return {
-            "values": self.values,
-            "mean": self._mean,
-            "mean_square": self._mean_square,
-            "step": self._step,
-        }
+        moments = {"mean": self._mean, "mean_square": self._mean_square}
+        return {"values": self.values, **moments, "step": self._step}
 
     def clip(self, max_norm: float) -> None:
         """Clip the gradient to a maximum norm."""

@@ -1,9 +1,8 @@
 """Stable-Baselines3's DQN and SAC with leaner updates: the same mathematics, fewer operations.
 
-Each class replaces `train`, the gradient steps, and nothing else. The weights equal SB3's up to
-floating-point rounding, as a test shows. The classes omit work whose result is unused: gradients of
-networks that a loss does not train, the critic's backward pass where it is not the smaller of the
-two, features computed once per network, copies, and bookkeeping per tensor.
+Each class replaces `train`, the gradient steps; the weights equal SB3's up to rounding. It omits
+work whose result is unused: gradients of networks that a loss does not train, the critic's backward
+pass where it is not the smaller of the two, features for each network, copies, and bookkeeping.
 
 The networks are those of SB3's `MlpPolicy` with ReLU; a feature extractor, if any, has no
 parameters and is the same for all of them.
@@ -32,6 +31,8 @@ from jumping_ant.agents.off_policy.lean.replay import BatchedReplayBuffer, Batch
 
 TANH_EPSILON = 1e-6  # SB3's guard against the logarithm of zero
 LOG_SQRT_2PI = 0.5 * math.log(2 * math.pi)
+
+Extraction = Callable[[Tensor], Tensor]
 
 
 class LeanDQN(DQN):
@@ -70,20 +71,11 @@ class LeanDQN(DQN):
         episode_start: NDArray[Any] | None = None,
         deterministic: bool = False,
     ) -> tuple[NDArray[np.int64], tuple[NDArray[Any], ...] | None]:
-        """Make a choice for each environment, epsilon-greedily while exploring.
+        """Choose commands, (n,), or other choices, (n, parts), for observations of n environments.
 
         SB3 decides once for all environments whether to explore; here this is decided for each
         environment, and each part of its choice. With one environment and one part the two choose
         alike.
-
-        Args:
-            observation: Shape (n, num_observations).
-            state: Unused.
-            episode_start: Unused.
-            deterministic: Whether to disable exploration.
-
-        Returns:
-            Commands, shape (n,), or other choices, (n, parts), and `state`.
         """
         assert isinstance(observation, np.ndarray)
         shape = (len(observation), *cast(tuple[int, ...], self.action_space.shape))
@@ -107,14 +99,9 @@ class LeanDQN(DQN):
     @denormals_flushed()
     @torch.no_grad()
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """Take gradient steps on the Huber loss of the temporal differences.
-
-        Args:
-            gradient_steps: Number of gradient steps.
-            batch_size: Transitions per gradient step.
-        """
+        """Take gradient steps on the Huber loss of the temporal differences."""
         self._update_learning_rate(self.policy.optimizer)
-        batches = _draw(self, gradient_steps, batch_size)
+        batches = _draw(self.replay_buffer, self._extract, gradient_steps, batch_size)
         # The target network is constant during these steps: one pass serves them all.
         next_values = self._target.forward(batches.next_observations, self._target_pass)
         next_values = self._by_part(next_values).amax(2).mean(1, keepdim=True)
@@ -182,16 +169,13 @@ class LeanSAC(SAC):
     @denormals_flushed()
     @torch.no_grad()
     def train(self, gradient_steps: int, batch_size: int = 64) -> None:
-        """Take gradient steps: entropy coefficient, critics, actor, target critics.
-
-        Args:
-            gradient_steps: Number of gradient steps.
-            batch_size: Transitions per gradient step.
-        """
+        """Take gradient steps: entropy coefficient, critics, actor, target critics."""
         optimizers = [self.actor.optimizer, self.critic.optimizer, self.ent_coef_optimizer]
         self._update_learning_rate([each for each in optimizers if each is not None])
         logged = []
-        batches = _draw(self, gradient_steps, batch_size).split(batch_size)
+        batches = _draw(self.replay_buffer, self._extract, gradient_steps, batch_size).split(
+            batch_size
+        )
         for step, batch in enumerate(batches):
             noise = torch.randn_like(batch.actions)
             next_noise = torch.randn_like(batch.actions)
@@ -265,31 +249,18 @@ class ActorPass:
 
 @dataclass(frozen=True)
 class Sample:
-    """Actions drawn from the stochastic policy, and the values that the backward pass needs.
+    """Actions drawn from the stochastic policy, and the values that the backward pass needs."""
 
-    Attributes:
-        actions: In (-1, 1), shape (n, actions).
-        log_prob: Their log-probabilities, shape (n, 1).
-        slope: Derivative of tanh at each, shape (n, actions).
-        deviation: Deviation from the Gaussian's mean, shape (n, actions).
-        is_within: Whether the log standard deviation was not clipped, shape (n, actions).
-        kept: The networks' passes.
-    """
-
-    actions: Tensor
-    log_prob: Tensor
-    slope: Tensor
-    deviation: Tensor
-    is_within: Tensor
-    kept: ActorPass
+    actions: Tensor  # in (-1, 1), shape (n, actions)
+    log_prob: Tensor  # their log-probabilities, shape (n, 1)
+    slope: Tensor  # derivative of tanh at each, shape (n, actions)
+    deviation: Tensor  # from the Gaussian's mean, shape (n, actions)
+    is_within: Tensor  # whether the log standard deviation was not clipped, shape (n, actions)
+    kept: ActorPass  # the networks' passes
 
 
 class _SquashedGaussian:
-    """SAC's stochastic policy: a Gaussian whose samples are squashed by tanh.
-
-    Args:
-        actor: The networks of its mean and of its log standard deviation.
-    """
+    """SAC's stochastic policy: a Gaussian whose samples are squashed by tanh."""
 
     def __init__(self, actor: Actor) -> None:
         self._latent = _mlp(actor.latent_pi, relu_output=True)
@@ -297,13 +268,7 @@ class _SquashedGaussian:
         self._log_std = MLP([cast(nn.Linear, actor.log_std)])
 
     def sample(self, features: Tensor, noise: Tensor, kept: ActorPass) -> Sample:
-        """Sample by reparametrisation.
-
-        Args:
-            features: Shape (n, features).
-            noise: Standard normal noise, shape (n, actions).
-            kept: Stores what the backward pass needs of the networks.
-        """
+        """Sample by reparametrisation, from features and standard normal noise, (n, ...) each."""
         latent = self._latent.forward(features, kept.latent)
         free = self._log_std.forward(latent, kept.log_std)
         log_std = free.clamp(LOG_STD_MIN, LOG_STD_MAX)
@@ -321,7 +286,7 @@ class _SquashedGaussian:
         correction, only the normaliser of the log-probability.
 
         Args:
-            sample: The sample that the loss was computed from.
+            sample: What the loss was computed from.
             by_actions: Gradient of the loss with respect to the actions, shape (n, actions).
             by_log_prob: Its derivative with respect to each log-probability.
         """
@@ -346,16 +311,18 @@ def _replay_buffer(model: OffPolicyAlgorithm) -> BatchedReplayBuffer:
     )
 
 
-def _draw(model: LeanDQN | LeanSAC, num_batches: int, batch_size: int) -> Batches:
+def _draw(
+    replay_buffer: BatchedReplayBuffer, extract: Extraction, num_batches: int, batch_size: int
+) -> Batches:
     """Draw batches whose observations are features (the same for all networks of a model)."""
-    batches = model.replay_buffer.draw(num_batches, batch_size)
+    batches = replay_buffer.draw(num_batches, batch_size)
     return batches._replace(
-        observations=model._extract(batches.observations),
-        next_observations=model._extract(batches.next_observations),
+        observations=extract(batches.observations),
+        next_observations=extract(batches.next_observations),
     )
 
 
-def _extraction(network: BaseModel) -> Callable[[Tensor], Tensor]:
+def _extraction(network: BaseModel) -> Extraction:
     """Return the function of a network's feature extractor, without the module's hooks."""
     return cast(BaseFeaturesExtractor, network.features_extractor).forward
 

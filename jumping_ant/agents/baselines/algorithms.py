@@ -1,11 +1,27 @@
-"""The settings of open-loop rhythms."""
+"""Agents that learn nothing: random actions, and open-loop rhythms."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from jumping_ant.agents.algorithm import AgentBlock, Algorithm
-from jumping_ant.params.blocks import Count, EnvParams
+from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm
+from jumping_ant.params.blocks import ActionParams, Count, EnvParams
+
+
+class RandomAgentParams(AgentBlock):
+    """The baseline that draws a random action at every decision and learns nothing."""
+
+    is_baseline = True
+
+    algorithm: Literal["random"]
+    """Algorithm of the catalogue."""
+    actions: ActionParams
+    """Actions that it draws from."""
+
+    @property
+    def max_env_steps(self) -> int:
+        """Budget of a seed [control steps]: none."""
+        return 0
 
 
 class OpenLoopParams(AgentBlock):
@@ -45,4 +61,28 @@ class OpenLoopParams(AgentBlock):
         return updates >= len(self.half_periods)
 
 
-ALGORITHMS = {"open_loop": Algorithm(OpenLoopParams, family="baseline")}
+_TRAINER = "jumping_ant.agents.baselines.trainer"
+ALGORITHMS = {
+    "random": Algorithm(
+        RandomAgentParams,
+        family="baseline",
+        learner=f"{_TRAINER}:draw",
+        policy_kind="uniform",
+        about="a baseline that acts at random",
+        is_perturbed=False,  # random actions hold no posture or rhythm that could be disturbed
+        example={"actions": TORQUES},
+    ),
+    "open_loop": Algorithm(
+        OpenLoopParams,
+        family="baseline",
+        learner=f"{_TRAINER}:search",
+        about="a baseline that moves to a fixed beat and ignores observations",
+        example={
+            "amplitude": 0.5,
+            "commands": [3, 4],
+            "half_periods": [2, 3],
+            "episodes": 2,
+            "episode_steps": 30,
+        },
+    ),
+}

@@ -1,33 +1,45 @@
-"""The best open-loop rhythm: a metronome that ignores the state.
+"""The baselines: random actions, and the best open-loop rhythm.
 
-It cycles through a few commands, by default all feet down and all feet up, and holds each for the
-same number of control steps. Its training only tries a handful of rhythms. A learner that does not
-achieve a higher return has not learned to use its observations. Open loops are a strong baseline of
-locomotion: see Raffin et al. 2024, "An open-loop baseline for reinforcement learning locomotion
-tasks", whose oscillators are an agent of their own (`oscillator`).
+An open loop is a metronome that ignores the state: it cycles through a few commands, by default all
+feet down and all feet up, and holds each for the same number of control steps. Its training only
+tries a handful of rhythms. A learner that does not achieve a higher return has not learned to use
+its observations: see Raffin et al. 2024, "An open-loop baseline for reinforcement learning
+locomotion tasks", whose oscillators are another agent (`oscillator`).
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from jumping_ant.actions import ActionSet
+from jumping_ant.agents.baselines.algorithms import OpenLoopParams, RandomAgentParams
+from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event, Finished, Progress, Snapshot
-from jumping_ant.agents.job import Job
-from jumping_ant.agents.open_loop.algorithms import OpenLoopParams
+from jumping_ant.agents.job import Job, resolve
 from jumping_ant.base.seeding import derive_all
 from jumping_ant.params.blocks import EnvParams
-from jumping_ant.policies.blind import OpenLoopPolicy
+from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 
 
-def train(job: Job[OpenLoopParams]) -> Iterator[Event]:
-    """Try each rhythm on the same start states, and keep the one with the highest mean return.
+def train(job: Job[Any]) -> Iterator[Event]:
+    """Yield one snapshot at the end, and no checkpoints: this takes seconds."""
+    yield from resolve(row(job.agent).learner)(job)
 
-    The search takes seconds: it yields no checkpoints, and one snapshot at its end.
-    """
+
+def draw(job: Job[RandomAgentParams]) -> Iterator[Event]:
+    """Yield the policy that draws its actions at random, without any training."""
+    actions = ActionSet.of(job.agent.actions, job.world.env.commands)
+    policy = UniformPolicy(job.seed, actions, job.world.anatomy.num_motors).to_bytes()
+    yield Snapshot(0, policy)
+    yield Finished(0, policy)
+
+
+def search(job: Job[OpenLoopParams]) -> Iterator[Event]:
+    """Try each rhythm on the same start states, and keep the one with the highest mean return."""
     agent = job.agent
     envs = RobotVectorEnv(
         job.world,
