@@ -11,8 +11,8 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves, params_file, summaries
-from jumping_ant.looks import wording
-from jumping_ant.looks.wording import p_value
+from jumping_ant.looks import style
+from jumping_ant.looks.style import p_value
 from jumping_ant.tuning.outcome import is_control_of
 
 VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
@@ -63,8 +63,8 @@ def printed_table(printed: dict[str, Any]) -> str:
         "PGPE's film, return of 1,000 steps": printed["pgpe"]["film"],
     }
     rows = [
-        f"| {name} | {wording.number(own['value'])} | "
-        f"{wording.estimate(own['median'], own['low'], own['high'], len(own['ours']))} | "
+        f"| {name} | {style.number(own['value'])} | "
+        f"{style.estimate(own['median'], own['low'], own['high'], len(own['ours']))} | "
         f"{_judgement(own)} |"
         for name, own in values.items()
     ]
@@ -73,11 +73,11 @@ def printed_table(printed: dict[str, Any]) -> str:
         "|---|---|---|---|---|---|"
     )
     if control := printed["dqn"].get("control"):
-        share = {name: wording.percent(own) for name, own in control["probability"].items()}
+        share = {name: style.percent(own) for name, own in control["probability"].items()}
         reached, every = sum(control["tests"]["reached"]), control["tests"]["each"]
         rows.append(
             f"| always command {control['command']}, tested as DQN | "
-            f"{wording.number(printed['dqn']['value'])} | mean {wording.number(control['mean'])} | "
+            f"{style.number(printed['dqn']['value'])} | mean {style.number(control['mean'])} | "
             f"{reached} of {every:,}: {share['value']} [{share['low']}–{share['high']}] % | | |"
         )
     return "\n".join([head, *rows])
@@ -86,10 +86,10 @@ def printed_table(printed: dict[str, Any]) -> str:
 def _judgement(own: dict[str, Any]) -> str:
     """Return three cells of a printed value: how many tests lay as far out, p, and the verdict."""
     tests, found = own["tests"], own["probability"]
-    share = wording.percent(found["value"])
-    interval = wording.percents(found["low"], found["high"])
+    share = style.percent(found["value"])
+    interval = style.percents(found["low"], found["high"])
     shares = f"{sum(tests['reached'])} of {len(tests['reached']) * tests['each']:,}"
-    p, verdict = wording.p_value(found["p"]), VERDICTS[own["reproduced"]]
+    p, verdict = style.p_value(found["p"]), VERDICTS[own["reproduced"]]
     return f"{shares}: {share} [{interval}] % | {p} | {verdict}"
 
 
@@ -112,9 +112,9 @@ def tuning_table(found: Sequence[dict[str, Any]]) -> str:
         returns = [_number(own["before"]), _number(own["after"])]
         difference = p = ""
         if own["p"] is not None:  # else nothing was trained for a verdict
-            interval = f"[{wording.number(own['low'])}, {wording.number(own['high'])}]"
-            difference = f"{wording.number(own['difference'])} {interval}"
-            p = wording.p_value(own["p"])
+            interval = f"[{style.number(own['low'])}, {style.number(own['high'])}]"
+            difference = f"{style.number(own['difference'])} {interval}"
+            p = style.p_value(own["p"])
         cells = [
             *(own["agent"], num_trials, str(own["pruned"]), *returns),
             *(difference, own["verdict"], p),
@@ -126,7 +126,7 @@ def tuning_table(found: Sequence[dict[str, Any]]) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else wording.number(value)
+    return "" if value is None else style.number(value)
 
 
 def published_table(root: Path) -> str:
@@ -167,7 +167,7 @@ def kept_table(withstood: dict[str, Any]) -> str:
         cells = []
         for own in (agent[name] for agent in agents.values()):
             share = own["retention"][-1]
-            kept = "–" if share is None else wording.percent(share)
+            kept = "–" if share is None else style.percent(share)
             ahead = own["crossing"]
             cells.append(kept if ahead is None else f"{kept} (from {ahead:g} on)")
         lines.append(f"| {name.replace('_', ' ')} | {' | '.join(cells)} |")

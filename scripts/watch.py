@@ -31,7 +31,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import params_file, validation
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import rendering
-from jumping_ant.looks.naming import BASELINE
+from jumping_ant.looks.families import BASELINE
 from jumping_ant.play import content
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout

@@ -269,6 +269,8 @@ def _content(path: Path) -> bytes:
     content = path.read_bytes()
     if content == OLD:
         return content
+    if path.suffix == ".rrd":  # its ids differ
+        return content[:4]
     if path.name in MEASURED:
         return re.sub(rb"[^,\n]", b"", content)
     return content

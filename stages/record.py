@@ -3,13 +3,13 @@
 Usage: python -m stages.record AGENT (DVC names it in the environment)
 Reads: params `record`, `seeds`, `env`, `evaluate`, `agents.AGENT`; the robot in assets/,
     results/agents/AGENT/ (trajectory.npz, episodes.csv), models/AGENT/seed-N/curve.csv.
-Writes: media/AGENT.mp4, media/AGENT.rrd.
+Writes: media/AGENT.mp4, media/AGENT.rrd; media/digests/AGENT.json, the digest of what is recorded.
 """
 
-from jumping_ant.base.files import PROJECT_ROOT, write_all
+from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.looks import rendering
-from jumping_ant.recording import episode, story
+from jumping_ant.recording import about, episode
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.world import World
 
@@ -22,10 +22,11 @@ def main() -> None:
     world = World(robot.read(PROJECT_ROOT, settings.agent(agent).robot), settings.env)
     paths = Paths().agent(agent)
     states = trajectory.load(paths.trajectory)
-    told = story.read(PROJECT_ROOT, settings, agent, states)
+    story = about.read(PROJECT_ROOT, settings, agent, states)
     film = rendering.film(world.xml, states, settings.record)
-    recording = episode.record(world, states, told, film)
-    write_all({paths.film: film, paths.recording: recording})
+    recording = episode.record(world, states, story, film)
+    digest = to_json({"recorded": recording.digest})
+    write_all({paths.film: film, paths.recording: recording.content, paths.recorded: digest})
 
 
 if __name__ == "__main__":

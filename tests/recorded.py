@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.looks import rendering
-from jumping_ant.recording.story import Story
+from jumping_ant.recording.about import Story
 
 FPS = 50
 CURVES = {
@@ -25,7 +26,7 @@ CURVES = {
 def story(
     agent: str = "sac", algorithm: str = "sac", value: float = 1234.5, robot: str = "edited"
 ) -> Story:
-    """What is told of an episode with such a return."""
+    """What is known of an episode with such a return."""
     measures = {"return": value, "peak_height": 2.5, "jumps": 12.0, "airborne_seconds": 1.25}
     family = ALGORITHMS[algorithm].family
     return Story(agent, algorithm, family, robot, measures, mean_return=value / 2, curves=CURVES)
@@ -48,28 +49,28 @@ class Content:
 
     def column(self, entity: str, component: str) -> NDArray[Any]:
         """The values of a component over time, one a row."""
-        (chunk,) = self.moving[entity]
-        values = chunk.to_record_batch().column(component).to_pylist()
+        values = self.lists(entity, component)
         assert all(len(value) == 1 for value in values)
         return np.array([value[0] for value in values])
 
-    def lists(self, entity: str, component: str) -> list[list[Any]]:
+    def lists(self, entity: str, component: str) -> list[Any]:
         """The values of a component over time, any number a row."""
-        (chunk,) = (c for c in self.moving[entity] if component in c.to_record_batch().schema.names)
-        return chunk.to_record_batch().column(component).to_pylist()
+        return self._batch(entity, component).column(component).to_pylist()
+
+    def _batch(self, entity: str, column: str) -> pa.RecordBatch:
+        batches = [chunk.to_record_batch() for chunk in self.moving[entity]]
+        (batch,) = (batch for batch in batches if column in batch.schema.names)
+        return batch
 
     def scalars(self, entity: str) -> NDArray[Any]:
         return self.column(entity, "Scalars:scalars")
 
     def times(self, entity: str) -> NDArray[np.int64]:
         """Times in nanoseconds."""
-        (chunk,) = self.moving[entity]
-        column = chunk.to_record_batch().column("sim_time")
-        return np.array(column.cast("int64").to_pylist())
+        return self._batch(entity, "sim_time").column("sim_time").cast("int64").to_numpy()
 
     def steps(self, entity: str) -> list[int]:
-        (chunk,) = self.moving[entity]
-        return chunk.to_record_batch().column("control_step").to_pylist()
+        return self.lists(entity, "control_step")
 
     def shape(self, entity: str) -> dict[str, NDArray[np.float64]]:
         """The components of a static entity."""

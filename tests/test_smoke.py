@@ -69,7 +69,7 @@ def digests(project: Project) -> dict[str, str]:
         out["path"]: out["md5"]
         for stage in stages.values()
         for out in stage.get("outs", [])
-        if not out["path"].startswith(APART)
+        if not out["path"].startswith(APART) and not out["path"].endswith(".rrd")
     }
 
 

@@ -51,6 +51,7 @@ class AgentPaths:
         self.trajectory = results / "trajectory.npz"  # the median episode, state by state
         self.film = media / f"{name}.mp4"  # the median episode as a video
         self.recording = media / f"{name}.rrd"  # the median episode as a Rerun recording
+        self.recorded = media / "digests" / f"{name}.json"  # of what is in it, film included
 
     def seed(self, number: int) -> SeedPaths:
         """Return the files of one seed."""
@@ -80,6 +81,7 @@ class Paths:
         self.assets = root / "assets"  # the folder of the robots
         self.physique = self.assets / "robot.json"  # masses and torques, before and after the edits
         self.lineup = root / "media" / "lineup.rrd"  # all agents' median episodes in one recording
+        self.lineup_recorded = root / "media" / "digests" / "lineup.json"  # of what is in it
         results = root / "results"
         self.comparison = results / "comparison.json"  # statistics and claims
         self.figures = results / "figures"  # the folder of the comparison's figures

@@ -9,8 +9,8 @@ import numpy as np
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit
-from jumping_ant.looks.naming import Family
-from jumping_ant.looks.wording import percent, percents
+from jumping_ant.looks.families import Family
+from jumping_ant.looks.style import percent, percents
 
 RETURN = "Return per held-out episode"
 BUDGETS: dict[Unit, str] = {"env_steps": "Training budget [control steps]"}

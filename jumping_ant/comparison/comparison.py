@@ -15,8 +15,8 @@ from jumping_ant.comparison.estimates import (
 )
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit, evaluations
-from jumping_ant.looks.looks import looks
-from jumping_ant.looks.naming import Family
+from jumping_ant.looks.families import Family
+from jumping_ant.looks.style import looks
 from jumping_ant.params.blocks import CompareParams
 
 Array = NDArray[np.float64]

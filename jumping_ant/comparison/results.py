@@ -13,7 +13,7 @@ from jumping_ant.base.tables import Table
 from jumping_ant.experiment import curves, episodes
 from jumping_ant.experiment.curves import Unit
 from jumping_ant.experiment.models import Params
-from jumping_ant.looks.naming import Family
+from jumping_ant.looks.families import Family
 
 Array = NDArray[np.float64]
 

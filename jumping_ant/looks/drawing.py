@@ -1,9 +1,9 @@
 """Pictures of a robot's states, in order, rendered by as many processes as pay off.
 
-MuJoCo renders while holding the GIL, and a software renderer gains little from its own threads, so
-the pictures are distributed over processes. Each is a small program that writes its share to a
-pipe. It starts faster than a `multiprocessing` process, which would import the caller's program
-too, and it blocks until its pictures are read, so few of them are in memory.
+MuJoCo renders while holding the GIL, and a software renderer gains little from threads. Each
+process is a small program that writes its share to a pipe. It starts faster than a
+`multiprocessing` process, which would import the caller's program too, and blocks until its
+pictures are read.
 """
 
 import contextlib
@@ -24,6 +24,7 @@ from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
 from jumping_ant.sim import gl
 
+Picture = NDArray[np.uint8]
 Process = subprocess.Popen[bytes]
 
 PICTURES_PER_PROCESS = 100  # fewer are drawn before another process has started
@@ -48,43 +49,31 @@ class Shots:
     azimuth: float  # of the camera's view [degrees]
     elevation: float  # [degrees]
 
-    def every(self, step: int, start: int) -> "Shots":
-        """Return every `step`-th shot, beginning with number `start`."""
-        return replace(self, qpos=self.qpos[start::step], lookat=self.lookat[start::step])
 
-
-def draw(shots: Shots, processes: int = 0) -> Iterator[NDArray[np.uint8]]:
+def draw(shots: Shots, processes: int = 0) -> Iterator[Picture]:
     """Draw shots as pictures of shape (height, width, 3), which do not depend on `processes`.
 
     With 1, this process draws; 0 means as many as pay off. Raises `InputError` if this machine
     cannot render.
     """
-    processes = processes or _num_worthwhile(len(shots.qpos))
+    useful = min(machine.num_cores(), MAX_PROCESSES, len(shots.qpos) // PICTURES_PER_PROCESS)
+    processes = processes or max(1, useful)
     return _draw_here(shots) if processes == 1 else _draw_apart(shots, processes)
 
 
 def serve() -> None:
     """Draw the shots that arrive pickled on standard input, for `_draw_apart`.
 
-    Pickled pictures go to standard output, followed by the error that ended the work, if any.
-    If the reader has gone, the work ends silently.
+    Pickled pictures go to standard output. If the reader has gone, the work ends silently.
     """
     with contextlib.suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as pipe:
         os.dup2(2, 1)  # what libraries print goes to standard error
-        try:
-            for picture in _draw_here(pickle.load(sys.stdin.buffer)):
-                pickle.dump(picture, pipe)
-                pipe.flush()
-        except InputError as error:
-            pickle.dump(error, pipe)
+        for picture in _draw_here(pickle.load(sys.stdin.buffer)):
+            pickle.dump(picture, pipe)
+            pipe.flush()
 
 
-def _num_worthwhile(num_pictures: int) -> int:
-    useful = min(machine.num_cores(), MAX_PROCESSES)
-    return max(1, min(useful, num_pictures // PICTURES_PER_PROCESS))
-
-
-def _draw_here(shots: Shots) -> Iterator[NDArray[np.uint8]]:
+def _draw_here(shots: Shots) -> Iterator[Picture]:
     data = mujoco.MjData(shots.model)
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth = shots.distance, shots.azimuth
@@ -121,27 +110,35 @@ def _finish(scene: mujoco.MjvScene) -> None:
             geom.category = mujoco.mjtCatBit.mjCAT_DECOR
 
 
-def _draw_apart(shots: Shots, processes: int) -> Iterator[NDArray[np.uint8]]:
+def _draw_apart(shots: Shots, processes: int) -> Iterator[Picture]:
     """Distribute the shots over processes, and collect the pictures in order."""
     gl.select_backend()  # once for all of them
     with contextlib.ExitStack() as stack:
         artists = [stack.enter_context(_start()) for _ in range(processes)]
         for number, artist in enumerate(artists):
-            _send(artist, shots.every(processes, number))
+            share = slice(number, None, processes)
+            part = replace(shots, qpos=shots.qpos[share], lookat=shots.lookat[share])
+            # A process that has died sends no picture.
+            with contextlib.suppress(BrokenPipeError), cast(IO[bytes], artist.stdin) as pipe:
+                pickle.dump(part, pipe)
         for number in range(len(shots.qpos)):
-            yield _receive(artists[number % processes])
+            artist = artists[number % processes]
+            try:
+                yield pickle.load(cast(IO[bytes], artist.stdout))
+            except (EOFError, pickle.UnpicklingError) as error:
+                status = artist.wait()
+                raise InputError(
+                    f"rendering: a process ended with exit status {status}; see its output above"
+                ) from error
 
 
 @contextlib.contextmanager
 def _start() -> Iterator[Process]:
-    command = [sys.executable, "-c", _PROGRAM]
-    environment = os.environ | _ENVIRONMENT
-    pipe = subprocess.PIPE
     with subprocess.Popen(
-        command,
-        stdin=pipe,
-        stdout=pipe,
-        env=environment,
+        [sys.executable, "-c", _PROGRAM],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        env=os.environ | _ENVIRONMENT,
         start_new_session=True,  # Ctrl-C reaches only this process, which ends them
     ) as process:
         # With room for a picture in the pipe, the next is drawn before the last is read. Systems
@@ -153,23 +150,3 @@ def _start() -> Iterator[Process]:
         except BaseException:
             process.kill()
             raise
-
-
-def _send(process: Process, shots: Shots) -> None:
-    # `_receive` detects a process that has died.
-    with contextlib.suppress(BrokenPipeError), cast(IO[bytes], process.stdin) as pipe:
-        pickle.dump(shots, pipe)
-
-
-def _receive(process: Process) -> NDArray[np.uint8]:
-    try:
-        item = pickle.load(cast(IO[bytes], process.stdout))
-    except (EOFError, pickle.UnpicklingError) as error:
-        raise RuntimeError(
-            f"a rendering process ended early, with exit status {process.wait()}; see its output "
-            "above"
-        ) from error
-    if isinstance(item, InputError):
-        raise item
-    picture: NDArray[np.uint8] = item
-    return picture

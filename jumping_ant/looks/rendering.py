@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,13 @@ from scipy.ndimage import gaussian_filter1d
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.looks import drawing
-from jumping_ant.looks.drawing import Shots
+from jumping_ant.looks.drawing import Picture, Shots
 from jumping_ant.params.blocks import RecordParams
 from jumping_ant.sim import mjcf
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory, frame_stride
 
-# The camera follows the torso's path, smoothed over this long [s].
-CAMERA_SMOOTHING = 0.25
+CAMERA_SMOOTHING = 0.25  # [s] over which the torso's path is smoothed, for the camera
 # As fractions of the camera's distance: the height it looks at, and how far above that the torso
 # rises before the camera rises too. Below, ground and horizon stay still, so jumps are visible.
 CAMERA_HEIGHT = 0.22
@@ -51,7 +51,7 @@ def film(xml: str, trajectory: Trajectory, params: RecordParams, processes: int 
 
 def frames(
     xml: str, trajectory: Trajectory, params: RecordParams, processes: int = 0
-) -> Iterator[NDArray[np.uint8]]:
+) -> Iterator[Picture]:
     """Draw an episode's first seconds on demand, as pictures of shape (height, width, 3)."""
     rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
     model = scene(xml, params.shadow_size)
@@ -79,8 +79,7 @@ def camera_path(torso: NDArray[np.float64], params: RecordParams) -> NDArray[np.
     points = torso.copy()
     points[:, 2] = np.maximum(height, torso[:, 2] - slack)
     smoothing = CAMERA_SMOOTHING * params.fps
-    smooth: NDArray[np.float64] = gaussian_filter1d(points, smoothing, axis=0, mode="nearest")
-    return smooth
+    return np.asarray(gaussian_filter1d(points, smoothing, axis=0, mode="nearest"))
 
 
 def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
@@ -105,7 +104,7 @@ def scene(xml: str, shadow_size: int) -> mujoco.MjModel:
     return spec.compile()
 
 
-def encode(pictures: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
+def encode(pictures: Iterable[Picture], fps: int) -> bytes:
     """Encode pictures as an MP4 file that every browser plays: H.264, yuv420p, index first.
 
     Equal pictures, (height, width, 3) with even sides, make equal bytes: one encoder thread, no
@@ -130,23 +129,17 @@ def encode(pictures: Iterable[NDArray[np.uint8]], fps: int) -> bytes:
             output_params=options.split(),
             ffmpeg_log_level="quiet",  # after Ctrl-C it may live on, and miss its file
         )
-        num_pictures = 0
+        num_pictures, num_frames = 0, 0
         with writer:
             for picture in pictures:
                 writer.append_data(picture)
                 num_pictures += 1
-        _check_film(path, num_pictures)
+        with suppress(RuntimeError):  # the encoder's exit status is lost
+            num_frames, _ = imageio_ffmpeg.count_frames_and_secs(path)
+        if num_frames != num_pictures:
+            message = f"ffmpeg encoded {num_frames} of {num_pictures} frames; is the disk full?"
+            raise OSError(message)
         return path.read_bytes()
-
-
-def _check_film(path: Path, num_pictures: int) -> None:
-    """Count a film's frames, as the encoder's exit status is lost."""
-    try:
-        num_frames, _ = imageio_ffmpeg.count_frames_and_secs(path)
-    except RuntimeError:
-        num_frames = 0
-    if num_frames != num_pictures:
-        raise OSError(f"ffmpeg encoded {num_frames} of {num_pictures} frames; is the disk full?")
 
 
 def _paint(spec: mujoco.MjSpec, floor: mujoco.MjsGeom) -> None:

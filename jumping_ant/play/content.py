@@ -14,8 +14,8 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import Table
 from jumping_ant.experiment import episodes, validation
 from jumping_ant.experiment.models import Params
-from jumping_ant.looks import looks
-from jumping_ant.looks.naming import BASELINE
+from jumping_ant.looks import style
+from jumping_ant.looks.families import BASELINE
 from jumping_ant.params.blocks import EnvParams, PerturbationParams
 from jumping_ant.play import policies
 from jumping_ant.policies import policy_file
@@ -93,7 +93,7 @@ def build(root: Path, params: Params, seeds: Mapping[str, Sequence[int]]) -> dic
     worlds = {kind: World(robot.read(root, kind), params.env) for kind in kinds}
     withstood = read_json(Paths(root).robustness, "compare")["agents"]
     families = {name: catalogue.row(params.agent(name)).family for name in params.agents}
-    drawn = looks.looks(families)
+    drawn = style.looks(families)
     return {
         "format": policies.FORMAT,
         "name": Path(params.robot.source).stem.replace("_", " ").capitalize(),

@@ -1,32 +1,66 @@
-"""Text pages of recordings, as Markdown: what they show, and how to navigate."""
+"""What recordings say in words: about an agent and its episode, and how to navigate."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import cycle
+from pathlib import Path
 
 import rerun as rr
 
-from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.looks import naming, panels
-from jumping_ant.recording.parts import LEG_COLORS, limb_names
+from jumping_ant.agents import catalogue
+from jumping_ant.base.paths import Paths
+from jumping_ant.experiment import curves, episodes
+from jumping_ant.experiment.models import Params
+from jumping_ant.looks import style
+from jumping_ant.looks.families import BASELINE, Family
 from jumping_ant.recording.scene import METRES_PER_NEWTON
-from jumping_ant.recording.story import Story
+from jumping_ant.recording.states import LEG_COLORS, Array, limbs
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
-LEG_COLOR_NAMES = ("coral", "yellow", "green", "violet")  # of `LEG_COLORS`
+MEASURES = ("return", "peak_height", "jumps", "airborne_seconds")
 
-MOVING_ABOUT = """\
+NAVIGATION = """\
 **Navigation.** Drag in the bar below, or click in a plot, to choose a time; space pauses, and the
 loop button plays everything. In the view of a robot, drag to rotate, right-drag to pan, scroll to
 zoom; the camera follows the torso. Click a shape or a line for its values."""
 
 
 @dataclass(frozen=True)
-class Opening:
-    """The part that plays first."""
+class Story:
+    """An agent and one of its episodes."""
 
-    peak: float  # time of the highest jump [s]
-    end: float  # of the part in which it is the highest [s]
+    agent: str
+    algorithm: str
+    family: Family
+    robot: str  # `edited` or `unedited`
+    measures: Mapping[str, float]  # the episode's `MEASURES`
+    mean_return: float  # over all of the agent's held-out episodes
+    curves: Mapping[int, tuple[Array, Array]]  # control steps and returns of evaluations, by seed
+
+    @property
+    def label(self) -> str:
+        """The agent's display name."""
+        return catalogue.label(self.agent, self.algorithm)
+
+
+def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Story:
+    """Read what is known about an episode."""
+    block = params.agent(agent)
+    table = episodes.read(root, params, agent)
+    shown = episodes.find(table, agent, trajectory, Paths(root).agent(agent).trajectory)
+    return Story(
+        agent=agent,
+        algorithm=block.algorithm,
+        family=catalogue.row(block).family,
+        robot=block.robot,
+        measures={name: shown[name] for name in MEASURES},
+        mean_return=float(table["return"].mean()),
+        curves={
+            seed: curves.evaluations(curves.read(root, params, agent, seed))
+            for seed in params.seeds
+        },
+    )
 
 
 def log_page(stream: rr.RecordingStream, text: str) -> None:
@@ -35,11 +69,22 @@ def log_page(stream: rr.RecordingStream, text: str) -> None:
     stream.log("about", page, static=True)
 
 
-def episode_page(world: World, trajectory: Trajectory, story: Story, opening: Opening) -> str:
-    """Describe one episode, whose opening ends with the film."""
+def episode_page(world: World, trajectory: Trajectory, story: Story, peak: int, end: int) -> str:
+    """Describe one episode, filmed up to `end` [ns], with its highest jump at `peak` [ns]."""
     measures = story.measures
     seconds = len(trajectory.torques) * trajectory.frame_skip * trajectory.timestep
+    algorithm = catalogue.ALGORITHMS[story.algorithm].about
+    robot = " Its robot is unedited." if story.robot == "unedited" else ""
+    reward = f"The reward is the sum of {', '.join(map('`{}`'.format, trajectory.terms))}."
+    if list(trajectory.terms) == ["torso_height"]:
+        reward = (
+            "The reward increases with the torso's height and saturates, so higher jumps earn "
+            "more only by lasting longer."
+        )
     arrow = f"{100 * METRES_PER_NEWTON:g} m for 100 N"
+    _, *legs = limbs(world)
+    named = zip(legs, cycle(LEG_COLORS))
+    colors = ", ".join(["Torso sand", *(f"{leg.replace('_', ' ')} {name}" for leg, name in named)])
     return f"""\
 ## {story.label}, seed {trajectory.seed}, episode {trajectory.episode}
 
@@ -48,27 +93,30 @@ def episode_page(world: World, trajectory: Trajectory, story: Story, opening: Op
 | {measures["return"]:,.0f} | {measures["peak_height"]:.2f} m | {measures["jumps"]:.0f} | \
 {measures["airborne_seconds"]:.1f} of {seconds:.1f} s |
 
-The median of the held-out episodes of `{story.agent}`: {_algorithm(story)}.{_robot(story)}
-The recording loops over the highest jump of the {opening.end:g} s that are filmed, at
-{opening.peak:.1f} s.
+The median of the held-out episodes of `{story.agent}`: {algorithm}.{robot}
+The recording loops over the highest jump of the {end / 1e9:g} s that are filmed, at
+{peak / 1e9:.1f} s.
 
 **What to look at.** Arrows are the forces of the ground on each limb ({arrow}): long when the
 robot pushes off and lands, absent while it flies. The blue trail is the torso's path.
-{_reward(trajectory)}
+{reward}
 The blue learning curve is this seed's, the grey ones are the other seeds'.
 
-**Colours.** {_legend(world)}; the same for shapes, arrows, torques and forces.
+**Colours.** {colors}; the same for shapes, arrows, torques and forces.
 
-{MOVING_ABOUT}
+{NAVIGATION}
 """
 
 
 def lineup_page(
-    stories: Mapping[str, Story], trajectories: Mapping[str, Trajectory], opening: Opening
+    stories: Mapping[str, Story], trajectories: Mapping[str, Trajectory], peak: int, end: int
 ) -> str:
-    """Describe all agents' episodes side by side, the agent that returns most first."""
+    """Describe all agents' episodes side by side, the agent that returns most first.
+
+    The highest jump of the first part, which ends at `end` [ns], is at `peak` [ns].
+    """
     ranked = sorted(stories.items(), key=lambda item: -item[1].mean_return)
-    is_crowded = panels.is_crowded({agent: story.family for agent, story in ranked})
+    is_crowded = style.is_crowded({agent: story.family for agent, story in ranked})
     tabs = "\nThe tabs show the best agent of each family, and each family." if is_crowded else ""
     rows = "\n".join(
         f"| **{story.label}**{_remark(story)} | {trajectories[agent].seed} | "
@@ -88,39 +136,13 @@ Each agent's median held-out episode, all started at the same time.{tabs}
 A baseline learns nothing. The mean is over all seeds and held-out episodes. Each agent has one
 colour, for its torso, its trail and its height in the plot; baselines are grey.
 Arrows are the forces of the ground. The recording loops over the
-highest jump of the first {opening.end:g} s, at {opening.peak:.1f} s.
+highest jump of the first {end / 1e9:g} s, at {peak / 1e9:.1f} s.
 
-{MOVING_ABOUT}
+{NAVIGATION}
 """
-
-
-def _algorithm(story: Story) -> str:
-    """Return what an agent runs, in words."""
-    return ALGORITHMS[story.algorithm].about
-
-
-def _robot(story: Story) -> str:
-    return " Its robot is unedited." if story.robot == "unedited" else ""
-
-
-def _reward(trajectory: Trajectory) -> str:
-    """Return what the reward depends on, in words."""
-    if list(trajectory.terms) == ["torso_height"]:
-        return (
-            "The reward increases with the torso's height and saturates, so higher jumps earn "
-            "more only by lasting longer."
-        )
-    return f"The reward is the sum of {', '.join(map('`{}`'.format, trajectory.terms))}."
 
 
 def _remark(story: Story) -> str:
     """Return what sets an agent apart from learners on the edited robot, in brackets."""
-    remark = naming.remark(story.is_baseline, story.robot)
+    remark = style.remark(story.family == BASELINE, story.robot)
     return f" ({remark})" if remark else ""
-
-
-def _legend(world: World) -> str:
-    legs = limb_names(world)[1:]
-    names = [LEG_COLOR_NAMES[i % len(LEG_COLORS)] for i in range(len(legs))]
-    words = [f"{leg.replace('_', ' ')} {name}" for leg, name in zip(legs, names, strict=True)]
-    return ", ".join(["Torso sand", *words])

@@ -19,38 +19,49 @@ Entities, over `sim_time` [s] and, except for the film, `control_step`:
 | /about | a page of text; always there | |
 """
 
+import numpy as np
 import rerun as rr
 
-from jumping_ant.recording import about, curves, film, layout, series, states
-from jumping_ant.recording.file import write
-from jumping_ant.recording.scene import Scene, time_of_peak
-from jumping_ant.recording.story import Story
+from jumping_ant.base.errors import InputError
+from jumping_ant.recording import about, curves, layout, rerun_file, series, states
+from jumping_ant.recording.about import Story
+from jumping_ant.recording.scene import log_scene
+from jumping_ant.recording.states import Indices, time_columns
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
 
-def record(world: World, trajectory: Trajectory, story: Story, mp4: bytes) -> bytes:
-    """Return a whole episode as an `.rrd` file, which loops over the highest jump of its film.
+def record(world: World, trajectory: Trajectory, story: Story, mp4: bytes) -> rerun_file.Recording:
+    """Record a whole episode, looping over the highest jump of its film.
 
     The film, `mp4`, starts with the episode and may end before it.
     """
-    video = film.Film(mp4)
-    found = states.derive(world, trajectory, trajectory.rows())
-    end = min(int(video.times[-1]), int(found.times[-1]))
-    peak = time_of_peak(world, found, end)
+    video = rr.AssetVideo(contents=mp4, media_type="video/mp4")
+    try:
+        frames: Indices = video.read_frame_timestamps_nanos()
+    except RuntimeError as error:
+        raise InputError(f"film: given {len(mp4)} bytes that are not MP4: {error}") from error
+    found = states.derive(world, trajectory)
+    end = min(int(frames[-1]), int(found.times[-1]))
+    _, peak = found.peak(end)
 
     def log(stream: rr.RecordingStream) -> None:
-        scene = Scene(stream, world)
-        scene.log_shapes()
-        scene.log_states(found)
-        series.log_styles(stream, world, list(series.reward_series(trajectory)))
+        log_scene(stream, world, found)
         series.log_states(stream, world, found)
-        series.log_control(stream, world, trajectory, len(found.rows))
-        video.log(stream)
+        series.log_control(stream, world, trajectory, found)
+        _log_film(stream, video, frames)
         curves.log_curves(stream, story.curves, trajectory.seed)
-        page = about.episode_page(world, trajectory, story, about.Opening(peak / 1e9, end / 1e9))
-        about.log_page(stream, page)
+        about.log_page(stream, about.episode_page(world, trajectory, story, peak, end))
 
     name = f"{story.agent}-seed-{trajectory.seed}-episode-{trajectory.episode}"
     title = f"{story.agent}, seed {trajectory.seed}"
-    return write(name, title, layout.episode_layout(world, layout.around(peak, end), end), log)
+    return rerun_file.write(name, title, layout.episode_layout(world, peak, end), log)
+
+
+def _log_film(stream: rr.RecordingStream, video: rr.AssetVideo, times: Indices) -> None:
+    """Log each frame at its time [ns], and clear the picture after the last one."""
+    stream.log("film/frames", video, static=True)
+    frames = rr.VideoFrameReference.columns_nanos(times)
+    stream.send_columns("film/frames", time_columns(times), frames)
+    end = times[-1:] + np.diff(times[-2:], prepend=times[-1])[-1:]
+    stream.send_columns("film", time_columns(end), rr.Clear.columns(is_recursive=[True]))

@@ -1,7 +1,7 @@
 """The report's charts of learning and of all episodes, and what all its charts share.
 
 They are Plotly figures, in which agents keep the colours and markers of all other figures (see
-`jumping_ant.looks.looks`). Charts show exactly what `results/` holds: nothing is smoothed.
+`jumping_ant.looks.style`). Charts show exactly what `results/` holds: nothing is smoothed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,13 +16,13 @@ from jumping_ant.comparison.comparison import LearningCurve
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks import measures
-from jumping_ant.looks.looks import CHANCES, INK, Look
+from jumping_ant.looks.style import CHANCES, INK, Look
 
 Array = NDArray[np.float64]
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 GRID = "#E6E8EC"
-# Markers and lines of `jumping_ant.looks.looks` in Plotly's terms.
+# Markers and lines of `jumping_ant.looks.style` in Plotly's terms.
 SYMBOLS = {
     "o": "circle",
     "s": "square",

@@ -9,8 +9,8 @@ import plotly.graph_objects as go
 from jumping_ant.comparison import charting
 from jumping_ant.comparison.charting import chance_text
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks import looks
-from jumping_ant.looks.looks import Look
+from jumping_ant.looks import style
+from jumping_ant.looks.style import Look
 from jumping_ant.report.charts import LOG_AXIS, SHARES, SYMBOLS, finish
 
 CLAIM_HEIGHT = 215  # [pixels]
@@ -52,11 +52,11 @@ def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[i
             x=list(chain(*pairs)),
             y=labels * len(pairs),
             mode="lines",
-            line={"color": looks.PAIR, "width": 1},
+            line={"color": style.PAIR, "width": 1},
             hoverinfo="skip",
         )
     for sample in charting.samples(plot):
-        look = looks.of_sample(sample.label, drawn)
+        look = style.of_sample(sample.label, drawn)
         figure.add_scatter(
             x=sample.values,
             y=[sample.label] * len(sample.values),

@@ -6,9 +6,9 @@ from typing import Any
 
 from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks import naming
+from jumping_ant.looks import style
 from jumping_ant.looks.measures import MEASURES, TERM
-from jumping_ant.looks.wording import interval, number
+from jumping_ant.looks.style import interval, number
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def terms(
 
 def row(agent: AgentResults, cells: Sequence[Cell]) -> Row:
     """Return an agent's row."""
-    return Row(agent.label, agent.family, naming.remark(False, agent.block.robot), cells)
+    return Row(agent.label, agent.family, style.remark(False, agent.block.robot), cells)
 
 
 def estimate(entry: Mapping[str, float] | None, num_seeds: int, is_best: bool = False) -> Cell:

@@ -19,11 +19,10 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.results import AgentResults, load
 from jumping_ant.experiment.models import Params
-from jumping_ant.looks import looks, naming, panels
-from jumping_ant.looks.looks import Look
+from jumping_ant.looks import style
+from jumping_ant.looks.families import by_family
 from jumping_ant.looks.measures import MEASURES
-from jumping_ant.looks.naming import by_family
-from jumping_ant.looks.wording import estimate, number
+from jumping_ant.looks.style import Look, estimate, number
 from jumping_ant.report import (
     charts,
     contests,
@@ -52,7 +51,7 @@ def build(root: Path, params: Params) -> str:
     withstood = read_json(Paths(root).robustness, "compare")
     summary |= {"claims": [*summary["claims"], *withstood["claims"]]}
     loaded = load(root, params)
-    drawn = looks.looks(charting.families(loaded))
+    drawn = style.looks(charting.families(loaded))
     results = sections.ordered(loaded, summary["agents"])
     reward_terms, of_terms = outcomes.terms(results, summary["agents"])
     filmed = {name: films.read(root, params, agent) for name, agent in results.items()}
@@ -111,7 +110,7 @@ def _leaders(results: Mapping[str, AgentResults]) -> list[str]:
     """Return all agents, or of many learners the best of each family, which comes first."""
     families = charting.families(results)
     grouped = by_family(families)
-    return [own[0] for own in grouped.values()] if panels.is_crowded(families) else list(families)
+    return [own[0] for own in grouped.values()] if style.is_crowded(families) else list(families)
 
 
 def _agents(
@@ -130,7 +129,7 @@ def _agents(
                 "name": name,
                 "label": agent.label,
                 "family": agent.family,
-                "remark": naming.remark(agent.is_baseline, agent.block.robot),
+                "remark": style.remark(agent.is_baseline, agent.block.robot),
                 "colour": drawn[name].colour,
                 "seed": film.seed,
                 "episode": film.episode,
@@ -158,7 +157,7 @@ def _aim(params: Params) -> str:
 def _title(params: Params, results: Mapping[str, AgentResults]) -> str:
     """Return the page's title: it names the learners, or all agents if none learns, or counts."""
     families = {name: results[name].family for name in charting.learners(results)}
-    if panels.is_crowded(families):
+    if style.is_crowded(families):
         groups = by_family(families)
         return (
             f"{_robot_name(params)}: {len(families)} learners of {len(groups)} families compared"

@@ -9,9 +9,9 @@ from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit
 from jumping_ant.experiment.models import Params
-from jumping_ant.looks import panels
-from jumping_ant.looks.looks import Look
-from jumping_ant.looks.naming import by_family
+from jumping_ant.looks import style
+from jumping_ant.looks.families import by_family
+from jumping_ant.looks.style import Look
 from jumping_ant.report import charts, contests, standings, statements
 
 
@@ -30,8 +30,8 @@ def context(
     """Return what the templates of these sections, `pieces.html`, show."""
     families = charting.families(results)
     return {
-        "families": list(by_family(families)) if panels.is_crowded(families) else [""],
-        "panels": list(panels.panels(families)),
+        "families": list(by_family(families)) if style.is_crowded(families) else [""],
+        "panels": list(style.panels(families)),
         "imitates": "imitation" in families.values(),
         "statements": statements.read(claims, len(params.seeds)),
         "verdicts": statements.count(claims),
@@ -68,7 +68,7 @@ def _learning(
 ) -> dict[str, go.Figure]:
     """Return the chart of learning curves, or of many learners one for each family."""
     curves = comparison.learning_curves(results, params.compare)
-    grouped = panels.panels(charting.families(results))
+    grouped = style.panels(charting.families(results))
     named = comparison.best_baseline(results, summary["agents"]) if len(grouped) > 1 else None
     return {
         f"learning_{number}": charts.learning(

@@ -9,10 +9,9 @@ import plotly.graph_objects as go
 from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit
-from jumping_ant.looks import panels
-from jumping_ant.looks.looks import COLOURS, INK, Look
-from jumping_ant.looks.naming import by_family
-from jumping_ant.looks.wording import estimate
+from jumping_ant.looks import style
+from jumping_ant.looks.families import by_family
+from jumping_ant.looks.style import COLOURS, INK, Look, estimate
 from jumping_ant.report.charts import LOG_AXIS, ROW, SYMBOLS, finish, linear_axis
 
 
@@ -64,7 +63,7 @@ def cost(
     figure = go.Figure()
     agents, learners = summary["agents"], charting.learners(results)
     costs = [agents[name][comparison.COSTS[unit]] for name in learners]
-    is_crowded = panels.is_crowded(charting.families(results))
+    is_crowded = style.is_crowded(charting.families(results))
     named = summary[comparison.FRONTS[unit]] if is_crowded else learners
     _add_front(figure, *charting.front(results, summary, unit))
     for name, place in zip(learners, costs, strict=True):

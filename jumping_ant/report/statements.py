@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from jumping_ant.comparison.claims.statements import STATEMENTS
-from jumping_ant.looks.wording import capitalized, estimate, number, p_value
+from jumping_ant.looks.style import capitalized, estimate, number, p_value
 
 SIGNS = {"supported": "\u2713", "refuted": "\u2717", "equivalent": "\u2248", "inconclusive": "?"}
 SCEPTIC = "A sceptic's questions"  # claims that test no statement of the article

@@ -1,8 +1,8 @@
 """Select the OpenGL backend for rendering without a screen, once per process.
 
 MuJoCo reads the environment variable `MUJOCO_GL` when it is imported. If it is not set, MuJoCo uses
-GLFW, which needs a screen. `select_backend` corrects this at any time before the first picture. It
-stores its choice in `MUJOCO_GL`, where Gymnasium's renderer and child processes find it.
+GLFW, which needs a screen. `select_backend` corrects this at any time before the first picture, and
+sets `MUJOCO_GL`, which Gymnasium's renderer and child processes read.
 
 Mesa's software renderer and triton, which comes with torch's builds for CUDA and is imported by its
 optimisers, each hold an LLVM. Triton's must come first: the other order is a segmentation fault.
@@ -26,10 +26,7 @@ HEADLESS_BACKENDS = ("egl", "osmesa")  # in order of preference
 # An installed library may draw nothing or crash the process, so each is tried in a subprocess.
 _PROBE = """
 import mujoco
-model = mujoco.MjModel.from_xml_string(
-    '<mujoco><visual><quality shadowsize="0"/></visual>'
-    '<worldbody><geom size="1"/></worldbody></mujoco>'
-)
+model = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
 data = mujoco.MjData(model)
 mujoco.mj_forward(model, data)
 with mujoco.Renderer(model, 32, 32) as renderer:
@@ -44,9 +41,9 @@ _PROBE_SECONDS = 60
 def select_backend() -> str:
     """Make off-screen rendering work in this process, whatever was imported before.
 
-    If `MUJOCO_GL` is already set, it is used. Otherwise, on Linux, each headless backend draws a
-    picture in its own process, and the first that succeeds is used; other systems use their own
-    OpenGL. The result is the value of `MUJOCO_GL`, empty if the system's own is used.
+    A value of `MUJOCO_GL` is obeyed. Otherwise, on Linux, it becomes the first headless backend
+    that draws a picture in a process of its own; other systems use their OpenGL. The result is the
+    value, empty for the latter. Raises `InputError` if none draws.
     """
     if not os.environ.get("MUJOCO_GL") and sys.platform == "linux":
         os.environ["MUJOCO_GL"] = _first_that_draws()
@@ -57,10 +54,7 @@ def select_backend() -> str:
 def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
     """Open an off-screen renderer; use it as a context manager, so that it is closed."""
     backend = select_backend()
-    _load_triton()
-    visual = model.vis.global_
-    visual.offwidth = max(visual.offwidth, width)
-    visual.offheight = max(visual.offheight, height)
+    _prepare(model, width, height)
     try:
         return mujoco.Renderer(model, height, width)
     except (ImportError, AttributeError, RuntimeError, mujoco.FatalError) as error:
@@ -79,47 +73,32 @@ def gymnasium_renderer(
 
     if off_screen:
         select_backend()
-    _load_triton()
-    visual = model.vis.global_
-    visual.offwidth = max(visual.offwidth, width)
-    visual.offheight = max(visual.offheight, height)
+    _prepare(model, width, height)
     camera = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, "track")
     return MujocoRenderer(model, data, width=width, height=height, camera_id=camera)
 
 
-def _load_triton() -> None:
-    """Import triton before there is an OpenGL context, where it is installed (0.3 s)."""
+def _prepare(model: mujoco.MjModel, width: int, height: int) -> None:
+    """Import triton, where it is installed, before OpenGL (0.3 s); make room for pictures."""
     with suppress(ImportError):
         importlib.import_module("triton")
+    visual = model.vis.global_
+    visual.offwidth = max(visual.offwidth, width)
+    visual.offheight = max(visual.offheight, height)
 
 
 def _first_that_draws() -> str:
     faults = []
     for backend in HEADLESS_BACKENDS:
-        fault = _probe(backend)
-        if fault is None:
+        environment = os.environ | {"MUJOCO_GL": backend}
+        command = ["timeout", str(_PROBE_SECONDS), sys.executable, "-c", _PROBE]
+        probe = subprocess.run(command, env=environment, capture_output=True, encoding="utf-8")
+        if probe.returncode == 0:
             return backend
-        faults.append(f"{backend}: {fault}")
+        *_, fault = ["", *probe.stderr.strip().splitlines()]
+        faults.append(f"{backend}: {fault or f'exit status {probe.returncode}'}")
     raise InputError(
         "rendering: no OpenGL backend works without a screen here. Install one, on Debian and "
         "Ubuntu with `apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0`; everything "
         f"else works without it. Tried {'; '.join(faults)}"
     )
-
-
-def _probe(backend: str) -> str | None:
-    """Return why a backend does not draw, or None if it does."""
-    try:
-        probe = subprocess.run(
-            [sys.executable, "-c", _PROBE],
-            env=os.environ | {"MUJOCO_GL": backend},
-            capture_output=True,
-            encoding="utf-8",
-            timeout=_PROBE_SECONDS,
-        )
-    except subprocess.TimeoutExpired:
-        return f"no picture in {_PROBE_SECONDS} s"
-    if probe.returncode == 0:
-        return None
-    lines = probe.stderr.strip().splitlines()
-    return lines[-1] if lines else f"exit status {probe.returncode}"

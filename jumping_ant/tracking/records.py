@@ -20,8 +20,7 @@ from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
 from jumping_ant.experiment import curves, summaries, validation, variant_names
 from jumping_ant.experiment.models import Params
-from jumping_ant.looks.looks import looks
-from jumping_ant.looks.naming import remark
+from jumping_ant.looks.style import looks, remark
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import descriptions

@@ -56,7 +56,7 @@ class Content:
     @cached_property
     def digest(self) -> str:
         """SHA-256 of all of it, by which a later call recognises a run that shows the same."""
-        files = {name: digest(path) for name, path in self.artifacts.items()}
+        files = {name: digest(_content(path)) for name, path in self.artifacts.items()}
         shown = [self.name, dict(self.tags), dict(self.params), dict(self.metrics), files]
         text = json.dumps([*shown, sorted(self.curve.items()), self.status], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
@@ -182,6 +182,12 @@ def source_tags(stage: str, commit: str | None) -> dict[str, str]:
     """Return the tags behind MLflow's columns Source and Version."""
     tags = {"mlflow.source.name": stage, "mlflow.source.type": "LOCAL"}
     return tags | ({"mlflow.source.git.commit": commit} if commit else {})
+
+
+def _content(path: Path) -> Path:
+    """Return the file that says what is in a file: Rerun draws ids of a recording anew."""
+    recorded = path.parent / "digests" / f"{path.stem}.json"
+    return recorded if path.suffix == ".rrd" and recorded.exists() else path
 
 
 def is_of(run: Run, policy_digest: str, params: Mapping[str, str]) -> bool:

@@ -8,9 +8,9 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.figures import figures
 from jumping_ant.comparison.results import load
-from jumping_ant.looks import panels
-from jumping_ant.looks.looks import looks
-from jumping_ant.looks.naming import Family
+from jumping_ant.looks import style
+from jumping_ant.looks.families import Family
+from jumping_ant.looks.style import looks
 from jumping_ant.report import charts, standings
 
 FEW: dict[str, Family] = {
@@ -26,9 +26,9 @@ def test_many_learners_have_a_panel_for_each_family(num_learners: int) -> None:
     more: dict[str, Family] = {f"agent-{i}": "evolution" for i in range(num_learners)}
     families = FEW | more
     if num_learners == 3:  # six in all
-        assert panels.panels(families) == {"": list(families)}
+        assert style.panels(families) == {"": list(families)}
     else:
-        assert panels.panels(families) == {
+        assert style.panels(families) == {
             "value-based": ["random", "dqn"],
             "off-policy actor-critic": ["random", "sac"],
             "evolution": ["random", "pgpe", *more],

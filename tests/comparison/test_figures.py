@@ -7,7 +7,7 @@ from jumping_ant.comparison import comparison
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.figures import claim_panels, figures, pair_matrix
 from jumping_ant.comparison.results import load
-from jumping_ant.looks import looks, plotting
+from jumping_ant.looks import plotting, style
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
 RANKED = ["pgpe-wide", "sac", "dqn", "random"]  # by the levels of small_project
@@ -168,7 +168,7 @@ def test_the_same_seeds_are_joined_and_versions_drawn_as_their_agent(compared, d
     ]
     points = [line for line in axes.lines if len(line.get_xdata()) == 4]
     families = {name: agent.family for name, agent in compared[0].items()}
-    look = looks.looks(families)["pgpe-wide"]
+    look = style.looks(families)["pgpe-wide"]
     assert {(line.get_color(), line.get_marker()) for line in points} == {
         (look.colour, look.marker)
     }
@@ -290,4 +290,4 @@ def test_many_claims_stand_in_more_columns(compared):
 
 def looks_by_label(compared):
     families = {agent.label: agent.family for agent in compared[0].values()}
-    return looks.looks(families)
+    return style.looks(families)

@@ -20,7 +20,7 @@ from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import AgentResults, load
 from jumping_ant.experiment import presets
 from jumping_ant.experiment.models import Params
-from jumping_ant.looks import looks
+from jumping_ant.looks import style
 from jumping_ant.report import contests, page, statements
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import models, pages, store
@@ -159,7 +159,7 @@ def test_seeds_that_never_got_there_are_hollow() -> None:
         "values": {"SAC": [1.0, 2.0], "SAC, rounded": [3.0, None]},
         "reached": {"SAC": [True, False]},
     }
-    drawn = {"SAC": looks.looks({"sac": "off-policy actor-critic"})["sac"]}
+    drawn = {"SAC": style.looks({"sac": "off-policy actor-critic"})["sac"]}
     own, rounded = contests.claim({"plot": plot}, drawn, [5, 6]).data
     assert own.marker.symbol == ("circle", "circle-open")
     assert own.text == ("seed 5", "seed 6, which never got there")

@@ -1,4 +1,4 @@
-"""The OpenGL backend: found without a screen, remembered, obeyed, and refused in plain words.
+"""The OpenGL backend: selected without a screen, remembered, obeyed, and refused in plain words.
 
 A process keeps its backend, so each test asks a fresh one.
 """
@@ -13,6 +13,7 @@ import pytest
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.sim import gl
 
+PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0"
 SETTINGS = ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY", "WAYLAND_DISPLAY")
 
 DRAW_AFTER_IMPORTING_MUJOCO = """
@@ -69,22 +70,21 @@ def test_it_draws_though_mujoco_was_imported_before() -> None:
     assert "Traceback" not in process.stderr  # nor at the interpreter's exit
 
 
-def test_a_backend_that_is_set_is_obeyed_and_blamed() -> None:
-    process = run(OPEN, MUJOCO_GL="glfw")
+@pytest.mark.parametrize(
+    ("environment", "said"),
+    [
+        ({"MUJOCO_GL": "glfw"}, ["InputError: MUJOCO_GL: given 'glfw'", "allowed: egl, osmesa"]),
+        (  # No backend loads under a foreign platform, as on a machine without their libraries.
+            {"PYOPENGL_PLATFORM": "none"},
+            [f"apt-get install {PACKAGES}", "egl: ", "osmesa: "],
+        ),
+    ],
+)
+def test_what_draws_nothing_is_refused(environment: dict[str, str], said: list[str]) -> None:
+    process = run(OPEN, **environment)
     assert process.returncode == 1
     message = process.stderr.splitlines()[-1]
-    assert "InputError: MUJOCO_GL: given 'glfw'" in message
-    assert "allowed: egl, osmesa" in message
-
-
-def test_without_any_backend_the_message_says_what_to_install() -> None:
-    # No backend loads under a foreign platform, as on a machine without their libraries.
-    process = run(OPEN, PYOPENGL_PLATFORM="none")
-    assert process.returncode == 1
-    message = process.stderr.splitlines()[-1]
-    assert "apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0" in message
-    assert "egl: " in message
-    assert "osmesa: " in message
+    assert all(words in message for words in said), message
 
 
 DRAW_AND_LEARN = """

@@ -11,7 +11,7 @@ from jumping_ant.comparison.claims.field import Field, settings
 from jumping_ant.comparison.claims.findings import Efforts, Finding, Range, Sample
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment import curves
-from jumping_ant.looks.wording import number
+from jumping_ant.looks.style import number
 from jumping_ant.params.blocks import CompareParams
 
 AXES = {

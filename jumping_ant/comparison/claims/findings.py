@@ -29,8 +29,8 @@ from jumping_ant.comparison.hypothesis_tests import (
     sign_test,
     spread_test,
 )
-from jumping_ant.looks import wording
-from jumping_ant.looks.wording import number
+from jumping_ant.looks import style
+from jumping_ant.looks.style import number
 from jumping_ant.params.blocks import CompareParams
 
 Array = NDArray[np.float64]
@@ -285,4 +285,4 @@ def _iqm(sample: Sample, params: CompareParams) -> str:
 
 
 def _show(effect: Estimate, num_seeds: int) -> str:
-    return wording.estimate(effect.value, effect.low, effect.high, num_seeds)
+    return style.estimate(effect.value, effect.low, effect.high, num_seeds)

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from jumping_ant.comparison import charting
 from jumping_ant.comparison.figures import scales
 from jumping_ant.experiment import summaries
-from jumping_ant.looks import looks
-from jumping_ant.looks.looks import Look
-from jumping_ant.looks.wording import p_value
+from jumping_ant.looks import style
+from jumping_ant.looks.style import Look, p_value
 
 COLUMNS = 2
 MANY, MANY_COLUMNS = 24, 4  # with more claims than this, there are more columns
@@ -43,9 +42,9 @@ def _draw_claim(axes: Axes, claim: Mapping[str, Any], drawn: Mapping[str, Look])
     plot, samples = claim["plot"], charting.samples(claim["plot"])
     values = np.array([sample.values for sample in samples], dtype=np.float64)  # NaN for none
     if plot.get("paired"):
-        axes.plot(values, range(len(samples)), color=looks.PAIR, linewidth=0.8, zorder=1)
+        axes.plot(values, range(len(samples)), color=style.PAIR, linewidth=0.8, zorder=1)
     for row, (sample, own) in enumerate(zip(samples, values, strict=True)):
-        reached, look = np.array(sample.reached), looks.of_sample(sample.label, drawn)
+        reached, look = np.array(sample.reached), style.of_sample(sample.label, drawn)
         for chosen, fill in ((reached, look.colour), (~reached, "none")):
             axes.plot(
                 own[chosen],
@@ -63,4 +62,4 @@ def _draw_claim(axes: Axes, claim: Mapping[str, Any], drawn: Mapping[str, Look])
     axes.tick_params(axis="x", labelsize=8)
     axes.grid(False, axis="y")
     text = textwrap.fill(f"{heading(claim)}: {claim['text']}", WIDTH)
-    axes.set_title(text, fontsize=8.5, color=looks.VERDICTS[claim["verdict"]])
+    axes.set_title(text, fontsize=8.5, color=style.VERDICTS[claim["verdict"]])

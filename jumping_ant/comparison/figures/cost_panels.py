@@ -11,7 +11,7 @@ from jumping_ant.comparison.comparison import COSTS, FRONTS
 from jumping_ant.comparison.figures import scales
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit
-from jumping_ant.looks.looks import INK, Look
+from jumping_ant.looks.style import INK, Look
 
 
 def draw(

@@ -11,8 +11,8 @@ from jumping_ant.comparison.comparison import LearningCurve
 from jumping_ant.comparison.figures import scales
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit
-from jumping_ant.looks import panels
-from jumping_ant.looks.looks import Look
+from jumping_ant.looks import style
+from jumping_ant.looks.style import Look
 
 
 def draw(
@@ -23,7 +23,7 @@ def draw(
     unit: Unit = "env_steps",
 ) -> Figure:
     """Draw the returns while learning; each family's panel names the baseline `reference`."""
-    grouped = panels.panels({name: results[name].family for name in curves})
+    grouped = style.panels({name: results[name].family for name in curves})
     height = 4 if len(grouped) == 1 else 0.9 + 2.2 * len(grouped)
     figure = Figure(figsize=(9, height), layout="constrained")
     rows = figure.subplots(len(grouped), 1, sharex=True, sharey=True, squeeze=False)[:, 0]

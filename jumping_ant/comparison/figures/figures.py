@@ -1,6 +1,6 @@
 """Figures of the comparison.
 
-Every agent keeps its colour and marker in all figures (see `jumping_ant.looks.looks`). The same
+Every agent keeps its colour and marker in all figures (see `jumping_ant.looks.style`). The same
 numbers give the same bytes.
 """
 
@@ -24,12 +24,10 @@ from jumping_ant.comparison.figures import (
 )
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment.curves import Unit
-from jumping_ant.looks import looks
-from jumping_ant.looks.looks import INK, Look
+from jumping_ant.looks.families import Family, by_family
 from jumping_ant.looks.measures import MEASURES
-from jumping_ant.looks.naming import Family, by_family
 from jumping_ant.looks.plotting import STYLES, entitle, render
-from jumping_ant.looks.wording import number
+from jumping_ant.looks.style import COLOURS, INK, Look, looks, number
 
 # Marks in a row of seeds, as matplotlib's keywords.
 BAND: Any = {"linewidth": 7, "alpha": 0.25, "solid_capstyle": "butt"}
@@ -48,7 +46,7 @@ def draw(
     confidence: float,
 ) -> dict[str, Figure]:
     """Draw all figures that there is something for, by file name without its extension."""
-    drawn = looks.looks(charting.families(results))
+    drawn = looks(charting.families(results))
     ranked = {name: results[name] for name in comparison.ranking(summary["agents"])}
     with style.context(STYLES):
         figures = {
@@ -70,7 +68,7 @@ def draw_costs(
     unit: Unit = "env_steps",
 ) -> dict[str, Figure]:
     """Draw what has a unit of training: curves and a summary with their front, and claims."""
-    drawn = looks.looks(charting.families(results))
+    drawn = looks(charting.families(results))
     reference = comparison.best_baseline(results, summary["agents"])
     with style.context(STYLES):
         figures = {"learning_curves": curve_panels.draw(results, curves, drawn, reference, unit)}
@@ -152,7 +150,7 @@ def _legend(families: Iterable[Family]) -> list[Line2D]:
         Line2D([], [], label="its interval", color=INK, **BAND),
         Line2D([], [], label="mean", color=INK, **MEAN),
         Line2D([], [], label="worst seed", color=INK, **RING),
-        *(Line2D([], [], label=one, color=looks.COLOURS[one], linewidth=4) for one in families),
+        *(Line2D([], [], label=one, color=COLOURS[one], linewidth=4) for one in families),
     ]
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from jumping_ant.comparison import charting
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks.looks import CHANCES, INK
+from jumping_ant.looks.style import CHANCES, INK
 
 COLOURS = LinearSegmentedColormap.from_list("chance", CHANCES)
 

@@ -1,4 +1,4 @@
-"""Names of families, and remarks on agents, the same in all output."""
+"""Families of algorithms."""
 
 from collections.abc import Mapping
 from typing import Literal, get_args
@@ -12,12 +12,6 @@ Family = Literal[  # in the order in which families are shown
     "baseline",
 ]
 BASELINE: Family = "baseline"
-
-
-def remark(is_baseline: bool, robot: str) -> str:
-    """Return how an agent differs from those that learn on the edited robot, if it does."""
-    parts = ["baseline"] if is_baseline else []
-    return ", ".join([*parts, *(["unedited robot"] if robot == "unedited" else [])])
 
 
 def by_family(families: Mapping[str, Family]) -> dict[Family, list[str]]:

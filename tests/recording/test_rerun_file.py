@@ -1,0 +1,53 @@
+"""Recordings as files, whatever they hold."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+import rerun as rr
+import rerun.blueprint as rrb
+from recorded import rerun_cli
+from rerun.chunk import RrdReader
+
+from jumping_ant.recording.rerun_file import Recording, write
+
+ENTITIES = ["b", "a", "c"]
+
+
+def recorded(title: str = "Title", steps: int = 9) -> Recording:
+    """A recording whose entities are logged in turns."""
+
+    def log(stream: rr.RecordingStream) -> None:
+        for step in range(steps):
+            stream.set_time("step", sequence=step)
+            stream.log(ENTITIES[step % 3], rr.Scalars(step))
+        stream.log("a", rr.SeriesLines(colors=(1, 2, 3)), static=True)
+
+    views = [rrb.TimeSeriesView(origin=name) for name in ENTITIES]
+    return write("name", title, rrb.Blueprint(rrb.Tabs(*views, active_tab=1)), log)
+
+
+def test_equal_recordings_are_equal_by_content(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = [tmp_path / f"{number}.rrd" for number in range(3)]
+    recordings = [recorded(), recorded(), recorded(steps=8)]
+    for path, recording in zip(paths, recordings, strict=True):
+        path.write_bytes(recording.content)
+    digests = [recording.digest for recording in recordings]
+    assert digests[0] == digests[1] != digests[2]
+    same, other = (rerun_cli("compare", paths[0], path, home=tmp_path) for path in paths[1:])
+    assert same.returncode == 0 and other.returncode != 0
+    assert recorded("Another").digest != digests[0]
+    assert rerun_cli("verify", paths[0], home=tmp_path).returncode == 0
+    (entry,) = RrdReader(paths[0]).recordings()
+    assert (entry.application_id, entry.recording_id) == ("jumping-ant", "name")
+
+
+@pytest.mark.parametrize("log", [lambda _: None, lambda _: 1 / 0])
+def test_recording_leaves_rerun_as_it_was(log: Callable[[rr.RecordingStream], object]) -> None:
+    with suppress(ZeroDivisionError):
+        write("name", "Title", rrb.Blueprint(), log)  # type: ignore[arg-type]
+    assert rr.strict_mode() is False
+    assert rr.get_recording_id() is None
