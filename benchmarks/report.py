@@ -11,7 +11,7 @@ from benchmarks.measure import Row
 from benchmarks.settings import CORES
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.machine import processor
-from scripts import marks
+from scripts import markdown
 
 RESULTS_PATH = Path(__file__).with_name("results.json")
 README_PATH = Path(__file__).with_name("README.md")
@@ -75,7 +75,7 @@ def fill(text: str, results: Results) -> str:
         lines.append((f"`{row['name']}`", ours, peer, row["unit"], ratio, spread))
     table = "".join(f"| {' | '.join(line)} |\n" for line in lines)
     head = f"On {computer['cores']} cores of {computer['cpu']}, with {versions}:\n\n"
-    return marks.replaced(README_PATH, text, "rows", head + table)
+    return markdown.replaced(README_PATH, text, "rows", head + table)
 
 
 def shown(value: float) -> str:

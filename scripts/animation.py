@@ -1,11 +1,11 @@
 """The learners' films side by side: the animated picture of the README."""
 
 import io
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import imageio.v2 as imageio
+import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from jumping_ant.agents import catalogue
@@ -21,20 +21,18 @@ FONT = ImageFont.load_default(20)
 
 def picture() -> bytes:
     """Return the learners' films side by side, looping, as an animated picture."""
-    agents = params_file.load().agents
-    labels = {
-        name: catalogue.label(name, agent.algorithm)
-        for name, agent in agents.items()
+    films = [
+        _clip(PROJECT_ROOT / "media" / f"{name}.mp4", catalogue.label(name, agent.algorithm))
+        for name, agent in params_file.load().agents.items()
         if not agent.is_baseline
-    }
-    films = [clip(PROJECT_ROOT / "media" / f"{name}.mp4", label) for name, label in labels.items()]
-    pictures = [beside(row) for row in zip(*films, strict=True)]
+    ]
+    first, *others = [Image.fromarray(np.hstack(row)) for row in zip(*films, strict=True)]
     content = io.BytesIO()
-    pictures[0].save(
+    first.save(
         content,
         format="WEBP",
         save_all=True,
-        append_images=pictures[1:],
+        append_images=others,
         duration=round(1000 / FPS),
         loop=0,
         quality=55,
@@ -43,7 +41,7 @@ def picture() -> bytes:
     return content.getvalue()
 
 
-def clip(path: Path, label: str) -> list[Image.Image]:
+def _clip(path: Path, label: str) -> list[Image.Image]:
     """Return the pictures of a film that the animation shows, small and labelled."""
     reader: Any = imageio.get_reader(path, format="FFMPEG")  # FFMPEG's type, not the declared one
     with reader:
@@ -54,11 +52,3 @@ def clip(path: Path, label: str) -> list[Image.Image]:
     for picture in small:
         ImageDraw.Draw(picture).text((12, 8), label, "white", FONT)
     return small
-
-
-def beside(pictures: Sequence[Image.Image]) -> Image.Image:
-    """Return pictures of one size side by side."""
-    row = Image.new("RGB", (SIDE * len(pictures), SIDE))
-    for number, picture in enumerate(pictures):
-        row.paste(picture, (SIDE * number, 0))
-    return row

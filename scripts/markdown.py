@@ -1,10 +1,11 @@
-"""Results as the Markdown tables of the documents."""
+"""Results as the Markdown tables of the documents, and their places there."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
@@ -12,7 +13,6 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves, params_file, summaries
 from jumping_ant.looks import style
-from jumping_ant.looks.style import p_value
 from jumping_ant.tuning.outcome import is_control_of
 
 VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced
@@ -21,37 +21,51 @@ PUBLISHED_COLUMNS = {"seed": tables.SEED, "env_steps": curves.COUNT, "return": t
 PUBLISHED_STEPS = (100_000, 200_000)
 
 
-def claim_table(claims: Sequence[dict[str, Any]]) -> str:
-    """Return the claims, their verdicts, adjusted p values and evidence as Markdown."""
-    headings = ["claim", "verdict", "adjusted p", "evidence"]
-    rows = [
-        [claim["text"], claim["verdict"], p_value(summaries.deciding_p(claim)), claim["evidence"]]
-        for claim in claims
-    ]
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+def replaced(document: Path, text: str, name: str, content: str) -> str:
+    """Return a document's text with other content between a name's marks, which are comments.
+
+    Raises:
+        InputError: The document lacks a mark.
+    """
+    begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    head, mark, rest = text.partition(begin)
+    if not mark or end not in rest:
+        raise InputError(f"{document}: given no {begin.strip()} ... {end}, between which to write")
+    return f"{head}{begin}{content.rstrip()}\n{end}{rest.partition(end)[2]}"
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table as Markdown."""
+    lines = [f"| {' | '.join(cells)} |" for cells in (headings, *rows)]
+    return "\n".join([lines[0], "|---" * len(headings) + "|", *lines[1:]])
+
+
+def claim_table(claims: Iterable[dict[str, Any]]) -> str:
+    """Return the claims, their verdicts, adjusted p values and evidence."""
+    rows = [[claim["text"], *_verdict(claim), claim["evidence"]] for claim in claims]
+    return table(["claim", "verdict", "adjusted p", "evidence"], rows)
 
 
 def replication_table(first: dict[str, Any], again: dict[str, Any]) -> str:
-    """Return the verdicts of the default beside those on other seeds, as Markdown.
+    """Return the verdicts of the default beside those on other seeds.
 
     Args:
         first: What `publish.everything` returns of the default.
         again: The same of `presets/replicate`.
     """
-    lines = ["| claim | default | adjusted p | other seeds | adjusted p |", f"{'|---' * 5}|"]
+    rows = []
     for key in ("claims", "robustness"):
-        anew = {claim["text"]: claim for claim in again[key]}
-        for claim in first[key]:
-            cells = [claim["text"]]
-            for own in (claim, anew[claim["text"]]):
-                cells += [own["verdict"], p_value(summaries.deciding_p(own))]
-            lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        anew = {claim["text"]: _verdict(claim) for claim in again[key]}
+        rows += [[one["text"], *_verdict(one), *anew[one["text"]]] for one in first[key]]
+    return table(["claim", "default", "adjusted p", "other seeds", "adjusted p"], rows)
+
+
+def _verdict(claim: dict[str, Any]) -> list[str]:
+    return [claim["verdict"], style.p_value(summaries.deciding_p(claim))]
 
 
 def printed_table(printed: dict[str, Any]) -> str:
-    """Return the article's printed values beside ours, as Markdown.
+    """Return the article's printed values beside ours.
 
     Args:
         printed: The value of that key in `results/article.json`.
@@ -62,67 +76,55 @@ def printed_table(printed: dict[str, Any]) -> str:
         "PGPE, mean fitness at generation 100": printed["pgpe"],
         "PGPE's film, return of 1,000 steps": printed["pgpe"]["film"],
     }
-    rows = [
-        f"| {name} | {style.number(own['value'])} | "
-        f"{style.estimate(own['median'], own['low'], own['high'], len(own['ours']))} | "
-        f"{_judgement(own)} |"
-        for name, own in values.items()
-    ]
-    head = (
-        "| value | printed | ours, median of the seeds | tests as far out | p | reproduced |\n"
-        "|---|---|---|---|---|---|"
-    )
+    rows = []
+    for name, value in values.items():
+        median = style.estimate(value["median"], value["low"], value["high"], len(value["ours"]))
+        tests, chance = value["tests"], value["probability"]
+        interval = style.percents(chance["low"], chance["high"])
+        reached = f"{sum(tests['reached'])} of {len(tests['reached']) * tests['each']:,}"
+        shares = f"{reached}: {style.percent(chance['value'])} [{interval}] %"
+        p, verdict = style.p_value(chance["p"]), VERDICTS[value["reproduced"]]
+        rows.append([name, style.number(value["value"]), median, shares, p, verdict])
     if control := printed["dqn"].get("control"):
-        share = {name: style.percent(own) for name, own in control["probability"].items()}
-        reached, every = sum(control["tests"]["reached"]), control["tests"]["each"]
-        rows.append(
-            f"| always command {control['command']}, tested as DQN | "
-            f"{style.number(printed['dqn']['value'])} | mean {style.number(control['mean'])} | "
-            f"{reached} of {every:,}: {share['value']} [{share['low']}–{share['high']}] % | | |"
-        )
-    return "\n".join([head, *rows])
+        share = {name: style.percent(value) for name, value in control["probability"].items()}
+        reached = f"{sum(control['tests']['reached'])} of {control['tests']['each']:,}"
+        cells = [f"always command {control['command']}, tested as DQN"]
+        cells += [
+            style.number(printed["dqn"]["value"]),
+            f"mean {style.number(control['mean'])}",
+        ]
+        cells += [f"{reached}: {share['value']} [{share['low']}–{share['high']}] %", "", ""]
+        rows.append(cells)
+    headings = ["value", "printed", "ours, median of the seeds", "tests as far out"]
+    return table([*headings, "p", "reproduced"], rows)
 
 
-def _judgement(own: dict[str, Any]) -> str:
-    """Return three cells of a printed value: how many tests lay as far out, p, and the verdict."""
-    tests, found = own["tests"], own["probability"]
-    share = style.percent(found["value"])
-    interval = style.percents(found["low"], found["high"])
-    shares = f"{sum(tests['reached'])} of {len(tests['reached']) * tests['each']:,}"
-    p, verdict = style.p_value(found["p"]), VERDICTS[own["reproduced"]]
-    return f"{shares}: {share} [{interval}] % | {p} | {verdict}"
-
-
-def tuning_table(found: Sequence[dict[str, Any]]) -> str:
-    """Return what searches found, as Markdown.
+def tuning_table(searches: Sequence[dict[str, Any]]) -> str:
+    """Return what searches for settings came to.
 
     Args:
-        found: Summaries of `results/tuning/`, with those of controls.
+        searches: Summaries of `results/tuning/`, with those of controls.
     """
-    lines = [
-        "| agent | trials x seeds | ended early | before | after | difference | verdict | p | "
-        "best after 1, 7, 30 trials | expected of random draws |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    for own in found:
-        if "verdict" not in own:
+    rows = []
+    for search in searches:
+        if "verdict" not in search:
             continue
-        controls = [other["expected_best"] for other in found if is_control_of(other, own)]
-        num_trials = f"{own['trials']} x {own['seeds_per_trial']}"
-        returns = [_number(own["before"]), _number(own["after"])]
+        controls = [other["expected_best"] for other in searches if is_control_of(other, search)]
         difference = p = ""
-        if own["p"] is not None:  # else nothing was trained for a verdict
-            interval = f"[{style.number(own['low'])}, {style.number(own['high'])}]"
-            difference = f"{style.number(own['difference'])} {interval}"
-            p = style.p_value(own["p"])
-        cells = [
-            *(own["agent"], num_trials, str(own["pruned"]), *returns),
-            *(difference, own["verdict"], p),
-            ", ".join(map(_number, own["best_after"].values())),
-            ", ".join(map(_number, controls[0].values() if controls else [])),
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        if search["p"] is not None:  # else nothing was trained for a verdict
+            numbers = (style.number(search[key]) for key in ("difference", "low", "high"))
+            difference = "{} [{}, {}]".format(*numbers)
+            p = style.p_value(search["p"])
+        num_trials = f"{search['trials']} x {search['seeds_per_trial']}"
+        cells = [search["agent"], num_trials, str(search["pruned"])]
+        cells += [_number(search["before"]), _number(search["after"])]
+        cells += [difference, search["verdict"], p]
+        cells += [", ".join(map(_number, search["best_after"].values()))]
+        cells += [", ".join(map(_number, controls[0].values() if controls else []))]
+        rows.append(cells)
+    headings = ["agent", "trials x seeds", "ended early", "before", "after", "difference"]
+    headings += ["verdict", "p", "best after 1, 7, 30 trials", "expected of random draws"]
+    return table(headings, rows)
 
 
 def _number(value: float | None) -> str:
@@ -130,7 +132,7 @@ def _number(value: float | None) -> str:
 
 
 def published_table(root: Path) -> str:
-    """Return SAC's returns in validation beside published ones, as Markdown.
+    """Return SAC's returns in validation beside published ones.
 
     Args:
         root: The project's folder, with the models of `presets/run`.
@@ -141,7 +143,7 @@ def published_table(root: Path) -> str:
     params = params_file.load(Paths(root).params)
     ours = [curves.evaluations(curves.read(root, params, "sac", seed)) for seed in params.seeds]
     published = tables.read(PUBLISHED, "train@sac", {}, PUBLISHED_COLUMNS)
-    lines = ["| control steps | SAC here | published |", "|---|---|---|"]
+    rows = []
     for steps in PUBLISHED_STEPS:
         here = [returns[places == steps] for places, returns in ours]
         if not all(map(len, here)):
@@ -150,41 +152,42 @@ def published_table(root: Path) -> str:
                 "steps; run `make preset PRESET=run` first"
             )
         theirs = published["return"][published["env_steps"] == steps]
-        cells = [_median_of(np.concatenate(here)), _median_of(theirs)]
-        lines.append(f"| {steps:,} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append([f"{steps:,}", _median_of(np.concatenate(here)), _median_of(theirs)])
+    return table(["control steps", "SAC here", "published"], rows)
 
 
 def kept_table(withstood: dict[str, Any]) -> str:
-    """Return what agents keep of their return under each perturbation, as Markdown.
+    """Return what agents keep of their return under each perturbation.
 
     Of each agent the share at the most severe level, in per cent, and the level from which on a
     metronome is ahead by more than the margin.
     """
     agents = withstood["agents"]
-    lines = [f"| perturbation | {' | '.join(agents)} |", f"|---{'|---' * len(agents)}|"]
+    rows = []
     for name in withstood["perturbations"]:
-        cells = []
-        for own in (agent[name] for agent in agents.values()):
-            share = own["retention"][-1]
+        cells = [name.replace("_", " ")]
+        for perturbed in (agent[name] for agent in agents.values()):
+            share, ahead = perturbed["retention"][-1], perturbed["crossing"]
             kept = "–" if share is None else style.percent(share)
-            ahead = own["crossing"]
             cells.append(kept if ahead is None else f"{kept} (from {ahead:g} on)")
-        lines.append(f"| {name.replace('_', ' ')} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append(cells)
+    return table(["perturbation", *agents], rows)
 
 
-def finals_table(rows: Sequence[dict[str, str]]) -> str:
-    """Return published methods by their mean return over seeds, as Markdown."""
-    lines = ["| method | seeds | mean return | all |", "|---|---|---|---|"]
-    for method in dict.fromkeys(row["method"] for row in rows):
-        own = sorted(float(row["return"]) for row in rows if row["method"] == method)
-        every = ", ".join(f"{value:,.0f}" for value in own)
-        lines.append(f"| {method} | {len(own)} | {np.mean(own):,.0f} | {every} |")
-    return "\n".join(lines)
+def finals_table(path: Path) -> str:
+    """Return published methods by their mean return over seeds, from a table of both."""
+    returns = pd.read_csv(path, dtype={"method": str}).groupby("method", sort=False)["return"]
+    rows = [
+        [method, str(len(values)), f"{np.mean(values):,.0f}", _in_order(values)]
+        for method, values in returns
+    ]
+    return table(["method", "seeds", "mean return", "all"], rows)
 
 
 def _median_of(returns: np.ndarray) -> str:
     """Return the median of seeds' returns, and all of them in order."""
-    every = ", ".join(f"{value:,.0f}" for value in sorted(returns))
-    return f"**{np.median(returns):,.0f}** ({every})"
+    return f"**{np.median(returns):,.0f}** ({_in_order(returns)})"
+
+
+def _in_order(returns: Iterable[float]) -> str:
+    return ", ".join(f"{value:,.0f}" for value in sorted(returns))

@@ -7,8 +7,7 @@ Usage: python -m scripts.publish [PRESET]
 some presets the comparison is copied into results/ first, and its figures into docs/images/.
 """
 
-import csv
-import itertools
+from collections import ChainMap
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from jumping_ant.base.files import PROJECT_ROOT, read_json, write_bytes, write_j
 from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import summaries
 from jumping_ant.tracking import descriptions
-from scripts import animation, markdown, marks
+from scripts import animation, markdown
 from scripts.preset import folder_of
 
 DOCS = PROJECT_ROOT / "docs"
@@ -30,7 +29,6 @@ TABLES = DOCS / "tables.md"
 COMPARISONS = {name: RESULTS / f"{name}.json" for name in ("families", "thesis")}  # in git
 REPLICATION = RESULTS / "replicate.json"
 FINALS = DOCS / "published" / "ant_v4.csv"
-TUNING = RESULTS / "tuning"
 CURVES_AND_RETURNS = ("learning_curves", "final_return")
 FIGURES = {  # of results/figures/, for docs/images/
     "default": CURVES_AND_RETURNS,
@@ -73,16 +71,13 @@ def everything(root: Path) -> dict[str, Any]:
 
 def sections(preset: str) -> Sections:
     """Return what documents say of a preset that has been run."""
-    parts = (write(preset).items() for write in SECTIONS[preset])
-    return dict(itertools.chain.from_iterable(parts))
+    return dict(ChainMap(*(write(preset) for write in SECTIONS[preset])))
 
 
 def committed_sections() -> Sections:
     """Return what documents say of results that are in git."""
-    found = printed("article") | finals("run")
-    for preset in ("default", *COMPARISONS, "replicate", "tuning"):
-        found |= sections(preset)
-    return found
+    presets = ("default", *COMPARISONS, "replicate", "tuning")
+    return dict(ChainMap(printed("article"), finals("run"), *map(sections, presets)))
 
 
 def comparison(preset: str) -> Sections:
@@ -122,8 +117,7 @@ def published(preset: str) -> Sections:
 
 def finals(_: str) -> Sections:
     """Return published returns on Ant-v4."""
-    rows = list(csv.DictReader(FINALS.read_text(encoding="utf-8").splitlines()))
-    return {(TABLES, "finals"): markdown.finals_table(rows)}
+    return {(TABLES, "finals"): markdown.finals_table(FINALS)}
 
 
 def replication(preset: str) -> Sections:
@@ -134,8 +128,8 @@ def replication(preset: str) -> Sections:
 
 def tuning(preset: str) -> Sections:
     """Return what the searches for settings found."""
-    found = [_read(path) for path in sorted(TUNING.glob("*.json"))]
-    return {(TABLES, preset): markdown.tuning_table(found)}
+    searches = [_read(path) for path in sorted((RESULTS / "tuning").glob("*.json"))]
+    return {(TABLES, preset): markdown.tuning_table(searches)}
 
 
 SECTIONS: dict[str, list[Callable[[str], Sections]]] = {
@@ -164,23 +158,14 @@ def _read(path: Path) -> Any:
     return read_json(path, "report")
 
 
-def replace_section(path: Path, name: str, content: str) -> None:
-    """Replace the text between a document's marks `<!-- name -->` and `<!-- end of name -->`.
+def replace_section(document: Path, name: str, content: str) -> None:
+    """Replace what a document says between the marks of a name.
 
     Raises:
         InputError: The document lacks a mark.
     """
-    before = path.read_text(encoding="utf-8")
-    write_text(path, marks.replaced(path, before, name, content))
-
-
-def section(path: Path, name: str) -> str:
-    """Return the text between a document's marks `<!-- name -->` and `<!-- end of name -->`.
-
-    Raises:
-        InputError: The document lacks a mark.
-    """
-    return marks.between(path, path.read_text(encoding="utf-8"), name)
+    text = document.read_text(encoding="utf-8")
+    write_text(document, markdown.replaced(document, text, name, content))
 
 
 if __name__ == "__main__":

@@ -9,9 +9,8 @@ Writes: results/comparison.json, results/robustness.json, results/figures/, resu
 from jumping_ant.base import tables
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison, results, retention
+from jumping_ant.comparison import comparison, figures, results, retention
 from jumping_ant.comparison.claims import verdicts
-from jumping_ant.comparison.figures import figures
 
 from . import parse, run
 
@@ -25,7 +24,7 @@ def main() -> None:
     claims = verdicts.check(agents, settings.compare, settings.training.evaluation_episodes)
     withstood = retention.summarize(PROJECT_ROOT, settings, agents)
 
-    drawn = figures.draw(agents, curves, summary, claims, settings.compare.confidence)
+    files = figures.draw(agents, curves, summary["agents"], settings.compare.confidence)
 
     paths = Paths()
     families = {name: agent.family for name, agent in agents.items()}
@@ -36,7 +35,7 @@ def main() -> None:
             paths.robustness: to_json(withstood),
             paths.plots / "learning_curves.csv": curve_table,
             paths.plots / "seeds.csv": tables.to_csv(comparison.seed_rows(agents)),
-            **{paths.figures / name: content for name, content in figures.files(drawn).items()},
+            **{paths.figures / name: content for name, content in files.items()},
         }
     )
 

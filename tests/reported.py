@@ -2,6 +2,18 @@
 
 import json
 import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from small_project import write_perturbed
+
+from jumping_ant.base.files import write_json
+from jumping_ant.base.paths import Paths
+from jumping_ant.comparison import comparison, retention
+from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison.results import load
+from jumping_ant.experiment.models import Params
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1, 7, 5]
@@ -9,6 +21,17 @@ FILM = {"width": 64, "height": 64, "fps": 10, "seconds": 1.0, "shadow_size": 0}
 
 
 def charts(html: str) -> dict:
-    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)
-    assert found
-    return json.loads(found[1])
+    data = re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)
+    assert data
+    return json.loads(data[1])
+
+
+def write_summaries(root: Path, params: Params, kept: Callable[[int], float]) -> dict[str, Any]:
+    """Write and return the comparison, and robustness: a share is `kept`, by number of the seed."""
+    results = load(root, params)
+    claims = verdicts.check(results, params.compare, params.training.evaluation_episodes)
+    summary = comparison.summarize(results, params.compare) | {"claims": claims}
+    write_json(Paths(root).comparison, summary)
+    write_perturbed(root, params, lambda name, condition, seed: kept(seed))
+    write_json(Paths(root).robustness, retention.summarize(root, params, results))
+    return summary

@@ -17,12 +17,8 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.experiment import curves, params_file
 from scripts import animation, markdown, publish
 
-CLAIM = {
-    "text": "A leads",
-    "verdict": "refuted",
-    "p_adjusted": 0.01234,
-    "evidence": "Much (8 seeds).",
-}
+CLAIM = {"text": "A leads", "verdict": "refuted", "p_adjusted": 0.01234}
+SEEDS = list(params_file.load().seeds)
 NOT_JUDGED = ("before", "after", "difference", "low", "high", "p")
 TEXT = "Above.\n\n<!-- part -->\nold\nlines\n<!-- end of part -->\n\nBelow.\n"
 
@@ -34,20 +30,19 @@ def test_a_section_is_replaced_between_its_marks(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8") == TEXT.replace("old\nlines", "new")
 
 
-def test_results_that_are_not_there_are_told_with_what_makes_them(tmp_path: Path) -> None:
-    told = r"comparison.json: No such file or directory; run `dvc repro report`"
-    with pytest.raises(InputError, match=told):
-        publish.results(tmp_path)
-
-
 @pytest.mark.parametrize("mark", ["<!-- part -->", "<!-- end of part -->"])
 def test_a_document_that_lacks_a_mark_is_left_alone(tmp_path: Path, mark: str) -> None:
-    path = tmp_path / "results.md"
-    path.write_text(TEXT.replace(mark, "<!-- another -->"), encoding="utf-8")
-    before = path.read_text(encoding="utf-8")
+    path, text = tmp_path / "results.md", TEXT.replace(mark, "<!-- another -->")
+    path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match="results.md: given no <!-- part --> ... <!-- end of part"):
         publish.replace_section(path, "part", "new\n")
-    assert path.read_text(encoding="utf-8") == before
+    assert path.read_text(encoding="utf-8") == text
+
+
+def test_results_that_are_not_there_are_named_with_what_makes_them(tmp_path: Path) -> None:
+    message = r"comparison.json: No such file or directory; run `dvc repro report`"
+    with pytest.raises(InputError, match=message):
+        publish.results(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -66,11 +61,12 @@ def test_the_documents_have_their_marks(name: str, document: str) -> None:
 
 
 AGREE = """
-from scripts import publish
+from scripts import markdown, publish
 
 sections = publish.committed_sections()
 for (document, name), content in sections.items():
-    assert publish.section(document, name) == content.rstrip(), (document.name, name)
+    text = document.read_text(encoding="utf-8")
+    assert markdown.replaced(document, text, name, content) == text, (document.name, name)
 print(*sorted({document.name for document, _ in sections}))
 """
 
@@ -78,18 +74,10 @@ print(*sorted({document.name for document, _ in sections}))
 def test_the_documents_agree_with_the_results(tmp_path: Path) -> None:
     """`make publish` and its presets write these; nobody types them."""
     committed.extract(tmp_path)
-    told = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, "-c", AGREE], cwd=tmp_path, stdout=subprocess.PIPE, encoding="utf-8"
     ).stdout
-    assert told.split() == ["README.md", "article.md", "results.md", "tables.md"]
-
-
-def test_claims_are_a_table() -> None:
-    assert markdown.claim_table([CLAIM]).splitlines() == [
-        "| claim | verdict | adjusted p | evidence |",
-        "| --- | --- | --- | --- |",
-        "| A leads | refuted | 0.012 | Much (8 seeds). |",
-    ]
+    assert printed.split() == ["README.md", "article.md", "results.md", "tables.md"]
 
 
 def test_verdicts_on_other_seeds_stand_beside_the_first() -> None:
@@ -103,16 +91,14 @@ def test_verdicts_on_other_seeds_stand_beside_the_first() -> None:
 
 
 def test_what_agents_keep_stands_with_the_crossing() -> None:
-    own = {"retention": [0.9, 0.256], "crossing": 2.0}
-    none = {"retention": [None, None], "crossing": None}
-    withstood = {
-        "perturbations": ["torso_mass", "push"],
-        "agents": {
-            "sac": {"torso_mass": own, "push": own | {"crossing": None}},
-            "beat": {"torso_mass": none, "push": own | {"crossing": None}},
-        },
+    overtaken = {"retention": [0.9, 0.256], "crossing": 2.0}
+    ahead, none = overtaken | {"crossing": None}, {"retention": [None], "crossing": None}
+    agents = {
+        "sac": {"torso_mass": overtaken, "push": ahead},
+        "beat": {"torso_mass": none, "push": ahead},
     }
-    assert markdown.kept_table(withstood).splitlines() == [
+    table = markdown.kept_table({"perturbations": ["torso_mass", "push"], "agents": agents})
+    assert table.splitlines() == [
         "| perturbation | sac | beat |",
         "|---|---|---|",
         "| torso mass | 26 (from 2 on) | – |",
@@ -122,32 +108,31 @@ def test_what_agents_keep_stands_with_the_crossing() -> None:
 
 def test_searches_stand_beside_their_controls() -> None:
     best = {"1": 5000.0, "7": 6500.0}
-    own = {"agent": "sac", "trials": 40, "seeds_per_trial": 2, "pruned": 15, "best_after": best}
-    own |= {"rules": {"ranges": {"gamma": {"low": 0.9, "high": 0.99}}, "seeds": 2}}
+    search = {"agent": "sac", "trials": 40, "seeds_per_trial": 2, "pruned": 15, "best_after": best}
+    search |= {"rules": {"ranges": {"gamma": {"low": 0.9, "high": 0.99}}, "seeds": 2}}
     judged = {"before": 7000.0, "after": 7600.0, "verdict": "better", "p": 0.00312}
     judged |= {"difference": 590.0, "low": 200.0, "high": 900.0}
-    control = own | {"draws": [], "expected_best": {"1": 3000.0, "7": 6000.0}}
-    unchanged = own | {"agent": "td3", "verdict": "unchanged"} | dict.fromkeys(NOT_JUDGED)
-    table = markdown.tuning_table([own | judged, control, unchanged])
+    control = search | {"draws": [], "expected_best": {"1": 3000.0, "7": 6000.0}}
+    unchanged = search | {"agent": "td3", "verdict": "unchanged"} | dict.fromkeys(NOT_JUDGED)
+    table = markdown.tuning_table([search | judged, control, unchanged])
     assert table.splitlines()[2:] == [
         "| sac | 40 x 2 | 15 | 7,000 | 7,600 | 590 [200, 900] | better | 0.0031 | 5,000, 6,500 | "
         "3,000, 6,000 |",
         "| td3 | 40 x 2 | 15 |  |  |  | unchanged |  | 5,000, 6,500 |  |",
     ]
-    wider = control | {"rules": own["rules"] | {"ranges": {"gamma": {"low": 0.5, "high": 0.99}}}}
-    (row,) = markdown.tuning_table([own | judged, wider]).splitlines()[2:]
+    wider = control | {"rules": search["rules"] | {"ranges": {"gamma": {"low": 0.5, "high": 0.99}}}}
+    (row,) = markdown.tuning_table([search | judged, wider]).splitlines()[2:]
     assert row.endswith("| 5,000, 6,500 |  |")
 
 
 @pytest.fixture
 def validated(tmp_path: Path) -> Path:
-    """A project in which SAC was validated at 100,000 and 200,000 control steps."""
+    """A project in which eight seeds of SAC were validated at 100,000 and 200,000 control steps."""
     text = (publish.PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8")
     text = text.replace("total_steps: 54000 ", "total_steps: 200000 ")
-    seeds = list(params_file.load().seeds)
-    text = text.replace(f"seeds: {seeds}", f"seeds: {seeds[:8]}")
+    text = text.replace(f"seeds: {SEEDS}", f"seeds: {SEEDS[:8]}")
     (tmp_path / "params.yaml").write_text(text, encoding="utf-8")
-    for number, seed in enumerate(seeds[:8]):
+    for number, seed in enumerate(SEEDS[:8]):
         write_curve(tmp_path, seed, ("50000", ""), ("100000", number), ("200000", 100 * number))
     return tmp_path
 
@@ -164,11 +149,7 @@ def test_returns_stand_beside_published_ones(validated: Path) -> None:
     assert rows[0].startswith("| 100,000 | **4** (0, 1, 2, 3, 4, 5, 6, 7) | **533** (357, 359, ")
     assert rows[1].startswith("| 200,000 | **350** (0, 100, ")
     assert rows[1].endswith(", 2,256) |")
-
-
-def test_a_budget_without_these_steps_is_refused(validated: Path) -> None:
-    seed = params_file.load().seeds[0]
-    write_curve(validated, seed, ("100000", 1), ("200010", 2))
+    write_curve(validated, SEEDS[0], ("100000", 1), ("200010", 2))
     with pytest.raises(InputError, match="given no validation at 200,000 control steps"):
         markdown.published_table(validated)
 

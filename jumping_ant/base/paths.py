@@ -84,7 +84,7 @@ class Paths:
         self.lineup_recorded = root / "media" / "digests" / "lineup.json"  # of what is in it
         results = root / "results"
         self.comparison = results / "comparison.json"  # statistics and claims
-        self.figures = results / "figures"  # the folder of the comparison's figures
+        self.figures = results / "figures"  # the folder of the pictures for documents
         self.plots = results / "plots"  # the folder of the comparison's tables for `dvc plots`
         self.report = results / "report.html"  # the comparison as one page
         self.robustness = results / "robustness.json"  # what agents keep under perturbations

@@ -4,21 +4,17 @@ They are Plotly figures, in which agents keep the colours and markers of all oth
 `jumping_ant.looks.style`). Charts show exactly what `results/` holds: nothing is smoothed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from numpy.typing import NDArray
 
 from jumping_ant.comparison import charting
 from jumping_ant.comparison.comparison import LearningCurve
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks import measures
 from jumping_ant.looks.style import CHANCES, INK, Look
-
-Array = NDArray[np.float64]
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 GRID = "#E6E8EC"
@@ -54,27 +50,66 @@ MENU = 460  # [pixels] height of the menu of measures, open
 def learning(
     results: Mapping[str, AgentResults],
     curves: Mapping[str, LearningCurve],
-    unit: Unit,
     drawn: Mapping[str, Look],
     reference: str | None = None,
 ) -> go.Figure:
     """Draw the return while learning, with its interval.
 
-    All `curves`, which are by `unit`, give the axes, which charts thus share.
+    All `curves` give the axes, which charts thus share.
     With a `reference`, baselines are thin lines, of which only this one is named.
     """
     figure = go.Figure()
     for name, agent in results.items():
+        curve, look = curves[name], drawn[name]
+        line: dict[str, Any] = {
+            "x": curve.trained.tolist(),
+            "y": curve.returns.value.tolist(),
+            "name": agent.label,
+            "hovertemplate": "%{y:,.0f}",
+        }
         if agent.is_baseline and reference:
-            _add_level(figure, agent, curves[name], drawn[name], name == reference)
+            line |= {"mode": "lines", "line": {"color": look.colour, "width": 1}}
+            line |= {"showlegend": name == reference}
+            if name != reference:
+                del line["hovertemplate"]
+                line["hoverinfo"] = "skip"
         else:
-            _add_curve(figure, agent, curves[name], drawn[name])
+            _add_band(figure, curve, look, name)
+            line |= {
+                "legendgroup": name,
+                "mode": "lines" if agent.is_baseline else "lines+markers",
+                "line": {"color": look.colour, "dash": DASHES[look.line]},
+                "marker": {"symbol": SYMBOLS[look.marker], "size": 7},
+            }
+        figure.add_scatter(**line)
     places = [curve.trained for curve in curves.values()]
     highest = max(curve.returns.high.max() for curve in curves.values())
     lowest = min(curve.returns.low.min() for curve in curves.values())
-    figure.update_xaxes(title=charting.BUDGETS[unit], hoverformat=",.3~s", **_time_axis(places))
+    ends = charting.log_ends(places)
+    budget = max(float(times[-1]) for times in places)
+    axis = LOG_AXIS | {"range": np.log10(ends).tolist()} if ends else linear_axis(budget, 0.03)
+    figure.update_xaxes(title=charting.BUDGET, hoverformat=",.3~s", **axis)
     figure.update_yaxes(title=charting.LEARNING, range=[min(0, lowest), 1.05 * highest])
     return finish(figure, 380, hovermode="x unified")
+
+
+def _add_band(figure: go.Figure, curve: LearningCurve, look: Look, group: str) -> None:
+    """Add the interval of a learning curve."""
+    x, low, high = (
+        part.tolist() for part in (curve.trained, curve.returns.low, curve.returns.high)
+    )
+    red, green, blue = (int(look.colour[i : i + 2], 16) for i in (1, 3, 5))
+    figure.add_scatter(
+        x=x + x[::-1],
+        y=high + low[::-1],
+        fill="toself",
+        fillcolor=f"rgba({red}, {green}, {blue}, 0.15)",
+        line={"width": 0},
+        mode="lines",
+        hoverinfo="skip",
+        legendgroup=group,
+        showlegend=False,
+    )
 
 
 def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> go.Figure:
@@ -82,22 +117,18 @@ def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> 
     figure = go.Figure()
     first, *others = (agent.episodes for agent in results.values())
     columns = [name for name in first if all(name in table for table in others)]
-    measured = {name: measures.of_column(name) for name in columns}
-    shown = {name: measure for name, measure in measured.items() if measure}
+    shown = {name: about for name in columns if (about := measures.of_column(name))}
     for measure in shown:
         for name, agent in results.items():
-            table = agent.episodes
+            numbered = zip(agent.episodes["seed"], agent.episodes["episode"], strict=True)
             figure.add_box(
-                x=table[measure].tolist(),
+                x=agent.episodes[measure].tolist(),
                 name=agent.label,
                 marker={"color": drawn[name].colour, "size": 5, "opacity": 0.65},
                 boxpoints="all",
                 jitter=0.5,
                 pointpos=0,
-                text=[
-                    f"seed {seed:.0f}, episode {episode:.0f}"
-                    for seed, episode in zip(table["seed"], table["episode"], strict=True)
-                ],
+                text=[f"seed {seed:.0f}, episode {episode:.0f}" for seed, episode in numbered],
                 hovertemplate="%{text}: %{x:,.4~g}<extra></extra>",
                 hoveron="points",
                 visible=measure == "return",
@@ -119,61 +150,6 @@ def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> 
     figure.update_xaxes(title=shown["return"].axis, rangemode="tozero")
     figure.update_yaxes(autorange="reversed")
     return finish(figure, max(MENU, 130 + ROW * len(results)), top=70)
-
-
-def _add_curve(figure: go.Figure, agent: AgentResults, curve: LearningCurve, look: Look) -> None:
-    """Add a learning curve with its interval."""
-    x = curve.trained
-    _add_band(figure, x, curve.returns.low, curve.returns.high, look, agent.name)
-    figure.add_scatter(
-        x=x.tolist(),
-        y=curve.returns.value.tolist(),
-        name=agent.label,
-        legendgroup=agent.name,
-        mode="lines" if agent.is_baseline else "lines+markers",
-        line={"color": look.colour, "dash": DASHES[look.line]},
-        marker={"symbol": SYMBOLS[look.marker], "size": 7},
-        hovertemplate="%{y:,.0f}",
-    )
-
-
-def _add_level(
-    figure: go.Figure, agent: AgentResults, curve: LearningCurve, look: Look, is_named: bool
-) -> None:
-    """Add a baseline as a thin line."""
-    hover = {"hovertemplate": "%{y:,.0f}"} if is_named else {"hoverinfo": "skip"}
-    figure.add_scatter(
-        x=curve.trained.tolist(),
-        y=curve.returns.value.tolist(),
-        name=agent.label,
-        mode="lines",
-        line={"color": look.colour, "width": 1},
-        showlegend=is_named,
-        **hover,
-    )
-
-
-def _add_band(figure: go.Figure, x: Array, low: Array, high: Array, look: Look, group: str) -> None:
-    red, green, blue = (int(look.colour[i : i + 2], 16) for i in (1, 3, 5))
-    figure.add_scatter(
-        x=[*x.tolist(), *x[::-1].tolist()],
-        y=[*high.tolist(), *low[::-1].tolist()],
-        fill="toself",
-        fillcolor=f"rgba({red}, {green}, {blue}, 0.15)",
-        line={"width": 0},
-        mode="lines",
-        hoverinfo="skip",
-        legendgroup=group,
-        showlegend=False,
-    )
-
-
-def _time_axis(times: Sequence[Array]) -> dict[str, Any]:
-    """Return an axis on which all curves' times have room."""
-    ends = charting.log_ends(times)
-    if ends:
-        return LOG_AXIS | {"range": np.log10(ends).tolist()}
-    return linear_axis(max(float(own[-1]) for own in times), 0.03)
 
 
 def linear_axis(most: float, room: float) -> dict[str, Any]:

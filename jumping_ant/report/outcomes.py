@@ -1,6 +1,6 @@
 """The report's tables of outcomes, as text."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,8 @@ from jumping_ant.comparison.results import AgentResults
 from jumping_ant.looks import style
 from jumping_ant.looks.measures import MEASURES, TERM
 from jumping_ant.looks.style import interval, number
+
+BEHAVIOUR = ("apex", "flight", "fluidity", "jumps")  # measures of how an agent jumps
 
 
 @dataclass(frozen=True)
@@ -20,66 +22,68 @@ class Cell:
     is_best: bool = False
 
 
-@dataclass(frozen=True)
-class Row:
-    """An agent's row: its name, its family, the robot if it is not the edited one, cells."""
-
-    label: str
-    family: str
-    remark: str
-    cells: Sequence[Cell]
+def table(
+    results: Mapping[str, AgentResults], cells: Callable[[str], Sequence[Cell]]
+) -> list[dict[str, Any]]:
+    """Return a row for each agent, whose remark is its robot if that is not the edited one."""
+    return [
+        {
+            "label": agent.label,
+            "family": agent.family,
+            "remark": style.remark(False, agent.block.robot),
+            "cells": cells(name),
+        }
+        for name, agent in results.items()
+    ]
 
 
 def returns(
     results: Mapping[str, AgentResults], summary: Mapping[str, Any], confidence: float
-) -> list[Row]:
+) -> list[dict[str, Any]]:
     """Return each agent's returns: of published and final policies, and after equal control steps.
 
     `summary` is `agents` of `results/comparison.json`.
     """
 
-    def cells(name: str) -> Iterator[Cell]:
-        own = summary[name]["return"]
-        yield _cell(results, summary, name, "return")
-        yield Cell(number(own["mean"]))
-        yield Cell(number(own["worst"]))
-        final = results[name].variants.get("final")
+    def cells(name: str) -> list[Cell]:
+        agent, final = summary[name], results[name].variants.get("final")
         described = comparison.describe(final["return"], confidence) if final else None
-        yield estimate(described, summary[name]["seeds"])
-        if charting.learners(results):
-            yield estimate(summary[name].get("return_at_equal_steps"), summary[name]["seeds"])
+        columns = [
+            _cell(results, summary, name, "return"),
+            Cell(number(agent["return"]["mean"])),
+            Cell(number(agent["return"]["worst"])),
+            estimate(described, agent["seeds"]),
+        ]
+        early = estimate(agent.get("return_at_equal_steps"), agent["seeds"])
+        return [*columns, early] if charting.learners(results) else columns
 
-    return [row(agent, list(cells(name))) for name, agent in results.items()]
+    return table(results, cells)
 
 
-def behaviour(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> list[Row]:
+def behaviour(
+    results: Mapping[str, AgentResults], summary: Mapping[str, Any]
+) -> list[dict[str, Any]]:
     """Return how each agent jumps, and what its training cost."""
 
-    def cells(name: str) -> Iterator[Cell]:
-        for measure in charting.BEHAVIOUR:
-            yield _cell(results, summary, name, measure)
-        yield Cell(number(summary[name]["env_steps"]))  # follow from params.yaml: none is best
+    def cells(name: str) -> list[Cell]:
+        columns = [_cell(results, summary, name, measure) for measure in BEHAVIOUR]
+        steps = Cell(number(summary[name]["env_steps"]))  # follow from params.yaml: none is best
+        return [*columns, steps]
 
-    return [row(agent, list(cells(name))) for name, agent in results.items()]
+    return table(results, cells)
 
 
 def terms(
     results: Mapping[str, AgentResults], summary: Mapping[str, Any]
-) -> tuple[list[str], list[Row]]:
+) -> tuple[list[str], list[dict[str, Any]]]:
     """Return the terms of the reward, none for a single one, and what each adds to the returns."""
     first = next(iter(results.values())).quantities
     names = [name for name in first if name.startswith(TERM)]
-
-    def cells(name: str) -> list[Cell]:
-        return [estimate(summary[name][term], summary[name]["seeds"]) for term in names]
-
-    labels = [name.removeprefix(TERM).replace("_", " ") for name in names]
-    return labels, [row(agent, cells(name)) for name, agent in results.items()]
-
-
-def row(agent: AgentResults, cells: Sequence[Cell]) -> Row:
-    """Return an agent's row."""
-    return Row(agent.label, agent.family, style.remark(False, agent.block.robot), cells)
+    rows = table(
+        results,
+        lambda name: [estimate(summary[name][term], summary[name]["seeds"]) for term in names],
+    )
+    return [name.removeprefix(TERM).replace("_", " ") for name in names], rows
 
 
 def estimate(entry: Mapping[str, float] | None, num_seeds: int, is_best: bool = False) -> Cell:
@@ -97,8 +101,8 @@ def _cell(
     direction = MEASURES[measure].is_better
     scores = {
         learner: direction * summary[learner][measure]["iqm"]
-        for learner, agent in results.items()
-        if direction and not agent.is_baseline and measure in summary[learner]
+        for learner in charting.learners(results)
+        if direction and measure in summary[learner]
     }
     is_best = name in scores and scores[name] == max(scores.values())
     return estimate(summary[name].get(measure), summary[name]["seeds"], is_best)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import plotly.graph_objects as go
 from ruamel.yaml import YAML
 
 from jumping_ant.base.files import read_bytes, read_json
@@ -25,16 +24,14 @@ from jumping_ant.looks.measures import MEASURES
 from jumping_ant.looks.style import Look, estimate, number
 from jumping_ant.report import (
     charts,
-    contests,
     films,
     frame,
+    head_to_head,
+    leaderboard,
     outcomes,
-    pictures,
-    sections,
-    standings,
     withstanding,
 )
-from jumping_ant.report.films import FilmedEpisode
+from jumping_ant.report.films import Film
 from jumping_ant.sim import robot
 from jumping_ant.sim.rewards import active
 
@@ -50,73 +47,50 @@ def build(root: Path, params: Params) -> str:
     summary = read_json(Paths(root).comparison, "compare")
     withstood = read_json(Paths(root).robustness, "compare")
     summary |= {"claims": [*summary["claims"], *withstood["claims"]]}
+    agents, equal_steps = summary["agents"], summary["equal_steps"]
     loaded = load(root, params)
     drawn = style.looks(charting.families(loaded))
-    results = sections.ordered(loaded, summary["agents"])
-    reward_terms, of_terms = outcomes.terms(results, summary["agents"])
+    results = frame.ordered(loaded, agents)
+    reward_terms, of_terms = outcomes.terms(results, agents)
     filmed = {name: films.read(root, params, agent) for name, agent in results.items()}
-    context = sections.context(params, results, summary["claims"]) | {
+    context = frame.context(params, results, summary["claims"]) | {
         "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
-        "title": _title(params, results),
+        "title": f"{_robot_name(params)}: {_title(results)}",
         "agents": _agents(root, results, filmed, drawn),
         "lead": _lead(results, summary),
-        "returns": outcomes.returns(results, summary["agents"], params.compare.confidence),
-        "behaviour": outcomes.behaviour(results, summary["agents"]),
-        "behaviour_measures": [MEASURES[name] for name in charting.BEHAVIOUR],
+        "returns": outcomes.returns(results, agents, params.compare.confidence),
+        "behaviour": outcomes.behaviour(results, agents),
+        "behaviour_measures": [MEASURES[name] for name in outcomes.BEHAVIOUR],
         "reward_terms": reward_terms,
         "of_terms": of_terms,
-        "equal_steps": _budget(summary["equal_steps"]),
+        "equal_steps": "" if equal_steps is None else number(equal_steps),
         "all_measures": MEASURES,
-        "matrix_width": contests.improvement_width(len(results)),
+        "matrix_width": head_to_head.improvement_width(len(results)),
         "confidence": f"{100 * params.compare.confidence:g}",
-        "episodes": params.evaluate.episodes,
-        "baseline_episodes": params.evaluate.baseline_episodes,
-        "robust_steps": params.robustness.episode_steps,
+        "settings": params,
         "robot": _robot(root),
         "params": _params_text(params),
         "policies": _policies(root, params, results),
         "mlflow": MLFLOW,
     }
-    charts = _charts(root, params, results, summary, filmed, drawn)
-    if withstood["perturbations"] and withstood["agents"]:
-        charts["withstood"] = withstanding.overview(results, withstood)
-        charts["levels"] = withstanding.levels(results, withstood, drawn)
-    return frame.render(Path(__file__).parent, context, charts, ("charts.js", "films.js"))
-
-
-def _charts(
-    root: Path,
-    params: Params,
-    results: Mapping[str, AgentResults],
-    summary: Mapping[str, Any],
-    filmed: Mapping[str, FilmedEpisode],
-    drawn: Mapping[str, Look],
-) -> dict[str, go.Figure]:
-    """Return each chart by its place in the template."""
-    model = robot.load(robot.read(root))
-    motors = [model.actuator(index).name for index in range(model.nu)]
     figures = {
-        "ranking": standings.ranking(results, summary["agents"], drawn),
+        "ranking": leaderboard.ranking(results, agents, drawn),
         "episodes": charts.episodes(results, drawn),
-        "heights": films.heights(results, filmed, drawn, _leaders(results)),
+        **films.figures(root, results, filmed, drawn),
+        **frame.figures(params, results, summary, drawn),
     }
-    figures |= {f"torques_{name}": films.torques(film, motors) for name, film in filmed.items()}
     if len(results) > 1:
-        figures["improvement"] = contests.improvement(results, summary)
-    return figures | sections.figures(params, results, summary, drawn, "env_steps")
-
-
-def _leaders(results: Mapping[str, AgentResults]) -> list[str]:
-    """Return all agents, or of many learners the best of each family, which comes first."""
-    families = charting.families(results)
-    grouped = by_family(families)
-    return [own[0] for own in grouped.values()] if style.is_crowded(families) else list(families)
+        figures["improvement"] = head_to_head.improvement(results, summary)
+    if withstood["perturbations"] and withstood["agents"]:
+        figures["withstood"] = withstanding.overview(results, withstood)
+        figures["levels"] = withstanding.levels(results, withstood, drawn)
+    return frame.render(Path(__file__).parent, context, figures, ("charts.js", "films.js"))
 
 
 def _agents(
     root: Path,
     results: Mapping[str, AgentResults],
-    filmed: Mapping[str, FilmedEpisode],
+    filmed: Mapping[str, Film],
     drawn: Mapping[str, Look],
 ) -> list[dict[str, Any]]:
     """Return what is shown with each agent's film."""
@@ -131,13 +105,11 @@ def _agents(
                 "family": agent.family,
                 "remark": style.remark(agent.is_baseline, agent.block.robot),
                 "colour": drawn[name].colour,
-                "seed": film.seed,
                 "episode": film.episode,
-                "episode_return": number(film.episode_return),
-                "poster": pictures.still(Paths(root).agent(name).film, film.times[highest]),
+                "episode_return": number(film.episode.episode_return),
+                "poster": films.still(Paths(root).agent(name).film, film.times[highest]),
                 "highest": f"{film.heights[highest]:.1f}",
                 "model": f"{MODEL}{name}",
-                "model_url": f"{MLFLOW}/#/models/{MODEL}{name}",
             }
         )
     return shown
@@ -154,24 +126,15 @@ def _aim(params: Params) -> str:
     return next((words[name] for name in active(params.env.reward) if name in words), "move")
 
 
-def _title(params: Params, results: Mapping[str, AgentResults]) -> str:
-    """Return the page's title: it names the learners, or all agents if none learns, or counts."""
+def _title(results: Mapping[str, AgentResults]) -> str:
+    """Return the learners that are compared, or all agents if none learns; many are counted."""
     families = {name: results[name].family for name in charting.learners(results)}
     if style.is_crowded(families):
-        groups = by_family(families)
-        return (
-            f"{_robot_name(params)}: {len(families)} learners of {len(groups)} families compared"
-            if len(groups) > 1
-            else f"{_robot_name(params)}: {len(families)} learners compared"
-        )
+        num_families = len(by_family(families))
+        of_families = f" of {num_families} families" if num_families > 1 else ""
+        return f"{len(families)} learners{of_families} compared"
     *others, last = [results[name].label for name in families or results]
-    names = f"{', '.join(others)} and {last} compared" if others else last
-    return f"{_robot_name(params)}: {names}"
-
-
-def _budget(value: float | None) -> str:
-    """Return the smallest budget among the learners, as text; empty if there are none."""
-    return "" if value is None else number(value)
+    return f"{', '.join(others)} and {last} compared" if others else last
 
 
 def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> str:
@@ -194,33 +157,30 @@ def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> st
 def _robot(root: Path) -> dict[str, Any]:
     """Return the robot before and after its edits: numbers and pictures."""
     facts = read_json(Paths(root).physique, "build")
-    before, after = facts["before"], facts["after"]
-
-    def torque(physique: Mapping[str, Any]) -> str:
-        return " / ".join(sorted({number(value) for value in physique["peak_torque"].values()}))
-
-    return {
-        "rows": [
-            ("Mass [kg]", number(before["mass"]), number(after["mass"])),
-            ("Peak torque of a motor [N m]", torque(before), torque(after)),
-            (
-                "Summed peak torque over weight [m]",
-                number(before["peak_torque_over_weight"]),
-                number(after["peak_torque_over_weight"]),
-            ),
-        ],
-        "source": facts["source"],
-        "versions": facts["versions"],
-        "pictures": [
-            ("Before its edits", pictures.portrait(robot.read(root, "unedited"))),
-            ("With its edits", pictures.portrait(robot.read(root))),
-        ],
+    quantities = {
+        "Mass [kg]": "mass",
+        "Peak torque of a motor [N m]": "peak_torque",  # one for each motor
+        "Summed peak torque over weight [m]": "peak_torque_over_weight",
     }
+
+    def text(value: float | Mapping[str, float]) -> str:
+        values = value.values() if isinstance(value, Mapping) else [value]
+        return " / ".join(sorted({number(one) for one in values}))
+
+    rows = {
+        label: [text(facts[when][key]) for when in ("before", "after")]
+        for label, key in quantities.items()
+    }
+    pictures = {
+        "Before its edits": films.portrait(robot.read(root, "unedited")),
+        "With its edits": films.portrait(robot.read(root)),
+    }
+    return facts | {"rows": rows, "pictures": pictures}
 
 
 def _policies(
     root: Path, params: Params, results: Mapping[str, AgentResults]
-) -> list[dict[str, str]]:
+) -> list[dict[str, Any]]:
     """Return every policy with its digest, return and links."""
     rows = []
     for name, agent in results.items():
@@ -231,9 +191,9 @@ def _policies(
             rows.append(
                 {
                     "agent": agent.label,
-                    "seed": str(seed),
+                    "seed": seed,
                     "return": number(value),
-                    "path": str(path.relative_to(root)),
+                    "path": path.relative_to(root),
                     "sha256": sha256,
                     "run_url": f"{RUNS}&searchFilter={query}",
                 }

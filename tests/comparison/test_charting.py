@@ -5,13 +5,12 @@ from ruamel.yaml import YAML
 from small_project import BUDGETS, COMPARE, make_params, write_project
 
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.comparison import charting, comparison
-from jumping_ant.comparison.figures import figures
+from jumping_ant.comparison import charting, comparison, figures
 from jumping_ant.comparison.results import load
 from jumping_ant.looks import style
 from jumping_ant.looks.families import Family
 from jumping_ant.looks.style import looks
-from jumping_ant.report import charts, standings
+from jumping_ant.report import charts, leaderboard
 
 FEW: dict[str, Family] = {
     "random": "baseline",
@@ -58,20 +57,20 @@ def test_figures_and_report_have_the_same_axes(tmp_path: Path, first: str, scale
     curves = comparison.learning_curves(results, COMPARE)
     summary = comparison.summarize(results, COMPARE)
     drawn = looks(charting.families(results))
-    figure = figures.draw(results, curves, summary, [], 0.95)
-    for name, chart in (
-        ("learning_curves", charts.learning(results, curves, "env_steps", drawn)),
-        ("efficiency", standings.cost(results, summary, "env_steps", drawn)),
+    (axes,) = figures.learning_curves(results, curves, summary["agents"]).axes
+    assert (axes.get_xscale(), axes.get_xlabel()) == (scale, charting.BUDGET)
+    for chart in (
+        charts.learning(results, curves, drawn),
+        leaderboard.cost(results, summary, drawn),
     ):
-        axes, axis = figure[name].axes[0], chart.layout.xaxis
-        assert (axes.get_xscale(), axis.type or "linear") == (scale, scale)
-        assert axes.get_xlabel() == axis.title.text == charting.BUDGETS["env_steps"]
+        axis = chart.layout.xaxis
+        assert (axis.type or "linear", axis.title.text) == (scale, axes.get_xlabel())
         low, high = axis.range if scale == "linear" else [10**end for end in axis.range]
         assert low < BUDGETS[first] < BUDGETS["pgpe"] < high
 
 
 def test_the_plots_of_dvc_have_the_figures_labels() -> None:
     plots = YAML(typ="safe").load(PROJECT_ROOT / "dvc.yaml")["plots"]
-    own = [plot for entry in plots for plot in entry.values() if plot["template"] == "agents"]
-    assert {plot["x"]: plot["x_label"] for plot in own} == charting.BUDGETS
-    assert {plot["y_label"] for plot in own} == {charting.LEARNING}
+    curves = [plot for entry in plots for plot in entry.values()]
+    assert {plot["x"]: plot["x_label"] for plot in curves} == {"env_steps": charting.BUDGET}
+    assert {plot["y_label"] for plot in curves} == {charting.LEARNING}

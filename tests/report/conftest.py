@@ -1,19 +1,18 @@
 """A project through all stages that the report comes after, and its report."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from reported import AGENTS, FILM, SEEDS
+from reported import AGENTS, FILM, SEEDS, write_summaries
 from small_episode import simulate
-from small_project import block, make_params, shown, write_perturbed, write_project
+from small_project import block, make_params, shown, write_project
 
 from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison, retention
-from jumping_ant.comparison.claims import verdicts
-from jumping_ant.comparison.results import load
 from jumping_ant.experiment.models import Params
 from jumping_ant.looks import rendering
 from jumping_ant.report import page
@@ -41,20 +40,19 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params, robot_xm
     model = mujoco.MjModel.from_xml_string(robot_xml)
     for number, name in enumerate(AGENTS):
         episode = simulate(model, np.zeros((40, 8)), upward_speed=float(number))
-        told = shown(root, name, episode)
-        write_bytes(Paths(root).agent(name).trajectory, told.to_bytes())
+        write_bytes(Paths(root).agent(name).trajectory, shown(root, name, episode).to_bytes())
         film = rendering.film(robot_xml, episode, settings.record, processes=1)
         write_bytes(root / "media" / f"{name}.mp4", film)
         for seed in SEEDS:
             write_bytes(Paths(root).agent(name).seed(seed).policy, f"{name} {seed}".encode())
-    results = load(root, settings)
-    found = verdicts.check(results, settings.compare, settings.training.evaluation_episodes)
-    summary = comparison.summarize(results, settings.compare) | {"claims": found}
-    write_json(root / "results" / "comparison.json", summary)
-    write_perturbed(root, settings, lambda name, condition, seed: 1 - 0.01 * seed)
-    withstood = retention.summarize(root, settings, results)
-    write_json(root / "results" / "robustness.json", withstood)
+    write_summaries(root, settings, lambda seed: 1 - 0.01 * seed)
     return root
+
+
+@pytest.fixture(scope="session")
+def summary(project: Path) -> dict[str, Any]:
+    """The project's comparison."""
+    return json.loads(Paths(project).comparison.read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="session")

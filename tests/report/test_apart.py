@@ -54,6 +54,6 @@ def test_equal_results_have_equal_outputs_whatever_the_clock_says(
     run_elsewhere(tmp_path, settings)
     elsewhere = outputs(tmp_path, settings, 0.5)
     apart = {"scaling.csv", "speed.json"}
-    others = {"comparison.json", "robustness.json", "report.html", "figures/claims.png"}
+    others = {"comparison.json", "robustness.json", "report.html", "figures/final_return.png"}
     assert apart | others <= here.keys()
     assert {name for name in here if here[name] != elsewhere[name]} == apart

@@ -31,29 +31,6 @@ def test_the_page_holds_together_in_a_browser(
     assert all(request.startswith("file://") for request in visit.requests), visit.requests
 
 
-def test_films_play_together_and_can_be_moved(
-    project: Path, open_page: OpenPage, html: str
-) -> None:
-    visit = open_page((project / "results" / "report.html").as_uri(), width=1400)
-    page = visit.page
-    times = "[...document.querySelectorAll('video')].map((video) => video.currentTime)"
-    visit.wait_for(f"{times}.every((time) => time > 0.2)")  # it plays as it opens
-    page.click("#play")
-    visit.wait_for("[...document.querySelectorAll('video')].every((v) => v.paused)")
-    assert page.inner_text("#play") == "Play"
-    page.locator("#time").fill("0.5")
-    visit.wait_for(f"{times}.every((time) => Math.abs(time - 0.5) < 0.01)")
-    assert page.inner_text("#clock") == "0.5 s"
-    cursor = page.evaluate("document.getElementById('heights').layout.shapes[0].x0")
-    assert cursor == 0.5
-    page.select_option("#speed", "2")
-    page.click("#play")
-    visit.wait_for(f"{times}.every((time) => time > 0.6 || time < 0.4)")
-    spread = page.evaluate(f"Math.max(...{times}) - Math.min(...{times})")
-    assert spread < 0.3
-    assert visit.page_errors == []
-
-
 def test_only_films_in_the_window_play(project: Path, open_page: OpenPage, html: str) -> None:
     address = (project / "results" / "report.html").as_uri()
     visit = open_page(address, width=390, height=300)
@@ -67,7 +44,7 @@ def test_only_films_in_the_window_play(project: Path, open_page: OpenPage, html:
     assert visit.page_errors == []
 
 
-def test_films_of_any_length_play_together(
+def test_films_of_any_length_play_together_and_can_be_moved(
     project: Path, open_page: OpenPage, html: str, tmp_path: Path
 ) -> None:
     shutil.copytree(project / "media", tmp_path / "media")
@@ -77,7 +54,7 @@ def test_films_of_any_length_play_together(
     (tmp_path / "media" / "dqn.mp4").unlink()
     visit = open_page((tmp_path / "results" / "report.html").as_uri())
     page = visit.page
-    short, long = (f"document.querySelectorAll('video')[{index}]" for index in (3, 2))
+    short, long, other = (f"document.querySelectorAll('video')[{index}]" for index in (3, 2, 1))
     is_held = f"Math.abs({short}.currentTime - {short}.duration) < 0.01"
     visit.wait_for(f"{long}.currentTime > 0.1")
     page.click("#play")
@@ -88,11 +65,14 @@ def test_films_of_any_length_play_together(
     assert end > 1 and float(str(page.get_attribute("#time", "max"))) == end
     page.locator("#time").fill("0.7")
     visit.wait_for(f"{long}.currentTime === 0.7 && {is_held}")
+    assert page.evaluate("document.getElementById('heights').layout.shapes[0].x0") == 0.7
     assert page.get_attribute("#time", "aria-valuetext") == page.inner_text("#clock") == "0.7 s"
     page.select_option("#speed", "0.25")
     page.click("#play")
     assert page.inner_text("#play") == "Pause"
     visit.wait_for(f"{long}.currentTime > 0.75 && {is_held}")
+    times = [page.evaluate(f"{film}.currentTime") for film in (long, other)]
+    assert abs(times[0] - times[1]) < 0.3
     page.select_option("#speed", "2")
     visit.wait_for(f"{long}.currentTime < 0.3 && {short}.currentTime < 0.36")
     visit.wait_for(f"{long}.currentTime > 0.6 && {is_held}")
@@ -107,12 +87,11 @@ def test_logarithmic_axes_always_have_some_numbers(
     visit.page.evaluate("dispatchEvent(new Event('beforeprint'))")
     for low, high in [(310, 330), (310, 480), (700, 1400), (800, 9000), (90, 4e4), (5, 2e9)]:
         ends = [np.log10(low), np.log10(high)]
-        for chart, axis in [("learning_0", "x"), ("cost", "x")]:
+        for chart in ("learning_0", "cost"):
             visit.page.evaluate(
-                "([chart, axis, ends]) => Plotly.relayout(chart, {[`${axis}axis.range`]: ends})",
-                [chart, axis, ends],
+                "([chart, ends]) => Plotly.relayout(chart, {'xaxis.range': ends})", [chart, ends]
             )
-            numbers = visit.page.locator(f"#{chart} .{axis}tick text").all_inner_texts()
+            numbers = visit.page.locator(f"#{chart} .xtick text").all_inner_texts()
             assert 2 <= len(numbers) <= 12, (low, high, numbers)
 
 

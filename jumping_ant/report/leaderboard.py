@@ -1,6 +1,6 @@
 """The report's charts of how much the agents return, and of what it costs to learn it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -8,19 +8,18 @@ import plotly.graph_objects as go
 
 from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.experiment.curves import Unit
 from jumping_ant.looks import style
-from jumping_ant.looks.families import by_family
+from jumping_ant.looks.families import Family, by_family
 from jumping_ant.looks.style import COLOURS, INK, Look, estimate
 from jumping_ant.report.charts import LOG_AXIS, ROW, SYMBOLS, finish, linear_axis
 
 
 def ranking(
-    results: Mapping[str, AgentResults], summary: Mapping[str, Any], drawn: Mapping[str, Look]
+    results: Mapping[str, AgentResults], agents: Mapping[str, Any], drawn: Mapping[str, Look]
 ) -> go.Figure:
     """Draw the agents' returns with their intervals, the best on top, and every seed as a point."""
     figure = go.Figure()
-    ranked = comparison.ranking(summary)
+    ranked = comparison.ranking(agents)
     for name in ranked:
         seeds = results[name].quantities["return"].tolist()
         figure.add_scatter(
@@ -33,44 +32,49 @@ def ranking(
         )
     for name in ranked:
         figure.add_scatter(
-            x=[summary[name]["return"]["iqm"]],
+            x=[agents[name]["return"]["iqm"]],
             y=[results[name].label],
             mode="markers",
             marker=_marker(drawn[name]),
-            error_x=_error(summary[name]["return"], drawn[name]),
-            text=[_estimate(summary[name])],
+            error_x=_error(agents[name]["return"], drawn[name]),
+            text=[_estimate(agents[name])],
             hovertemplate="%{y}: %{text}<extra></extra>",
             showlegend=False,
         )
-    _name_families(figure, results)
-    figure.update_xaxes(title=charting.RETURN, rangemode="tozero")
+    _name_families(figure, by_family(charting.families(results)))
     labels = [results[name].label for name in ranked]
+    figure.update_xaxes(title=charting.RETURN, rangemode="tozero")
     figure.update_yaxes(categoryorder="array", categoryarray=labels, autorange="reversed")
     finish(figure, 110 + ROW * len(ranked), top=40)
     return figure.update_layout(legend={"y": 1, "yanchor": "bottom"})
 
 
 def cost(
-    results: Mapping[str, AgentResults],
-    summary: Mapping[str, Any],
-    unit: Unit,
-    drawn: Mapping[str, Look],
+    results: Mapping[str, AgentResults], summary: Mapping[str, Any], drawn: Mapping[str, Look]
 ) -> go.Figure:
     """Draw the learners' returns against their cost, with the Pareto front and the baselines.
 
-    Of many learners only those on the front are named. The cost is in `unit`.
+    Of many learners only those on the front are named. The cost is in control steps.
     """
     figure = go.Figure()
-    agents, learners = summary["agents"], charting.learners(results)
-    costs = [agents[name][comparison.COSTS[unit]] for name in learners]
-    is_crowded = style.is_crowded(charting.families(results))
-    named = summary[comparison.FRONTS[unit]] if is_crowded else learners
-    _add_front(figure, *charting.front(results, summary, unit))
-    for name, place in zip(learners, costs, strict=True):
+    agents, front = summary["agents"], summary["pareto_steps"]
+    costs = {name: agents[name]["env_steps"] for name in charting.learners(results)}
+    returns = {name: agents[name]["return"]["iqm"] for name in results}
+    figure.add_scatter(  # the greatest return at each cost, up to the greatest cost
+        x=[*(costs[name] for name in front), max(costs.values())],
+        y=[*(returns[name] for name in front), returns[front[-1]]],
+        name="Pareto front",
+        mode="lines",
+        line={"color": INK, "width": 1.5, "shape": "hv"},
+        hoverinfo="skip",
+    )
+    families = charting.families(results)
+    named = front if style.is_crowded(families) else [*costs]
+    for name, place in costs.items():
         label = results[name].label
         figure.add_scatter(
             x=[place],
-            y=[agents[name]["return"]["iqm"]],
+            y=[returns[name]],
             mode="markers+text",
             text=[label if name in named else ""],
             textposition="top left",
@@ -81,43 +85,28 @@ def cost(
             showlegend=False,
         )
     best = comparison.best_baseline(results, agents)
-    for name in (name for name in results if name not in learners):
+    for name in (name for name in results if name not in costs):
         figure.add_hline(
-            agents[name]["return"]["iqm"],
+            returns[name],
             line={"color": drawn[name].colour, "width": 1},
             layer="below",
             name=results[name].label,
             showlegend=name == best,
         )
-    _name_families(figure, {name: results[name] for name in learners})
-    figure.update_xaxes(title=charting.BUDGETS[unit], **_cost_axis(costs))
+    _name_families(figure, by_family({name: families[name] for name in costs}))
+    if charting.is_long([*costs.values()]):  # with room for names on the left of the costs
+        low, high = np.log10([min(costs.values()), max(costs.values())])
+        axis = LOG_AXIS | {"range": [1.35 * low - 0.35 * high, 1.1 * high - 0.1 * low]}
+    else:
+        axis = linear_axis(max(costs.values()), 0.1)
+    figure.update_xaxes(title=charting.BUDGET, **axis)
     figure.update_yaxes(title=charting.RETURN, rangemode="tozero")
     return finish(figure, 460)
 
 
-def _cost_axis(costs: Sequence[float]) -> dict[str, Any]:
-    """Return an axis on which names have room on the left of the costs."""
-    if not charting.is_long(costs):
-        return linear_axis(max(costs), 0.1)
-    low, high = np.log10([min(costs), max(costs)])
-    return LOG_AXIS | {"range": [1.35 * low - 0.35 * high, 1.1 * high - 0.1 * low]}
-
-
-def _add_front(figure: go.Figure, costs: Sequence[float], returns: Sequence[float]) -> None:
-    """Add the greatest return at each cost, up to the greatest cost."""
-    figure.add_scatter(
-        x=costs,
-        y=returns,
-        name="Pareto front",
-        mode="lines",
-        line={"color": INK, "width": 1.5, "shape": "hv"},
-        hoverinfo="skip",
-    )
-
-
-def _name_families(figure: go.Figure, results: Mapping[str, AgentResults]) -> None:
+def _name_families(figure: go.Figure, families: Iterable[Family]) -> None:
     """Add the families' colours to the legend."""
-    for family in by_family(charting.families(results)):
+    for family in families:
         figure.add_scatter(
             x=[None],
             y=[None],

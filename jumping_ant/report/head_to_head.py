@@ -1,0 +1,153 @@
+"""The report's charts of who beats whom: all pairs of agents, and the claims, also as text."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from typing import Any
+
+import plotly.graph_objects as go
+
+from jumping_ant.comparison import charting, comparison
+from jumping_ant.comparison.claims.statements import STATEMENTS
+from jumping_ant.comparison.results import AgentResults
+from jumping_ant.looks import style
+from jumping_ant.looks.style import Look, capitalized, estimate, number, p_value, percent, percents
+from jumping_ant.report.charts import LOG_AXIS, SHARES, SYMBOLS, finish
+
+MOST_IN_A_WIDE_MATRIX = 8  # agents whose pairs have room for their intervals
+NARROW = 27  # [pixels] side of a cell that shows no interval
+CLAIM_HEIGHT = 215  # [pixels]
+SIGNS = {"supported": "\u2713", "refuted": "\u2717", "equivalent": "\u2248", "inconclusive": "?"}
+SCEPTIC = "A sceptic's questions"  # claims that test no statement of the article
+
+
+def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> go.Figure:
+    """Draw the probability that a seed of one agent returns more than one of another."""
+    ranked = comparison.ranking(summary["agents"])
+    pairs = summary["probability_of_improvement"]
+    chances = [[pairs.get(f"{one}>{other}") for other in ranked] for one in ranked]
+    has_room = len(ranked) <= MOST_IN_A_WIDE_MATRIX
+    labels = [results[name].label for name in ranked]
+    figure = go.Figure()
+    figure.add_heatmap(
+        x=labels,
+        y=labels,
+        z=[[one["p"] if one else None for one in row] for row in chances],
+        text=[[_chance(one, has_room, "<br>") for one in row] for row in chances],
+        customdata=[[_chance(one, True, " %, interval ") for one in row] for row in chances],
+        hovertemplate="%{y} returns more than %{x}: %{customdata} %<extra></extra>",
+        **SHARES,
+    )
+    figure.update_xaxes(title="... than this one", side="top", showgrid=False, tickangle=-90)
+    figure.update_yaxes(title="This one returns more ...", autorange="reversed", showgrid=False)
+    return finish(figure, 180 + (44 if has_room else NARROW) * len(labels))
+
+
+def improvement_width(num_agents: int) -> int:
+    """Return the least width of the matrix with so many agents [pixels]."""
+    return 160 + (52 if num_agents <= MOST_IN_A_WIDE_MATRIX else NARROW) * num_agents
+
+
+def _chance(chance: Mapping[str, float] | None, with_interval: bool, separator: str) -> str:
+    """Return a chance in per cent, with its interval if it has one; empty for none."""
+    if chance is None:
+        return ""
+    if not with_interval or chance["low"] == chance["high"]:
+        return percent(chance["p"])
+    return f"{percent(chance['p'])}{separator}{percents(chance['low'], chance['high'])}"
+
+
+def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
+    """Draw the evidence that a claim was judged by; `drawn` are looks by the agents' labels."""
+    plot = entry["plot"]
+    figure = go.Figure()
+    if plot.get("paired"):
+        labels = [*plot["values"], None]
+        pairs = [(*pair, None) for pair in zip(*plot["values"].values(), strict=True)]
+        figure.add_scatter(
+            x=list(chain(*pairs)),
+            y=labels * len(pairs),
+            mode="lines",
+            line={"color": style.PAIR, "width": 1},
+            hoverinfo="skip",
+        )
+    for label, values in plot["values"].items():
+        look = style.of_sample(label, drawn)
+        filled = SYMBOLS[look.marker]
+        hollow = f"{filled.removesuffix('-open')}-open"  # where the value is only a bound
+        reached = plot.get("reached", {}).get(label, [True] * len(values))
+        figure.add_scatter(
+            x=values,
+            y=[label] * len(values),
+            mode="markers",
+            marker={
+                "color": look.colour,
+                "symbol": [filled if is_reached else hollow for is_reached in reached],
+                "size": 9,
+                "opacity": 0.75,
+            },
+            text=[
+                f"seed {seed}" if is_reached else f"seed {seed}, which never got there"
+                for seed, is_reached in zip(seeds, reached, strict=False)
+            ],
+            hovertemplate="%{text}: %{x:,.4~g}<extra></extra>",
+        )
+    known = [value for values in plot["values"].values() for value in values if value is not None]
+    figure.update_xaxes(
+        title={"text": plot["axis"], "font": {"size": 12}},
+        **(LOG_AXIS if charting.is_long(known) else {"rangemode": "tozero"}),
+    )
+    figure.update_yaxes(autorange="reversed", type="category", showgrid=False)
+    return finish(figure, CLAIM_HEIGHT, showlegend=False)
+
+
+def statements(entries: Sequence[Mapping[str, Any]], num_seeds: int) -> list[dict[str, Any]]:
+    """Return the statements that were tested, in the article's order, those of sceptics last.
+
+    Each has a `title`, the `counts` of its verdicts, and its `claims` in words, which have their
+    `index` among all.
+    """
+    tested = sorted({entry["statement"] for entry in entries}, key=lambda place: place or math.inf)
+    return [
+        {
+            "title": f"{place}. {STATEMENTS[place]}" if place else SCEPTIC,
+            "counts": count([entry for entry in entries if entry["statement"] == place]),
+            "claims": [
+                _in_words(index, entry, num_seeds)
+                for index, entry in enumerate(entries)
+                if entry["statement"] == place
+            ],
+        }
+        for place in tested
+    ]
+
+
+def count(entries: Sequence[Mapping[str, Any]]) -> dict[str, int]:
+    """Return the number of claims with each verdict that occurs."""
+    counts = Counter(entry["verdict"] for entry in entries)
+    return {verdict: counts[verdict] for verdict in SIGNS if verdict in counts}
+
+
+def _in_words(index: int, entry: Mapping[str, Any], num_seeds: int) -> dict[str, Any]:
+    effect, least, margin = entry["effect"], entry["no_effect"], ""
+    size = "no seed has a value that can be compared"
+    if effect["value"] is not None:
+        size = estimate(effect["value"], effect["low"], effect["high"], num_seeds)
+    # The hypothesis that the effect is none, or that of a claim of not being worse.
+    null = f"a difference of {number(least)}" if least < 0 else "no difference"
+    if entry["margin"]:
+        low, high = (number(entry["margin"][end]) for end in ("low", "high"))
+        p_values = entry["p_equivalence"], entry["p_equivalence_adjusted"]
+        margin = _p_values(f"a difference outside of {low} to {high}", *p_values)
+    return {
+        **entry,
+        "index": index,
+        "effect": f"{capitalized(effect['name'])}: {size}",
+        "p": _p_values(null, entry["p"], entry["p_adjusted"]),
+        "margin": margin,
+    }
+
+
+def _p_values(hypothesis: str, p: float, adjusted: float) -> str:
+    return f"{hypothesis}: p = {p_value(p)}, adjusted {p_value(adjusted)}"
