@@ -161,7 +161,7 @@ watch: install ## watch a trained policy play, in MuJoCo's viewer (AGENT=sac SEE
 
 # Of the catalogue: params.schema.json, a list in dvc.yaml.
 generate: install
-	python -m jumping_ant.experiment.schema
+	python -m jumping_ant.params.schema
 
 lock:
 	@scripts/environment.sh lock

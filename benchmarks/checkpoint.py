@@ -14,7 +14,7 @@ from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy.algorithms import DQNParams
 from jumping_ant.agents.sb3 import trainer
 from jumping_ant.compute import jobs
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 
 AGENT = "dqn"  # has the largest state

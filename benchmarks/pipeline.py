@@ -10,8 +10,8 @@ from benchmarks.settings import CORES
 from benchmarks.watch import watch
 from jumping_ant.agents.off_policy.algorithms import OffPolicyParams
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import params_file
+from jumping_ant.params.model import Params
 from scripts.checkout import Checkout, checkout, with_tools
 
 # Memory does not grow with these, so a run is shortened to these shares of the budgets.

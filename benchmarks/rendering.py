@@ -13,8 +13,8 @@ from benchmarks.measure import Row, rate
 from benchmarks.settings import default_world
 from jumping_ant.actions import ActionSet
 from jumping_ant.evaluation import evaluation
-from jumping_ant.experiment import params_file
 from jumping_ant.looks import rendering
+from jumping_ant.params import params_file
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.sim import gl, rollout
 from jumping_ant.sim.rollout import Episode

@@ -3,7 +3,7 @@
 from typing import Any
 
 from jumping_ant.base import machine
-from jumping_ant.experiment import params_file, presets
+from jumping_ant.params import params_file, presets
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 

@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from jumping_ant.agents import catalogue
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 
 SIDE = 300  # [pixels] side of an agent's film in the animation
 SECONDS = 6.0  # length of the animation

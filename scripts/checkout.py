@@ -18,7 +18,7 @@ from ruamel.yaml import YAML
 from jumping_ant.base import telemetry
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 
 RESULTS = ("assets", "dvc.lock", "media", "models", "results")  # outputs of runs
 NAME_YOURSELF = 'git config --global user.name "NAME" && git config --global user.email ADDRESS'

@@ -19,8 +19,8 @@ from pathlib import Path
 from jumping_ant.base import command_line, output
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import presets
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import presets
+from jumping_ant.params.model import Params
 from scripts.checkout import Checkout, renew_project
 
 FEW_SEEDS = 5  # fewer can't decide any claim: of 4 against 4, p is at least 0.029

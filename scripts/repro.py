@@ -17,7 +17,7 @@ import psutil  # type: ignore[import-untyped]
 from jumping_ant.base import command_line, output, telemetry
 from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT, write_json
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from scripts import checkout
 
 PATH = PROJECT_ROOT / ".dvc" / "tmp" / "seconds.json"

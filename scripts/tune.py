@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from jumping_ant.base import command_line, output
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file, presets
+from jumping_ant.params import params_file, presets
 from jumping_ant.tuning import tune
 from jumping_ant.tuning.search import SamplerName
 from jumping_ant.tuning.task import SearchSettings

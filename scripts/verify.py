@@ -25,7 +25,7 @@ from jumping_ant.base import command_line, output
 from jumping_ant.base.errors import InputError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import AgentPaths, Paths
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from scripts.checkout import Checkout
 
 

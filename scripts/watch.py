@@ -28,10 +28,11 @@ from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file, validation
-from jumping_ant.experiment.models import Params
+from jumping_ant.experiment import validation
 from jumping_ant.looks import rendering
 from jumping_ant.looks.families import BASELINE
+from jumping_ant.params import params_file
+from jumping_ant.params.model import Params
 from jumping_ant.play import content
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout

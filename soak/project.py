@@ -10,8 +10,8 @@ from typing import Any
 import psutil  # type: ignore[import-untyped]
 from ruamel.yaml import YAML
 
-from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import params_file
+from jumping_ant.params.model import Params
 from jumping_ant.training.checkpoints import Owner
 from scripts.checkout import Checkout
 

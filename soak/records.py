@@ -24,8 +24,8 @@ from mlflow.entities import Run
 
 from jumping_ant.base.files import digest
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file, presets
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import params_file, presets
+from jumping_ant.params.model import Params
 from jumping_ant.tracking import reading
 from scripts.checkout import Checkout
 from soak import mlflow_server

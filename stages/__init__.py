@@ -29,8 +29,8 @@ if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
 
 from jumping_ant.base import command_line, garbage, output, telemetry  # noqa: E402
 from jumping_ant.base.errors import reported  # noqa: E402
-from jumping_ant.experiment import params_file  # noqa: E402
-from jumping_ant.experiment.models import Params  # noqa: E402
+from jumping_ant.params import params_file  # noqa: E402
+from jumping_ant.params.model import Params  # noqa: E402
 
 telemetry.switch_off()  # before a stage imports tools with telemetry
 garbage.collect_rarely()  # before it imports much

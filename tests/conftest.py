@@ -16,10 +16,9 @@ from playwright.sync_api import Browser
 
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base import effective_code
-from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
-from jumping_ant.params import article
+from jumping_ant.params import article, params_file
 from jumping_ant.params.blocks import EnvParams, EvaluateParams, RobotParams
+from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 
 # Keeps the clusters of tests on the loopback address. Ray reads it when it is imported, as by

@@ -13,7 +13,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison, retention
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import load
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1, 7, 5]

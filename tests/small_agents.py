@@ -7,7 +7,7 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.imitation.demonstrations import Demonstrations, play
 from jumping_ant.agents.job import Job, trainer_of
-from jumping_ant.experiment import presets
+from jumping_ant.params import presets
 from jumping_ant.policies import policy_file
 from jumping_ant.sim.world import World
 

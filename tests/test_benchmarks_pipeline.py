@@ -9,7 +9,7 @@ import pytest
 from benchmarks.full_run import summarize
 from benchmarks.pipeline import TRANSITION_BYTES, empty_replay_memory, shortened
 from benchmarks.watch import Usage, watch
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 
 HOLD = "import os, time; held = b'x' * 2**28; {}; time.sleep(1)"
 PROCESSES = {

@@ -16,7 +16,7 @@ import stages
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.training_code import packages
 from jumping_ant.base.files import PROJECT_ROOT as ROOT
-from jumping_ant.experiment import params_file, presets, schema
+from jumping_ant.params import params_file, presets, schema
 from stages import digest
 
 STAGES = YAML(typ="safe").load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]

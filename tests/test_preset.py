@@ -10,14 +10,13 @@ import pytest
 
 from jumping_ant.base.errors import StoppedError, WorkerError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file, presets
+from jumping_ant.params import params_file, presets
 from scripts import preset
 from scripts.checkout import Checkout
 
 AGAIN = """
 from pathlib import Path
 from jumping_ant.base.errors import reported
-from jumping_ant.experiment import presets
 from scripts import preset
 with reported():
     preset.run(Path.cwd(), presets.load("quick"))

@@ -5,7 +5,7 @@ import re
 import pytest
 from ruamel.yaml import YAML
 
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from scripts.checkout import Checkout, copy_project
 
 UP_TO_DATE = "Data and pipelines are up to date."

@@ -18,7 +18,7 @@ from rerun.chunk import RrdReader
 from ruamel.yaml import YAML
 
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file, presets
+from jumping_ant.params import params_file, presets
 from jumping_ant.tracking import store
 from scripts.checkout import RESULTS
 from soak.project import start

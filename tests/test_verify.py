@@ -11,7 +11,7 @@ import pytest
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import presets
+from jumping_ant.params import presets
 from scripts import verify
 
 DQN = "results/agents/dqn"

@@ -16,7 +16,7 @@ from small_project import write_csv
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World

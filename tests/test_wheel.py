@@ -24,7 +24,7 @@ import numpy as np
 
 import jumping_ant.sim.env
 from jumping_ant.policies import policy_file
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 
 envs = gym.make_vec("JumpingAnt-v0", num_envs=3)
 observations, _ = envs.reset(seed=0)

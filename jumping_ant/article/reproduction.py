@@ -33,7 +33,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
 from jumping_ant.experiment import curves
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.networks import GreedyCommands

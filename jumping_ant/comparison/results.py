@@ -12,8 +12,8 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base.tables import Table
 from jumping_ant.experiment import curves, episodes
 from jumping_ant.experiment.curves import Unit
-from jumping_ant.experiment.models import Params
 from jumping_ant.looks.families import Family
+from jumping_ant.params.model import Params
 
 Array = NDArray[np.float64]
 

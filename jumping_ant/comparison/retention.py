@@ -23,7 +23,7 @@ from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.claims.robustness import Returns
 from jumping_ant.comparison.estimates import estimate_iqm
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.robustness import table
 
 HALF = 0.5

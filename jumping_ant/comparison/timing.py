@@ -8,7 +8,7 @@ from jumping_ant.comparison.claims import timing, verdicts
 from jumping_ant.comparison.claims.timing import Scaling
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment import summaries
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 
 
 def summarize(

@@ -38,10 +38,10 @@ from numpy.typing import NDArray
 from jumping_ant.evaluation import motion, playing
 from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.episodes import EPISODE_KEYS
-from jumping_ant.experiment.models import Params
 from jumping_ant.experiment.variant_names import PUBLISHED
 from jumping_ant.looks.measures import TERM
 from jumping_ant.params.blocks import EvaluateParams
+from jumping_ant.params.model import Params
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Episode, Play

@@ -8,8 +8,8 @@ from typing import TypeVar
 from jumping_ant.base import progress
 from jumping_ant.compute import jobs
 from jumping_ant.experiment import perturbed
-from jumping_ant.experiment.models import Params
 from jumping_ant.experiment.perturbed import Case
+from jumping_ant.params.model import Params
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Episode, Play

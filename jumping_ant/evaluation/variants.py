@@ -24,9 +24,9 @@ from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.seeding import derive
 from jumping_ant.evaluation import playing
 from jumping_ant.experiment import variant_names
-from jumping_ant.experiment.models import SELECTION_EPISODES, Params
 from jumping_ant.experiment.variant_names import PUBLISHED
 from jumping_ant.params.blocks import EnvParams
+from jumping_ant.params.model import SELECTION_EPISODES, Params
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy, Stateless
 from jumping_ant.sim.rollout import Episode, Play

@@ -14,7 +14,7 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import ANY, SECONDS, SEED, Column, Table
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 
 Array = NDArray[np.float64]
 Unit = Literal["env_steps", "seconds"]

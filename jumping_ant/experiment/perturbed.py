@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from jumping_ant.agents.catalogue import row
-from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import RobustnessParams
+from jumping_ant.params.model import Params
 from jumping_ant.sim.perturbations import NONE, Condition
 
 

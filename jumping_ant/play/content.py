@@ -13,10 +13,10 @@ from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import Table
 from jumping_ant.experiment import episodes, validation
-from jumping_ant.experiment.models import Params
 from jumping_ant.looks import style
 from jumping_ant.looks.families import BASELINE
 from jumping_ant.params.blocks import EnvParams, PerturbationParams
+from jumping_ant.params.model import Params
 from jumping_ant.play import policies
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot

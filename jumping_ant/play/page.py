@@ -11,7 +11,7 @@ from typing import Any
 import jinja2
 import pyarrow as pa
 
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.play import content, vendor
 
 FOLDER = Path(__file__).parent

@@ -18,11 +18,11 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import charting
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.experiment import episodes
-from jumping_ant.experiment.models import Params
 from jumping_ant.looks import drawing, rendering, style
 from jumping_ant.looks.drawing import Shots
 from jumping_ant.looks.families import by_family
 from jumping_ant.looks.style import Look
+from jumping_ant.params.model import Params
 from jumping_ant.report import charts
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.anatomy import Anatomy

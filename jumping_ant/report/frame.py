@@ -17,10 +17,10 @@ from plotly.offline import get_plotlyjs
 
 from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.experiment.models import Params
 from jumping_ant.looks import style
 from jumping_ant.looks.families import by_family
 from jumping_ant.looks.style import Look
+from jumping_ant.params.model import Params
 from jumping_ant.report import charts, head_to_head, leaderboard
 
 FOLDER = Path(__file__).parent

@@ -17,11 +17,11 @@ from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import charting, comparison
 from jumping_ant.comparison.results import AgentResults, load
-from jumping_ant.experiment.models import Params
 from jumping_ant.looks import style
 from jumping_ant.looks.families import by_family
 from jumping_ant.looks.measures import MEASURES
 from jumping_ant.looks.style import Look, estimate, number
+from jumping_ant.params.model import Params
 from jumping_ant.report import (
     charts,
     films,

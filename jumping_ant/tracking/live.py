@@ -14,7 +14,7 @@ from mlflow.entities import Param, Run
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from jumping_ant.tracking import reading, records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors

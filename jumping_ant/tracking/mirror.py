@@ -16,7 +16,7 @@ from mlflow.entities import Run
 from jumping_ant.base.databases import without_password
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from jumping_ant.tracking import descriptions, internals, models, pages, studies
 from jumping_ant.tracking import records as files
 from jumping_ant.tracking import store as stores

@@ -19,8 +19,8 @@ from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
 from jumping_ant.experiment import curves, summaries, validation, variant_names
-from jumping_ant.experiment.models import Params
 from jumping_ant.looks.style import looks, remark
+from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import descriptions

@@ -20,7 +20,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
 from jumping_ant.experiment import curves
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 from jumping_ant.training import seed_run

@@ -23,7 +23,7 @@ from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Progress
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine, tables
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 

@@ -28,7 +28,7 @@ from jumping_ant.base.files import PROJECT_ROOT, digest, read_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison.estimates import estimate_iqm
 from jumping_ant.experiment import curves
-from jumping_ant.experiment.models import TUNING_SEEDS, Params
+from jumping_ant.params.model import TUNING_SEEDS, Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.world import World

@@ -22,7 +22,7 @@ from jumping_ant.agents.evolution.searchers import (
 from jumping_ant.agents.evolution.trainer import train
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim.env import RobotEnv

@@ -22,7 +22,7 @@ from jumping_ant.agents.off_policy.lean.mlp import MLP, Pass
 from jumping_ant.agents.off_policy.lean.replay import BatchedReplayBuffer
 from jumping_ant.agents.sb3 import trainer
 from jumping_ant.agents.sb3.model import make_envs
-from jumping_ant.experiment import presets
+from jumping_ant.params import presets
 from jumping_ant.params.blocks import LevelParams
 from jumping_ant.sim.world import World
 

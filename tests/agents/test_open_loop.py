@@ -9,7 +9,7 @@ from jumping_ant.agents.baselines.trainer import metronome, search
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive_all
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World

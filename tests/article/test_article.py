@@ -10,8 +10,7 @@ from stable_baselines3 import DQN, SAC
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import presets
-from jumping_ant.params import article
+from jumping_ant.params import article, presets
 
 ROBOT = {
     "source": "ant",

@@ -13,8 +13,7 @@ from jumping_ant.agents.sb3.model import make_envs, make_model, policy_bytes
 from jumping_ant.article import reproduction
 from jumping_ant.article.reproduction import Trace, judge, place, play
 from jumping_ant.base.seeding import derive
-from jumping_ant.experiment import params_file
-from jumping_ant.params import article
+from jumping_ant.params import article, params_file
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import robot

@@ -14,8 +14,8 @@ from jumping_ant.comparison import retention
 from jumping_ant.comparison.claims import robustness
 from jumping_ant.comparison.results import load
 from jumping_ant.experiment import perturbed
-from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import PerturbationParams, RobustnessParams
+from jumping_ant.params.model import Params
 from jumping_ant.robustness import table
 from jumping_ant.sim.perturbations import NONE, Condition
 

@@ -7,7 +7,7 @@ import pytest
 from small_field import HEAVY, HIGH, PARALLEL, RANDOM, SLOW, agent, check, one_verdict, the_claim
 
 from jumping_ant.comparison.claims import timing as claims
-from jumping_ant.experiment import presets
+from jumping_ant.params import presets
 
 UNTIMED = dict.fromkeys(("pgpe", "sac", "dqn"), {})
 

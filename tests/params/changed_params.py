@@ -8,7 +8,7 @@ from ruamel.yaml import YAML
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 
 CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
 MISSING = object()

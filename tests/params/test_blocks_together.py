@@ -8,7 +8,7 @@ import pytest
 from changed_params import changed, refusal
 
 from jumping_ant.base import tables
-from jumping_ant.experiment import params_file, presets
+from jumping_ant.params import params_file, presets
 
 BC = presets.load("families").model_dump()["agents"]["bc"]
 DEMONSTRATIONS = presets.load("families").model_dump()["demonstrations"]["bc"]

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.experiment import params_file, presets
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import params_file, presets
+from jumping_ant.params.model import Params
 
 NOT_NUMBERS = ["fast", None, [1], {"a": 1}, True, math.nan, math.inf, -math.inf]
 WRONG: dict[type, list[Any]] = {

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from jumping_ant.agents import catalogue
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import models, params_file, presets
+from jumping_ant.params import model, params_file, presets
 
 RANDOM = CONTENT["agents"]["random"]
 NAMES = "lower-case letters, digits, _ and -, the first a letter or digit"
@@ -253,7 +253,7 @@ def test_presets_need_dvc(monkeypatch: pytest.MonkeyPatch) -> None:
         presets.load("smoke")
 
 
-@pytest.mark.parametrize("name", sorted(models.RESERVED_NAMES))
+@pytest.mark.parametrize("name", sorted(model.RESERVED_NAMES))
 def test_names_of_other_files_are_no_agents(name: str) -> None:
     line = refusal(changed(f"agents.{name}", RANDOM))
     assert line == f"params.yaml: agents: {name!r} names a file of media/; allowed: any other"
@@ -344,6 +344,6 @@ def test_whatever_stands_there_is_accepted_or_refused(place: tuple[Any, ...], va
         block = block[key]
     block[("file", *place)[-1]] = value
     try:
-        assert isinstance(params_file.check(content["file"]), models.Params)
+        assert isinstance(params_file.check(content["file"]), model.Params)
     except InputError as error:
         assert all(line.startswith("params.yaml: ") for line in str(error).splitlines())

@@ -6,7 +6,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import schema
+from jumping_ant.params import schema
 
 CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
 VALIDATOR = jsonschema.Draft202012Validator(json.loads(schema.text()))

@@ -12,7 +12,7 @@ from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import retention
 from jumping_ant.comparison.results import load
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.play import page
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot

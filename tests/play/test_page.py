@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from browser import Visit, launched, open_page
 
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.play import content, reference
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot

@@ -21,8 +21,8 @@ from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.job import Job, resolve
 from jumping_ant.agents.sb3.model import make_envs, make_model, policy_bytes
 from jumping_ant.base.errors import InputError
-from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ActionParams
+from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.blind import (
     OpenLoopPolicy,

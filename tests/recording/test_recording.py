@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.recording import about
 from jumping_ant.recording import episode as recording
 from jumping_ant.recording.curves import ticks

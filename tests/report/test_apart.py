@@ -10,7 +10,7 @@ from small_project import MACHINE, read_csv, write_csv
 
 from jumping_ant.base.files import write_json
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.training import scaling
 from stages import compare, report, timing
 

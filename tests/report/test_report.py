@@ -17,9 +17,9 @@ from jumping_ant.base.files import digest, write_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults, load
-from jumping_ant.experiment import presets
-from jumping_ant.experiment.models import Params
 from jumping_ant.looks import style
+from jumping_ant.params import presets
+from jumping_ant.params.model import Params
 from jumping_ant.report import head_to_head, page
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import models, pages, store

@@ -13,10 +13,9 @@ from gymnasium.utils.env_checker import check_env
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import presets
-from jumping_ant.experiment.models import Params
-from jumping_ant.params import article
+from jumping_ant.params import article, presets
 from jumping_ant.params.blocks import EnvParams
+from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv, article_world
 from jumping_ant.sim.vector import RobotVectorEnv

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from jumping_ant.actions import ActionSet
-from jumping_ant.experiment import presets
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import presets
 from jumping_ant.params.blocks import PerturbationParams
+from jumping_ant.params.model import Params
 from jumping_ant.policies.blind import OpenLoopPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy

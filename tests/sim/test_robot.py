@@ -9,10 +9,9 @@ import pytest
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
-from jumping_ant.experiment import presets
-from jumping_ant.experiment.models import Params
-from jumping_ant.params import article
+from jumping_ant.params import article, presets
 from jumping_ant.params.blocks import RobotParams
+from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.world import World

@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.sim.world import World
 
 

@@ -22,7 +22,7 @@ from tracked_project import (
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, digest, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file
+from jumping_ant.params import params_file
 from jumping_ant.tracking import connection, models, pages, reading, records
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import small_agents
 
 from jumping_ant.agents.catalogue import row
-from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import params_file
+from jumping_ant.params.model import Params
 
 AGENTS = {name: row(agent) for name, agent in small_agents.PARAMS.agents.items()}
 TRAINED = sorted(

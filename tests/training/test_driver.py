@@ -26,8 +26,8 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
 from jumping_ant.experiment import curves, validation
-from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import ComputeParams
+from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World

@@ -26,9 +26,9 @@ from jumping_ant.agents.job import Job
 from jumping_ant.base.archive import pack_state
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import params_file
 from jumping_ant.params.blocks import ComputeParams
+from jumping_ant.params.model import Params
 from jumping_ant.sim.world import World
 from jumping_ant.training import driver, seed_run
 from jumping_ant.training.checkpoint_key import checkpoint_key

@@ -8,7 +8,7 @@ import pytest
 import small_agents
 
 from jumping_ant.base.files import write_text
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.training import scaling
 
 NET: dict[str, Any] = {"net_arch": [16], "batch_size": 8, "num_envs": 2, "gradient_steps": 64}

@@ -14,8 +14,8 @@ from sqlalchemy.engine import Engine
 
 from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT, write_text
-from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import params_file
+from jumping_ant.params.model import Params
 from jumping_ant.tuning import search, space, tune
 from jumping_ant.tuning.task import SearchSettings
 

@@ -16,7 +16,7 @@ from small_study import RANGES, project, small_params, small_settings
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import params_file, presets
+from jumping_ant.params import params_file, presets
 from jumping_ant.tuning import search, space, tune
 from jumping_ant.tuning.task import Task
 from scripts import tune as command

@@ -5,7 +5,7 @@ import pytest
 
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.ranges import OneOf
-from jumping_ant.experiment import presets
+from jumping_ant.params import presets
 from jumping_ant.tuning import space
 from jumping_ant.tuning.space import RANGES, RefusedError, Space, space_of
 from jumping_ant.tuning.task import SearchSettings

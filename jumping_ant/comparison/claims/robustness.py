@@ -9,7 +9,7 @@ from jumping_ant.comparison.claims.evidence import Case, Compare
 from jumping_ant.comparison.claims.field import Field, pairs
 from jumping_ant.comparison.claims.findings import Finding, Sample
 from jumping_ant.comparison.claims.statements import Row, Table
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 from jumping_ant.sim.perturbations import NAMES, NONE, SENSING, Array, Condition
 
 Returns = Mapping[Condition, Array]

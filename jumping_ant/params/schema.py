@@ -1,6 +1,6 @@
 """The JSON Schema of `params.yaml`, with which editors complete, explain and check it.
 
-Usage: python -m jumping_ant.experiment.schema (`make generate`)
+Usage: python -m jumping_ant.params.schema (`make generate`)
 Writes: params.schema.json, which the first line of `params.yaml` points editors to, and in dvc.yaml
     the outputs of `digest`, one for each algorithm.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 from jumping_ant.agents.catalogue import ALGORITHMS, demonstrated
 from jumping_ant.base.files import PROJECT_ROOT, write_text
-from jumping_ant.experiment.models import Params
+from jumping_ant.params.model import Params
 
 PATH = PROJECT_ROOT / "params.schema.json"
 PIPELINE = PROJECT_ROOT / "dvc.yaml"

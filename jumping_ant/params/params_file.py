@@ -19,8 +19,8 @@ from ruamel.yaml.error import YAMLError
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import CODE_ROOT, PROJECT_ROOT
-from jumping_ant.experiment.models import Params
 from jumping_ant.params.blocks import Block
+from jumping_ant.params.model import Params
 
 # The default parameters: those of the checkout, or those included in the wheel.
 DEFAULTS = CODE_ROOT / "params.yaml"

@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.experiment import params_file
-from jumping_ant.experiment.models import Params
+from jumping_ant.params import params_file
+from jumping_ant.params.model import Params
 
 
 def load(name: str, root: Path = PROJECT_ROOT) -> Params:
