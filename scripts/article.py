@@ -48,7 +48,10 @@ def main() -> None:
     options = parser.parse_args()
     if options.tests < 1:
         parser.error(f"--tests: given {options.tests}, allowed: 1 or more")
-    agents, params = chosen(options.agents), with_seeds(presets.load("article"), options.seeds)
+    agents, params = (
+        chosen(options.agents),
+        with_seeds(presets.load("article"), options.seeds),
+    )
     is_part = bool(options.agents or options.seeds)
     if not options.measure:
         preset.run(options.folder, params, [f"train@{name}" for name in agents] if is_part else ())

@@ -15,7 +15,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from jumping_ant.base import telemetry
+from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.params.model import Params
@@ -70,7 +70,7 @@ class Checkout:
 def with_tools() -> dict[str, str]:
     """Return this process's environment variables, with this Python's tools first in the path."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    return os.environ | telemetry.SWITCHES | {"PATH": path}
+    return os.environ | command_line.TELEMETRY | {"PATH": path}
 
 
 @contextmanager

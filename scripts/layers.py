@@ -40,16 +40,8 @@ NUMBERS = 5000  # that functions are applied to
 SHAPES = ((256, 35, 256), (256, 256, 256), (256, 256, 8), (64, 27, 64), (16, 256, 256), (1, 27, 8))
 PHYSICS_STEPS, EPISODE_STEPS = 10_000, 100
 EPISODES = 16
-FILM = RecordParams(
-    width=160,
-    height=120,
-    fps=25,
-    seconds=0.4,
-    shadow_size=256,
-    camera_distance=4.0,
-    camera_azimuth=90.0,
-    camera_elevation=-15.0,
-)
+FILM = RecordParams(width=160, height=120, fps=25, seconds=0.4)
+VIEW = rendering.View(distance=4.0, azimuth=90.0, elevation=-15.0, shadow_size=256)
 
 
 def layers() -> Iterator[tuple[str, Callable[[], str]]]:
@@ -264,4 +256,4 @@ def renderer() -> str:
 
 def _film() -> str:
     trajectory = evaluation.replay(_world(), _episodes(1)[0], "random", 0, 0)
-    return _digest(rendering.frames(_world().xml, trajectory, FILM))
+    return _digest(rendering.frames(_world().xml, trajectory, FILM, view=VIEW))

@@ -90,10 +90,11 @@ def watch(root: Path, params: Params, agent: str, seeds: list[int]) -> None:
     envs = RobotVectorEnv(world, 1, autoreset_mode=AutoresetMode.DISABLED)
     model, data = copy(world.model), mujoco.MjData(world.model)  # the window's panels change these
     chosen, keys, key, due = cycle(seeds), Keys(), NEXT_SEED, 0.0
-    film = params.record  # whose camera the window has, until somebody turns it
     with _window(model, data, keys) as window:
-        window.cam.distance, window.cam.azimuth = film.camera_distance, film.camera_azimuth
-        window.cam.elevation = film.camera_elevation
+        # Until somebody turns it, the camera is that of films.
+        view = rendering.VIEW
+        window.cam.distance, window.cam.azimuth = view.distance, view.azimuth
+        window.cam.elevation = view.elevation
         while window.is_running():
             if key == NEXT_SEED:
                 seed = next(chosen)
@@ -107,7 +108,7 @@ def watch(root: Path, params: Params, agent: str, seeds: list[int]) -> None:
                 envs.batch.get_data(0, data)
                 mujoco.mj_forward(model, data)
                 torso = data.xpos[world.anatomy.torso]
-                window.cam.lookat[:] = rendering.camera_path(torso[None], film)[0]
+                window.cam.lookat[:] = rendering.camera_path(torso[None], params.record.fps)[0]
                 window.sync()
                 due = max(due + envs.dt, time.monotonic() + 0.001)  # lost time is not made up for
                 key = _wait(window, keys, due)

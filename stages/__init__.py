@@ -3,47 +3,39 @@
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType
+
+_BEGAN = time.monotonic()
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
     """End at once, in one line; imports, renderers and encoders would print tracebacks."""
     with suppress(OSError):
         os.write(2, b"stopped: nothing already computed is lost\n")
-    if _is_importing(frame):  # extension modules would raise an ImportError instead
-        os._exit(130)
-    raise SystemExit(130)
-
-
-def _is_importing(frame: FrameType | None) -> bool:
-    while frame is not None and frame.f_code.co_filename != "<frozen importlib._bootstrap>":
-        frame = frame.f_back
-    return frame is not None
+    os._exit(130)
 
 
 # While a stage trains, its driver handles Ctrl-C instead, with a last checkpoint.
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _stop)
 
-from jumping_ant.base import command_line, garbage, output, telemetry  # noqa: E402
+from jumping_ant.base import command_line, output  # noqa: E402
 from jumping_ant.base.errors import reported  # noqa: E402
+from jumping_ant.base.files import read_json, write_json  # noqa: E402
+from jumping_ant.base.paths import Paths  # noqa: E402
 from jumping_ant.params import params_file  # noqa: E402
 from jumping_ant.params.model import Params  # noqa: E402
 
-telemetry.switch_off()  # before a stage imports tools with telemetry
-garbage.collect_rarely()  # before it imports much
-
-
+command_line.switch_off_telemetry()  # before a stage imports tools that have it
+command_line.collect_garbage_rarely()  # before it imports much
 NO_THREAD = "can't start new thread"  # Python's words for a limit of the system
 
 
 def parse(docstring: str | None) -> Params:
-    """Return all parameters, for a stage that takes no argument.
-
-    Args:
-        docstring: What the stage does, for `--help`.
+    """Return all parameters, for a stage that takes no argument, from its docstring.
 
     Raises:
         InputError: `params.yaml` has a mistake.
@@ -54,9 +46,6 @@ def parse(docstring: str | None) -> Params:
 
 def parse_agent(docstring: str | None) -> tuple[str, Params]:
     """Return the agent that the stage is for, and all parameters.
-
-    Args:
-        docstring: What the stage does, for `--help`.
 
     Raises:
         InputError: There is no such agent, or `params.yaml` has a mistake.
@@ -79,9 +68,9 @@ def parse_key(docstring: str | None, kind: str) -> tuple[str, Params]:
     Raises:
         InputError: `params.yaml` has a mistake.
     """
-    _, at, told = os.environ.get("DVC_STAGE", "").rpartition("@")
+    _, at, name = os.environ.get("DVC_STAGE", "").rpartition("@")
     parser = command_line.parser(docstring)
-    parser.add_argument(kind, nargs="?" if at else None, default=told)
+    parser.add_argument(kind, nargs="?" if at else None, default=name)
     return getattr(parser.parse_args(), kind), params_file.load()
 
 
@@ -96,9 +85,19 @@ def run(main: Callable[[], None]) -> None:
     try:
         with reported():
             main()
+            _note_seconds()
     except (OSError, MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and str(error) != NO_THREAD:
             raise
         reason = str(error) or "out of memory"
         print(f"error: {reason}; nothing already computed is lost", file=sys.stderr)
         sys.exit(1)
+
+
+def _note_seconds() -> None:
+    """Note what a stage took that DVC runs, for the list of `make repro`."""
+    if stage := os.environ.get("DVC_STAGE", "").rpartition(":")[2]:
+        path = Paths().seconds
+        with suppress(OSError, ValueError):
+            noted = read_json(path, stage) if path.exists() else {}
+            write_json(path, noted | {stage: round(time.monotonic() - _BEGAN, 1)})

@@ -1,8 +1,7 @@
 """Edit the robot.
 
 Usage: python -m stages.build
-Reads: params `robot`, `env`, `record.fps`, `robustness`; the source, from the installed
-    Gymnasium or robots/.
+Reads: params `robot`, `env`, `record.fps`; the source, from the installed Gymnasium or robots/.
 Writes: assets/edited.xml, assets/unedited.xml, assets/robot.json (masses and torques before and
     after).
 """

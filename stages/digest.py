@@ -4,11 +4,12 @@ Usage: python -m stages.digest
 Reads: jumping_ant/, stages/, requirements.lock.
 Writes: .inputs/code/STAGE.json, for training .inputs/train/ALGORITHM/code.json: the SHA-256 of what
     every file does that the stage imports, directly or not (its text without comments, docstrings
-    and blank lines), of the pages beside them, and of the locked versions. An algorithm that needs
-    demonstrations gets its file from `demonstrate`, which finds it as
-    .inputs/code/train-ALGORITHM.json.
+    and blank lines), and of the pages beside them; the locked versions of the libraries that these
+    files import. An algorithm that needs demonstrations gets its file from `demonstrate`, which
+    reads it as .inputs/code/train-ALGORITHM.json.
 """
 
+import functools
 import hashlib
 from pathlib import Path
 
@@ -44,6 +45,22 @@ def _beside(files: set[Path]) -> set[Path]:
     return {path for path in listed if path.suffix in PAGES and not path.name.startswith(".")}
 
 
+@functools.cache  # many stages run the same files
+def _digest(file: Path) -> str:
+    return hashlib.sha256(effective_code.read(file).encode()).hexdigest()
+
+
+def key(name: str, files: set[Path], lock: Path = imports.LOCK) -> dict[str, str]:
+    """Return what a stage's code depends on: digests of files, and versions of libraries."""
+    row = ALGORITHMS.get(name.removeprefix(TRAIN))
+    learner = [row.learner.partition(":")[0]] if row else []
+    digests = {str(file.relative_to(PROJECT_ROOT)): _digest(file) for file in sorted(files)}
+    versions = imports.versions(files, *learner, lock=lock)
+    if row:
+        versions.pop("pandas", None)  # reads tables, which training only writes
+    return digests | versions
+
+
 def _place(name: str) -> Path:
     """Return the file of digests of a stage's code."""
     algorithm = name.removeprefix(TRAIN)
@@ -55,19 +72,7 @@ def _place(name: str) -> Path:
 def main() -> None:
     """Run the stage."""
     command_line.parser(__doc__).parse_args()
-    found = {name: {*files, PROJECT_ROOT / "requirements.lock"} for name, files in code().items()}
-    digests = {
-        file: hashlib.sha256(effective_code.read(file).encode()).hexdigest()
-        for file in set.union(*found.values())
-    }
-    write_all(
-        {
-            _place(name): to_json(
-                {str(file.relative_to(PROJECT_ROOT)): digests[file] for file in sorted(files)}
-            )
-            for name, files in found.items()
-        }
-    )
+    write_all({_place(name): to_json(key(name, files)) for name, files in code().items()})
 
 
 if __name__ == "__main__":

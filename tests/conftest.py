@@ -46,9 +46,7 @@ ROBOT = RobotParams(
     torso_radius=0.25,
     leg_length=1.0,
     damping=1.0,
-    friction=1.0,
-    torsional_friction=0.5,
-    rolling_friction=0.5,
+    friction=[1.0, 0.5, 0.5],
     contact_margin=0.01,
     edits={},
 )
@@ -63,7 +61,7 @@ ENV = EnvParams(
     commands=article.ENV.commands,
     reward=article.ENV.reward,
 )
-EVALUATE = EvaluateParams(episodes=10, baseline_episodes=10, seed=1000000, min_airborne_seconds=0.1)
+EVALUATE = EvaluateParams(episodes=10, baseline_episodes=10, seed=1000000)
 
 
 # What `make test-all` runs alone, `-m "not long"` being the default: modules that start servers,

@@ -17,7 +17,7 @@ from jumping_ant.params.model import Params
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1, 7, 5]
-FILM = {"width": 64, "height": 64, "fps": 10, "seconds": 1.0, "shadow_size": 0}
+FILM = {"width": 64, "height": 64, "fps": 10, "seconds": 1.0}
 
 
 def charts(html: str) -> dict:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 import small_agents
 
 from jumping_ant.agents.algorithm import AgentBlock
@@ -17,23 +18,18 @@ from jumping_ant.params import article, params_file
 from jumping_ant.params.blocks import CompareParams, EvaluateParams, MarginParams
 from jumping_ant.params.model import Params
 from jumping_ant.robustness import table as robustness_table
+from jumping_ant.sim import levels
 from jumping_ant.sim.perturbations import Condition
 from jumping_ant.sim.trajectory import Trajectory
 
 COMPARE = CompareParams(
-    confidence=0.95,
-    levels=[0.05],
-    look_seeds=8,
     bootstrap_samples=500,
-    seed=0,
     margins=MarginParams(returns=10, fluidity=0.01, relative_spread=0.01, seconds=1.25),
 )
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
 BUDGETS = {"random": 0, "open_loop": 400, "dqn": 1000, "sac": 200, "pgpe": 8000}
 EPISODES = 3
-EVALUATE = EvaluateParams(
-    episodes=EPISODES, baseline_episodes=EPISODES, seed=1000000, min_airborne_seconds=0.1
-)
+EVALUATE = EvaluateParams(episodes=EPISODES, baseline_episodes=EPISODES, seed=1000000)
 MACHINE = {"cpu": "a", "system": "b", "versions": {"torch": "1"}}  # that all trained on
 
 
@@ -80,6 +76,12 @@ def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -
         write_csv(Paths(root).agent(name).timing, timing)
         write_json(Paths(root).agent(name).machines, {str(seed): MACHINE for seed in seeds})
     write_variants(root, agents, seeds)
+
+
+def play_only(monkeypatch: pytest.MonkeyPatch, **values: Sequence[float]) -> None:
+    """Leave of all perturbations these levels."""
+    for name, row in levels.LEVELS.items():
+        monkeypatch.setitem(levels.LEVELS, name, row._replace(values=tuple(values.get(name, ()))))
 
 
 def write_perturbed(

@@ -1,5 +1,6 @@
 """`dvc.yaml` against the code, and presets against `params.yaml`."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -87,11 +88,10 @@ def test_a_stage_is_for_the_agent_that_it_is_told(
     assert stages.parse_agent("Train.")[0] == agent
 
 
-@pytest.mark.parametrize("told", ["", "build"])
-def test_a_stage_that_is_told_no_agent_says_so(
-    told: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_a_stage_for_no_agent_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("DVC_STAGE", told)
+    monkeypatch.setenv("DVC_STAGE", "build")
     monkeypatch.setattr(sys, "argv", ["train"])
     with pytest.raises(SystemExit, match="2"):
         stages.parse_agent("Train.")
@@ -113,6 +113,31 @@ def test_digests_are_of_what_imports_lead_to() -> None:
     others = {"build": "comparison", "evaluate": "recording", "train-random": "tracking"}
     for stage, other in others.items():
         assert not any(name.startswith(f"jumping_ant/{other}/") for name in names(stage))
+
+
+TRAINING = {name for name in CODE if name.startswith("train-")}
+
+
+@pytest.mark.parametrize(
+    ("library", "stages"),
+    [
+        ("plotly", {"report"}),
+        ("torch", {"timing", *TRAINING}),
+        ("pandas", set(CODE) - TRAINING - {"check", "build"}),
+        ("evotorch", {name for name in TRAINING if ALGORITHMS[name[6:]].package == "evolution"}),
+        ("sb3-contrib", {"train-qrdqn", "train-tqc", "train-crossq"}),
+    ],
+)
+def test_a_librarys_version_reruns_what_imports_it(
+    tmp_path: Path, library: str, stages: set[str]
+) -> None:
+    lock = tmp_path / "requirements.lock"
+    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    lock.write_text(re.sub(rf"^{library}==\S+", f"{library}==99", text, flags=re.M), "utf-8")
+    keys = {
+        name: (digest.key(name, own), digest.key(name, own, lock)) for name, own in CODE.items()
+    }
+    assert {name for name, (before, after) in keys.items() if before != after} == stages
 
 
 def test_every_file_that_the_package_ships_is_code_or_a_page() -> None:
@@ -158,11 +183,9 @@ def test_presets_change_params_yaml(preset: str) -> None:
     assert params_file.load() != presets.load(preset)
 
 
-def test_a_replication_has_other_seeds_than_the_default_and_its_later_looks() -> None:
+def test_a_replication_has_other_seeds_than_the_default() -> None:
     default, again = params_file.load(), presets.load("replicate")
-    num_looks = len(default.compare.levels) - 1
-    last = max(default.seeds) + num_looks * default.compare.look_seeds
-    assert min(again.seeds) > last and len(again.seeds) == len(default.seeds)
+    assert not set(again.seeds) & set(default.seeds) and len(again.seeds) == len(default.seeds)
     assert again.model_copy(update={"seeds": default.seeds}) == default
 
 

@@ -141,18 +141,6 @@ def digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def folder_digest(folder: Path) -> str:
-    """Return the SHA-256 of a folder's names and contents, without hidden files and caches."""
-    names = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    own = [name for name in names if not any(map(_is_no_content, name.parts))]
-    listed = {str(name): digest(folder / name) for name in own}
-    return hashlib.sha256(json.dumps(listed).encode()).hexdigest()
-
-
-def _is_no_content(name: str) -> bool:
-    return name == "__pycache__" or name.startswith(".")
-
-
 def read_bytes(path: Path, stage: str) -> bytes:
     """Read a file that a stage has written; an InputError says what to run if that fails."""
     try:

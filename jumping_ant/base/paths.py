@@ -77,6 +77,7 @@ class Paths:
         self.params = root / "params.yaml"
         self.lock = root / "dvc.lock"  # DVC's record of what the stages read and wrote
         self.inputs = root / ".inputs"  # what stages read besides parameters and stages' results
+        self.seconds = root / ".dvc" / "tmp" / "seconds.json"  # of each stage's last run
         self.checked = self.inputs / "checked"  # of `check`; stages that read parameters need it
         self.assets = root / "assets"  # the folder of the robots
         self.physique = self.assets / "robot.json"  # masses and torques, before and after the edits

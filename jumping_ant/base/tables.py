@@ -7,7 +7,6 @@ describe its columns, and say which rows it has.
 import csv
 import io
 import math
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -15,15 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import read_bytes
 
 LARGEST = 1e30  # of what is compared: statistics of such numbers are finite
-DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?(e[+-][0-9]{2,3})?")  # as Python writes floats
-LONGEST = 40  # characters of a cell that a message quotes
+LONGEST = 40  # characters of what a message quotes
 
 Table = dict[str, NDArray[Any]]
 """A table by column, each of shape (num_rows,): numbers, NaN for empty cells, or words."""
@@ -47,31 +44,11 @@ class Column:
     can_be_empty: bool = False
     words: tuple[str, ...] = ()
 
-    def parse(self, cell: str) -> float | str:
-        """Return a cell's number, NaN if it is empty, or its word.
-
-        Raises:
-            ValueError: The cell holds something else; the message says what, and what is allowed.
-        """
-        if cell in self.words:
-            return cell
-        if not cell and self.can_be_empty:
-            return math.nan
-        if not self.words and DECIMAL.fullmatch(cell):
-            number = float(cell)
-            is_in_range = math.isfinite(number) and self.low <= number <= self.high
-            if is_in_range and (number.is_integer() or not self.is_whole):
-                return number
-        raise ValueError(f"given {cell[:LONGEST]!r}, allowed: {self._allowed}")
-
-    @property
-    def _allowed(self) -> str:
+    def __str__(self) -> str:
         if self.words:
             return ", ".join(self.words)
-        kind = "whole number" if self.is_whole else "finite decimal number"
-        ends = [f"from {self.low:g}" * (self.low > -math.inf)]
-        ends += [f"to {self.high:g}" * (self.high < math.inf)]
-        return " ".join([f"a {kind}", *filter(None, ends)]) + ", or none" * self.can_be_empty
+        kind = "whole number" if self.is_whole else "number"
+        return f"a {kind} from {self.low:g} to {self.high:g}" + ", or none" * self.can_be_empty
 
 
 ANY = Column(low=-math.inf, high=math.inf, can_be_empty=True)  # what no statistic is made of
@@ -88,32 +65,28 @@ def read(
     others: Column | None = None,
     has_rows: bool = True,
 ) -> Table:
-    """Read a CSV file, and check all that can be said of each row by itself.
+    """Return the columns of a CSV file after those of its owner, each cell of which is checked.
 
     Args:
         path: The file.
         stage: The stage that writes it, for the messages.
-        owner: Whose table it is: its first columns, with the text that every row has in them.
+        owner: The first columns, with the text that every row has in them.
         columns: The columns that follow, in order.
         others: What further columns hold; by default there are none.
         has_rows: Whether it has any rows.
 
-    Returns:
-        The columns, without those of the owner.
-
     Raises:
-        InputError: The file is missing or is not such a table; the message says what was given,
-            what is allowed and what to run.
+        InputError: The file is missing or is not such a table.
     """
     content = read_bytes(path, stage)
     with blamed(path, stage):
         if content and not content.endswith(b"\n"):
             raise ValueError("its last line is cut off")
-        table = _parse(content.decode(), owner, columns, others)
-        num_rows = len(next(iter(table.values())))
-        if has_rows != (num_rows > 0):
-            allowed = "1 or more" if has_rows else "none"
-            raise ValueError(f"given {num_rows or 'no'} rows in it, allowed: {allowed}")
+        table = _parse(content, owner, columns, others)
+        if has_rows != bool(num_rows := len(next(iter(table.values())))):
+            raise ValueError(
+                f"given {num_rows} rows, allowed: {'1 or more' if has_rows else 'none'}"
+            )
     return table
 
 
@@ -130,7 +103,7 @@ def read_growing(
         return {}
     lines = content[: content.rfind(b"\n") + 1]
     with blamed(path, stage):
-        return _parse(lines.decode(), owner, columns, ANY) if lines else {}
+        return _parse(lines, owner, columns, ANY) if lines else {}
 
 
 def to_csv(rows: Sequence[Mapping[str, Any]], columns: Iterable[str] = ()) -> str:
@@ -151,10 +124,8 @@ def exactly(table: Table, asked: Sequence[Sequence[float | str]], *keys: str) ->
     wanted, counts = dict.fromkeys(map(tuple, asked)), Counter(given)
     for row in (*wanted, *given):
         if counts[row] != (row in wanted):
-            named = ", ".join(
-                f"{key} {cell if isinstance(cell, str) else f'{cell:.0f}'}"
-                for key, cell in zip(keys, row, strict=True)
-            )
+            cells = (str(cell).removesuffix(".0") for cell in row)
+            named = ", ".join(map(" ".join, zip(keys, cells, strict=True)))
             raise ValueError(f"given {counts[row]} rows of {named}, allowed: {int(row in wanted)}")
     places = {row: place for place, row in enumerate(given)}
     order = [places[row] for row in wanted]
@@ -167,77 +138,49 @@ def blamed(path: Path, stage: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        raise InputError(f"{path}: {error}; run `dvc repro --force {stage}`") from error
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path}: {reason}; run `dvc repro --force {stage}`") from error
 
 
 def _parse(
-    text: str,
+    content: bytes,
     owner: Mapping[str, str | int],
     columns: Mapping[str, Column],
     others: Column | None,
 ) -> Table:
-    """Return the table that a CSV file's text holds, or raise a ValueError."""
-    header, rows = _split(text)
-    _check_header(header, [*owner, *columns], others is not None)
-    _check_owner(rows, owner)
+    """Return the table that a CSV file holds, or raise a ValueError."""
+    import pandas as pd  # takes half a second, and training only writes
+
+    whose = {name: Column(words=(str(value),)) for name, value in owner.items()}
+    kinds = {**whose, **columns}
+    words = {name: str for name, kind in kinds.items() if kind.words}
+    frame = pd.read_csv(
+        io.BytesIO(content),
+        dtype=words,
+        na_values=[""],
+        keep_default_na=False,
+        low_memory=False,
+    )
+    names = list(frame)
+    if names[: len(kinds)] != list(kinds) or (len(names) > len(kinds) and others is None):
+        given = ", ".join(names)[:LONGEST]
+        raise ValueError(f"given the columns {given}, allowed: the columns {', '.join(kinds)}")
+    if not isinstance(frame.index, pd.RangeIndex):
+        raise ValueError("given more cells than columns, allowed: one for each column")
+    for name in names if len(frame) else ():
+        kind, cells = kinds.get(name, others or ANY), frame[name]
+        if kind.words:
+            fit = cells.isin(kind.words)
+        else:
+            numbers = pd.to_numeric(cells, errors="coerce")
+            fit = numbers.between(kind.low, kind.high) & ((numbers % 1 == 0) | (not kind.is_whole))
+            fit |= cells.isna() & kind.can_be_empty
+        if not fit.all():
+            row = int(fit.argmin())
+            cell = str(cells[row])[:LONGEST]
+            raise ValueError(f"row {row + 1}, column {name}: given {cell!r}, allowed: {kind}")
     return {
-        name: np.array(_parsed(name, columns.get(name, others or ANY), rows, place))
-        for place, name in enumerate(header)
+        name: frame[name].to_numpy(str if name in words else float)
+        for name in names
         if name not in owner
     }
-
-
-def _split(text: str) -> tuple[list[str], list[list[str]]]:
-    """Return the header of a CSV file's text, and its rows."""
-    try:
-        header, *rows = [row for row in csv.reader(text.splitlines()) if row] or [[]]
-    except csv.Error as error:
-        raise ValueError(str(error)) from error
-    for number, row in enumerate(rows, start=1):
-        if len(row) != len(header):
-            raise ValueError(f"row {number}: given {len(row)} cells, allowed: {len(header)}")
-    return header, rows
-
-
-def _check_header(header: Sequence[str], columns: Sequence[str], has_others: bool) -> None:
-    """Raise a ValueError unless the columns come first, in order, each name once."""
-    twice = [name for name, count in Counter(header).items() if count > 1]
-    lacking = [name for name in columns if name not in header]
-    more = [name for name in header if name not in columns]
-    fault = (
-        f"column {twice[0]!r} twice" if twice else
-        f"no column {lacking[0]!r}" if lacking else
-        f"a column {more[0]!r}" if more and not has_others else
-        "another order" if list(header[: len(columns)]) != list(columns) else
-        ""
-    )  # fmt: skip
-    if fault:
-        raise ValueError(f"given {fault[:LONGEST]}, allowed: the columns {', '.join(columns)}")
-
-
-def _check_owner(rows: Sequence[Sequence[str]], owner: Mapping[str, str | int]) -> None:
-    """Raise a ValueError unless all rows begin with the owner's text."""
-    allowed = [str(value) for value in owner.values()]
-    for number, row in enumerate(rows, start=1):
-        if row[: len(owner)] != allowed:
-            given = _named(dict(zip(owner, row, strict=False)))
-            raise ValueError(
-                f"row {number}: given one of {given}, allowed: rows of {_named(owner)}"
-            )
-
-
-def _named(owner: Mapping[str, str | int]) -> str:
-    return ", ".join(f"{key} {str(value)[:LONGEST]}" for key, value in owner.items())
-
-
-def _parsed(
-    name: str, kind: Column, rows: Sequence[Sequence[str]], place: int
-) -> list[float | str]:
-    """Return the values of one column."""
-    values = []
-    for number, row in enumerate(rows, start=1):
-        try:
-            values.append(kind.parse(row[place]))
-        except ValueError as error:
-            raise ValueError(f"row {number}, column {name}: {error}") from error
-    return values

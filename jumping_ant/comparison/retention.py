@@ -25,6 +25,7 @@ from jumping_ant.comparison.estimates import estimate_iqm
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.params.model import Params
 from jumping_ant.robustness import table
+from jumping_ant.sim.levels import LEVELS
 
 HALF = 0.5
 
@@ -47,10 +48,9 @@ def summarize(root: Path, params: Params, results: Mapping[str, AgentResults]) -
             metronome = None if agent.is_baseline else field.metronome(agent)
             beside = played[metronome.name] if metronome else None
             agents[name] = withstood(played[name], beside, margin, confidence)
-    levels = params.robustness.perturbations.model_dump()
     family = robustness.table(params, played)
     return {
-        "perturbations": [name for name in levels if levels[name]],
+        "perturbations": [name for name, row in LEVELS.items() if row.values],
         "agents": agents,
         "claims": verdicts.check(results, params.compare, episodes, family),
     }

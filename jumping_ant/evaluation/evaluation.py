@@ -11,7 +11,7 @@ the same for every agent. These quantities are measured per episode:
 | peak_height | highest torso height | m |
 | apex | highest torso height in a jump, mean over jumps; without a jump, peak_height | m |
 | mean_height | mean torso height | m |
-| jumps | airborne phases of at least `min_airborne_seconds` | |
+| jumps | airborne phases of at least `MIN_AIRBORNE_SECONDS` | |
 | airborne_seconds | time without any contact | s |
 | flight | share of control steps that end without any contact, in [0, 1] | |
 | torque_change | torque change: mean squared change of torque over peak torque, step to step | |
@@ -40,13 +40,17 @@ from jumping_ant.experiment import variant_names
 from jumping_ant.experiment.episodes import EPISODE_KEYS
 from jumping_ant.experiment.variant_names import PUBLISHED
 from jumping_ant.looks.measures import TERM
-from jumping_ant.params.blocks import EvaluateParams
 from jumping_ant.params.model import Params
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Episode, Play
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
+
+MIN_AIRBORNE_SECONDS = 0.1  # [s] off the ground that count as a jump
+
+Row = dict[str, Any]
+"""An episode: whose it is, of which version of the policy, and what is measured of it."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ def evaluate(
                     {"seed": seed, "variant": version, "episode": number, "episode_seed": start}
                 )
                 plays[seed].append(Play(policy, start))
-    of_episode, workers = partial(measure, world, params.evaluate), params.compute.workers
+    of_episode, workers = partial(measure, world), params.compute.workers
     measured = playing.play(world, agent, "held-out", plays, of_episode, workers)
     table = pd.DataFrame(key | values for key, values in zip(keys, measured, strict=True))
     is_published = table["variant"] == PUBLISHED
@@ -122,7 +126,7 @@ def summarize(table: pd.DataFrame) -> dict[str, float]:
     return {str(name): float(mean) for name, mean in means.items()}
 
 
-def measure(world: World, settings: EvaluateParams, episode: Episode) -> dict[str, float]:
+def measure(world: World, episode: Episode) -> dict[str, float]:
     """Return the quantities of one episode (see the module's docstring)."""
     dt = world.dt
     finite = np.isfinite(episode.qpos).all(axis=1) & np.isfinite(episode.qvel).all(axis=1)
@@ -131,7 +135,7 @@ def measure(world: World, settings: EvaluateParams, episode: Episode) -> dict[st
     heights = places[:, 2]
     # Contacts are not recorded at the start, which counts as on the ground.
     airborne = np.concatenate([[False], episode.airborne[finite]])
-    jumps = motion.phases(airborne, settings.min_airborne_seconds / dt)
+    jumps = motion.phases(airborne, MIN_AIRBORNE_SECONDS / dt)
     change = np.diff(episode.torques, axis=0)
     return {
         "length": len(episode.rewards),

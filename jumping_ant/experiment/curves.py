@@ -101,16 +101,13 @@ def _is_evaluation(table: Table) -> NDArray[np.bool_]:
 
 def _check_steps(table: Table) -> None:
     """Raise a ValueError unless training and evaluations proceed from row to row."""
-    columns = (table["env_steps"], np.nan_to_num(table["updates"]), _is_evaluation(table))
-    last, reached = 0.0, dict.fromkeys((True, False), (-1.0, 0.0))  # by kind of row
-    for number, (steps, updates, kind) in enumerate(zip(*columns, strict=True), start=1):
-        if steps < last or (steps, updates) <= reached[bool(kind)]:
-            raise ValueError(
-                f"row {number}: given {steps:.0f} control steps, allowed: more than in the rows "
-                "before it"
-            )
-        last = steps
-        reached[bool(kind)] = steps, updates
+    steps, updates = table["env_steps"], np.nan_to_num(table["updates"])
+    proceeds = bool((np.diff(steps) >= 0).all())
+    for rows in (_is_evaluation(table), ~_is_evaluation(table)):
+        more, trained = np.diff(steps[rows]), np.diff(updates[rows])
+        proceeds &= bool(((more > 0) | (trained > 0)).all())
+    if not proceeds:
+        raise ValueError("given rows without progress, allowed: more control steps in each")
 
 
 def _check_end(table: Table, agent: AgentBlock) -> None:

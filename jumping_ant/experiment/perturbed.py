@@ -4,9 +4,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from jumping_ant.agents.catalogue import row
-from jumping_ant.params.blocks import RobustnessParams
 from jumping_ant.params.model import Params
+from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.perturbations import NONE, Condition
+
+EPISODES = 1  # of each seed at each level: the first of its held-out episodes
 
 
 class Case(NamedTuple):
@@ -17,10 +19,10 @@ class Case(NamedTuple):
     start: int  # seed of the start state
 
 
-def conditions(settings: RobustnessParams) -> list[Condition]:
+def conditions() -> list[Condition]:
     """Return no perturbation, and every level of each."""
-    levels = settings.perturbations.model_dump()
-    return [NONE, *(Condition(name, float(level)) for name in levels for level in levels[name])]
+    levels = ((name, level) for name, row in LEVELS.items() for level in row.values)
+    return [NONE, *(Condition(name, float(level)) for name, level in levels)]
 
 
 def cases(params: Params, agent: str) -> Iterator[Case]:
@@ -31,7 +33,7 @@ def cases(params: Params, agent: str) -> Iterator[Case]:
     """
     if not row(params.agent(agent)).is_perturbed:
         return
-    for condition in conditions(params.robustness):
+    for condition in conditions():
         count = num_episodes(params, condition)
         for seed in params.seeds:
             for start in params.evaluate.block(seed)[:count]:
@@ -40,5 +42,4 @@ def cases(params: Params, agent: str) -> Iterator[Case]:
 
 def num_episodes(params: Params, condition: Condition) -> int:
     """Return how many episodes of each seed are played under a condition."""
-    levels, usual = params.robustness.episodes, params.evaluate.baseline_episodes
-    return max(levels, usual) if condition == NONE else levels
+    return params.evaluate.baseline_episodes if condition == NONE else EPISODES

@@ -24,5 +24,4 @@ def deciding_p(claim: Mapping[str, Any]) -> float:
     """Return the adjusted p value by which a claim is decided, or is not."""
     if claim["verdict"] == "equivalent":
         return float(claim["p_equivalence_adjusted"])
-    # Results from before there were margins were corrected by Holm's method.
-    return float(claim["p_adjusted"] if "p_adjusted" in claim else claim["p_holm"])
+    return float(claim["p_adjusted"])

@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import imageio.v2 as imageio
 import imageio_ffmpeg  # type: ignore[import-untyped]
@@ -21,7 +21,20 @@ from jumping_ant.sim import mjcf
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory, frame_stride
 
-CAMERA_SMOOTHING = 0.25  # [s] over which the torso's path is smoothed, for the camera
+
+class View(NamedTuple):
+    """From where films show a robot."""
+
+    distance: float = 6.0  # [m] from the torso; for robots of the Ant's size
+    azimuth: float = 135.0  # [degrees]
+    elevation: float = -12.0  # [degrees] negative looks down
+    shadow_size: int = 512  # [pixels] side of the shadow map; 0 draws none
+
+
+VIEW = View()
+
+# The camera follows the torso's path, smoothed over this long [s].
+CAMERA_SMOOTHING = 0.25
 # As fractions of the camera's distance: the height it looks at, and how far above that the torso
 # rises before the camera rises too. Below, ground and horizon stay still, so jumps are visible.
 CAMERA_HEIGHT = 0.22
@@ -50,36 +63,36 @@ def film(xml: str, trajectory: Trajectory, params: RecordParams, processes: int 
 
 
 def frames(
-    xml: str, trajectory: Trajectory, params: RecordParams, processes: int = 0
-) -> Iterator[Picture]:
+    xml: str, trajectory: Trajectory, params: RecordParams, processes: int = 0, view: View = VIEW
+) -> Iterator[NDArray[np.uint8]]:
     """Draw an episode's first seconds on demand, as pictures of shape (height, width, 3)."""
     rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
-    model = scene(xml, params.shadow_size)
+    model = scene(xml, view.shadow_size)
     trajectory.check(model)
     shots = Shots(
         model=model,
         qpos=trajectory.qpos[rows],
-        lookat=camera_path(Anatomy.of(model).places(trajectory.qpos[rows]), params),
+        lookat=camera_path(Anatomy.of(model).places(trajectory.qpos[rows]), params.fps, view),
         width=params.width,
         height=params.height,
-        distance=params.camera_distance,
-        azimuth=params.camera_azimuth,
-        elevation=params.camera_elevation,
+        distance=view.distance,
+        azimuth=view.azimuth,
+        elevation=view.elevation,
     )
     return drawing.draw(shots, processes)
 
 
-def camera_path(torso: NDArray[np.float64], params: RecordParams) -> NDArray[np.float64]:
+def camera_path(torso: NDArray[np.float64], fps: int, view: View = VIEW) -> NDArray[np.float64]:
     """Return the points that the camera looks at [m], (num_frames, 3): the torso's path, smoothed.
 
     Their height is constant until the torso would leave the picture.
     """
-    height = CAMERA_HEIGHT * params.camera_distance
-    slack = CAMERA_SLACK * params.camera_distance
+    height, slack = CAMERA_HEIGHT * view.distance, CAMERA_SLACK * view.distance
     points = torso.copy()
     points[:, 2] = np.maximum(height, torso[:, 2] - slack)
-    smoothing = CAMERA_SMOOTHING * params.fps
-    return np.asarray(gaussian_filter1d(points, smoothing, axis=0, mode="nearest"))
+    smoothing = CAMERA_SMOOTHING * fps
+    smooth: NDArray[np.float64] = gaussian_filter1d(points, smoothing, axis=0, mode="nearest")
+    return smooth
 
 
 def scene(xml: str, shadow_size: int) -> mujoco.MjModel:

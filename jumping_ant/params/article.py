@@ -20,9 +20,7 @@ ROBOT = RobotParams(
     torso_radius=0.25,
     leg_length=1.0,
     damping=0.5,
-    friction=0.6,
-    torsional_friction=0.3,
-    rolling_friction=0.3,
+    friction=[0.6, 0.3, 0.3],
     # Its file says 0.01, of which MuJoCo 2.3.6 took the larger of two, where today's adds them up.
     contact_margin=0.005,
     edits={},

@@ -3,11 +3,11 @@
 Every number of the pipeline is in that file. Models reject unknown keys, check types strictly, and
 state the range of each number. The settings of an agent are defined next to its algorithm (see
 `jumping_ant.agents.catalogue`), those of learners with their library's defaults; a block of
-`params.yaml` may leave these out. `jumping_ant.experiment` combines all of them.
+`params.yaml` may leave these out. `jumping_ant.params.model` combines all of them.
 """
 
+import difflib
 import re
-from itertools import pairwise
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -24,13 +24,17 @@ Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Field(gt=0, le=1e6)]
 NonNegative = Annotated[float, Field(ge=0, le=1e6)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
-Level = Annotated[float, Field(gt=0, lt=1)]
 Count = Annotated[int, Field(ge=1, le=10**6)]
 Steps = Annotated[int, Field(ge=1, le=10**10)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
 
 
 GYMNASIUM_ROBOTS = ("ant", "hopper", "walker2d", "half_cheetah", "humanoid")
+
+
+def refusal(key: str, given: Any, allowed: Any) -> ValueError:
+    """Return the error that refuses a value."""
+    return ValueError(f"{key}: given {given}, allowed: {allowed}")
 
 
 class Block(BaseModel):
@@ -44,14 +48,26 @@ class Block(BaseModel):
         use_attribute_docstrings=True,
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_are_known(cls, content: Any) -> Any:
+        """Name the key that was meant, which pydantic does not."""
+        for key in content if isinstance(content, dict) else ():
+            if key not in cls.model_fields:
+                close = difflib.get_close_matches(str(key), cls.model_fields, n=1)
+                hint = f" (did you mean {close[0]!r}?)" if close else ""
+                raise ValueError(
+                    f"unknown key {str(key)[:60]!r}{hint}, allowed: {', '.join(cls.model_fields)}"
+                )
+        return content
+
 
 def _is_a_source(source: str) -> str:
     """Reject a source that is neither a robot of Gymnasium nor a file in `robots/`."""
+    allowed = f"{', '.join(GYMNASIUM_ROBOTS)}, or a file robots/NAME.xml"
     is_file = re.fullmatch(r"robots/[A-Za-z0-9_-]+\.xml", source)
     if source not in GYMNASIUM_ROBOTS and not is_file:
-        raise ValueError(
-            f"given {source!r}, allowed: {', '.join(GYMNASIUM_ROBOTS)}, or a file robots/NAME.xml"
-        )
+        raise ValueError(f"given {source!r}, allowed: {allowed}")
     return source
 
 
@@ -72,12 +88,9 @@ class RobotParams(Block):
     """[-] Factor on the length of every segment except the torso."""
     damping: NonNegative | None
     """[N m s/rad] Damping of every hinge except the torso's (Gymnasium's Ant: 1)."""
-    friction: Positive | None
-    """[-] Sliding friction of every part and the floor (Gymnasium's Ant: 1)."""
-    torsional_friction: Positive | None
-    """[m] Torsional friction of parts and floor (Gymnasium's Ant: 0.5); unused with condim 3."""
-    rolling_friction: Positive | None
-    """[m] Rolling friction of parts and floor (Gymnasium's Ant: 0.5); unused with condim 3."""
+    friction: Annotated[list[Positive], Field(min_length=3, max_length=3)] | None
+    """[-, m, m] Sliding, torsional and rolling friction of every part and the floor (Gymnasium's
+    Ant: 1, 0.5, 0.5); contacts of condim 3 only slide."""
     contact_margin: NonNegative | None
     """[m] Contact margin of parts and floor (Gymnasium's Ant: 0.01); two that meet add theirs."""
     edits: dict[str, dict[str, dict[str, bool | int | float | str | list[float]]]]
@@ -241,27 +254,6 @@ class ComputeParams(Block):
     """[s] Training time before MLflow shows curves live, which takes seconds to start."""
 
 
-class TuningParams(Block):
-    """The search for an agent's settings (see `jumping_ant.tuning`); no stage reads it."""
-
-    trials: Count
-    """[-] Settings that are tried; the first are the agent's own."""
-    seeds: Count
-    """[-] Trainings of a trial, each from a seed that no other training uses."""
-    share: Annotated[float, Field(gt=0, le=1)]
-    """[-] Share of the agent's budget of control steps that such a training gets."""
-    episodes: Annotated[int, Field(ge=1, le=1000)]
-    """[-] Episodes that each trained policy plays, from the same start states in all trials."""
-    target_return: Number | None
-    """[-] Trials compete for the seconds of training to this return; null: for the return."""
-    spread_penalty: NonNegative
-    """[-] Times the mean distance of seeds from their median, taken off a trial's value."""
-    prune_level: Annotated[float, Field(ge=0, lt=1)]
-    """[-] A trial ends early if its returns would be so unlikely were it as good as the best."""
-    fresh_seeds: Annotated[int, Field(ge=1, le=100)]
-    """[-] Trainings with the whole budget that judge the best settings, and as many their own."""
-
-
 class EvaluateParams(Block):
     """Held-out episodes (see `jumping_ant.evaluation.evaluation`)."""
 
@@ -271,16 +263,12 @@ class EvaluateParams(Block):
     """[-] For each seed, of baselines and of all other variants: the first of the seed's block."""
     seed: Seed
     """Start of the first block: that of training seed s begins at seed + episodes x s."""
-    min_airborne_seconds: NonNegative
-    """[s] Minimum time off the ground that counts as a jump."""
 
     @model_validator(mode="after")
     def _blocks_hold_all_episodes(self) -> Self:
         if self.baseline_episodes > self.episodes:
-            raise ValueError(
-                f"baseline_episodes: given {self.baseline_episodes}, allowed: at most episodes, "
-                f"{self.episodes}"
-            )
+            allowed = f"at most episodes, {self.episodes}"
+            raise refusal("baseline_episodes", self.baseline_episodes, allowed)
         return self
 
     def block(self, seed: int) -> range:
@@ -292,70 +280,11 @@ class EvaluateParams(Block):
         return range(first, first + self.episodes)
 
 
-def _go_one_way(levels: list[Any]) -> list[Any]:
-    rises = {after > before for before, after in pairwise(levels)}
-    if len(set(levels)) < len(levels) or len(rises) > 1:
-        raise ValueError(f"given {levels}, allowed: from mild to severe, each once")
-    return levels
-
-
-_SEVERER = AfterValidator(_go_one_way)
-Levels = Annotated[list[NonNegative], Field(max_length=20), _SEVERER]
-Masses = Annotated[list[Positive], Field(max_length=20), _SEVERER]
-Shares = Annotated[list[Fraction], Field(max_length=20), _SEVERER]
-Angles = Annotated[list[Annotated[float, Field(ge=0, le=180)]], Field(max_length=20), _SEVERER]
-Slopes = Annotated[list[Annotated[float, Field(ge=0, lt=90)]], Field(max_length=20), _SEVERER]
-Delays = Annotated[list[Annotated[int, Field(ge=0, le=1000)]], Field(max_length=20), _SEVERER]
-Substeps = Annotated[list[Annotated[int, Field(ge=1, le=1000)]], Field(max_length=20), _SEVERER]
-
-
-class PerturbationParams(Block):
-    """Levels of each perturbation, from mild to severe; one without levels is not played.
-
-    `jumping_ant.sim.perturbations` applies them.
-    """
-
-    torso_mass: Masses = Field(default=[])
-    """[kg] Mass of the torso; its inertia grows with it."""
-    friction: Levels = Field(default=[])
-    """[-] Factor on the sliding friction of parts and floor."""
-    gravity: Levels = Field(default=[])
-    """[-] Factor on gravity."""
-    slope: Slopes = Field(default=[])
-    """[degrees] Slope of the floor, in a direction of each episode's own: gravity is inclined."""
-    damping: Levels = Field(default=[])
-    """[-] Factor on the damping of every joint."""
-    motor_strength: Levels = Field(default=[])
-    """[-] Factor on the torque of every motor."""
-    dead_motors: Shares = Field(default=[])
-    """[-] Share of motors without torque, which ones is each episode's own."""
-    integration: Substeps = Field(default=[])
-    """[-] Simulation steps per control step, by the integrator implicitfast."""
-    observation_noise: Levels = Field(default=[])
-    """[m, rad] Standard deviation of noise on observed positions; of velocities 10 times [1/s]."""
-    lost_sensors: Shares = Field(default=[])
-    """[-] Share of observed values that read 0, which ones is each episode's own."""
-    observation_delay: Delays = Field(default=[])
-    """[control steps] Age of observations."""
-    action_delay: Delays = Field(default=[])
-    """[control steps] Time from a torque's choice until it acts."""
-    push: Levels = Field(default=[])
-    """[N] Horizontal force on the torso, for a control step in every second, in any direction."""
-    tilt: Angles = Field(default=[])
-    """[degrees] Tilt of the torso at the start, in the air, in a direction of the episode's own."""
-
-
 class RobustnessParams(Block):
     """Held-out episodes under perturbations (see `jumping_ant.robustness`)."""
 
-    episodes: Count
-    """[-] Of each seed, at each level: the first of its held-out episodes."""
     episode_steps: Count
     """[control steps] Episodes are truncated here."""
-    perturbations: PerturbationParams
-    """The perturbations, and the levels of each."""
-    filmed: str | None
-    """The perturbation under which the best learner and a metronome are filmed; null: none."""
 
 
 class RecordParams(Block):
@@ -369,14 +298,6 @@ class RecordParams(Block):
     """[frames/s] Frame rate; a divisor of the simulation's rate, which is 100 for the Ant."""
     seconds: Positive
     """[s] Time filmed from the start of the episode."""
-    shadow_size: Annotated[int, Field(ge=0, le=8192)]
-    """[pixels] Size of the shadow map; 0 draws no shadows."""
-    camera_distance: Positive
-    """[m] Distance of the camera from the torso."""
-    camera_azimuth: Number
-    """[degrees] Azimuth of the view."""
-    camera_elevation: Annotated[float, Field(ge=-90, le=90)]
-    """[degrees] Elevation of the view; negative looks down."""
 
 
 class MarginParams(Block):
@@ -384,26 +305,22 @@ class MarginParams(Block):
 
     returns: Positive
     """[-] Difference in return."""
-    fluidity: Positive
-    """[-] Difference in fluidity."""
-    relative_spread: Positive
+    fluidity: Positive = 0.4
+    """[-] Difference in fluidity; a sine of twice the amplitude has 0.4 less."""
+    relative_spread: Positive = 0.03
     """[-] Difference in the spread of the return over seeds, relative to its median."""
-    seconds: Annotated[float, Field(gt=1, le=100)]
-    """[-] Ratio of seconds."""
+    seconds: Annotated[float, Field(gt=1, le=100)] = 1.25
+    """[-] Ratio of seconds; 0.8 to 1.25 as in tests of bioequivalence."""
 
 
 class CompareParams(Block):
     """Statistics (see `jumping_ant.comparison.estimates` and `jumping_ant.comparison.claims`)."""
 
-    confidence: Annotated[float, Field(gt=0, lt=1)]
+    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
     """[-] Confidence level of every interval."""
-    levels: Annotated[list[Level], Field(min_length=1, max_length=100)]
-    """[-] Level of all claims together: of the run, and of each later look, which adds seeds."""
-    look_seeds: Annotated[int, Field(ge=1, le=1000)]
-    """[-] Seeds that a later look adds to each agent of an open claim."""
     bootstrap_samples: Annotated[int, Field(ge=100, le=10**6)]
     """[-] Bootstrap resamples for the interval of a statistic that has no formula."""
     margins: MarginParams
     """The smallest differences of practical size, by which a lack of difference is judged."""
-    seed: Seed
+    seed: Seed = 0
     """Seed of resamples and of random arrangements."""

@@ -22,7 +22,7 @@ from jumping_ant.params.blocks import (
     RobustnessParams,
     Seed,
     TrainingParams,
-    TuningParams,
+    refusal,
 )
 
 RESERVED_NAMES = {"lineup"}  # names of files in media/
@@ -68,8 +68,6 @@ class Params(Block):
     """How learning curves are measured during training."""
     compute: ComputeParams
     """How the work is distributed. No result depends on it."""
-    tuning: TuningParams
-    """How `make tune` searches for settings."""
     evaluate: EvaluateParams
     """The held-out episodes, the same for every policy, with deterministic actions."""
     robustness: RobustnessParams
@@ -82,70 +80,60 @@ class Params(Block):
     @field_validator("agents")
     @classmethod
     def _names_are_free(cls, agents: dict[str, Any]) -> dict[str, Any]:
-        taken = sorted(RESERVED_NAMES & agents.keys())
-        if taken:
+        if taken := sorted(RESERVED_NAMES & agents.keys()):
             raise ValueError(f"{taken[0]!r} names a file of media/; allowed: any other")
         return agents
 
     @model_validator(mode="after")
-    def _seeds_differ(self) -> "Params":
-        seed, count = Counter(self.seeds).most_common(1)[0]
-        if count > 1:
-            raise ValueError(f"seeds holds {seed} more than once; allowed: each seed once")
-        if tuned := sorted(set(self.seeds).intersection(TUNING_SEEDS)):
-            raise ValueError(
-                f"seeds holds {tuned[0]}, allowed: none of {_shown(TUNING_SEEDS)}, on which "
-                "`make tune` chooses settings"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _agents_fit_the_task(self) -> "Params":
+    def _blocks_fit(self) -> "Params":
+        self._check_seeds()
         for name, agent in self.agents.items():
             if fault := agent.fault(self.env):
                 raise ValueError(f"agents.{name}.{fault}")
+        self._check_demonstrations()
+        self._check_episodes()
         return self
 
-    @model_validator(mode="after")
-    def _demonstrations_can_be_made(self) -> "Params":
-        for algorithm, demonstrations in self.demonstrations.items():
-            agent = self.agents.get(demonstrations.agent)
-            if agent is None or not _can_demonstrate(agent):
-                able = [name for name, agent in self.agents.items() if _can_demonstrate(agent)]
-                raise ValueError(
-                    f"demonstrations.{algorithm}.agent: given {demonstrations.agent!r}, allowed: "
-                    f"learners that choose torques ({', '.join(able) or 'there is none'})"
-                )
-        return self
+    def _check_seeds(self) -> None:
+        seed, count = Counter(self.seeds).most_common(1)[0]
+        if count > 1:
+            raise refusal("seeds", f"{seed} more than once", "each seed once")
+        if tuned := sorted(set(self.seeds).intersection(TUNING_SEEDS)):
+            allowed = f"none of {_shown(TUNING_SEEDS)}, on which `make tune` chooses settings"
+            raise refusal("seeds", tuned[0], allowed)
 
-    @model_validator(mode="after")
-    def _perturbations_can_be_played(self) -> "Params":
-        given, most = self.robustness.episodes, self.evaluate.episodes
-        if given > most:
-            raise ValueError(
-                f"robustness.episodes: given {given}, allowed: at most evaluate.episodes, {most}"
-            )
-        levels = self.robustness.perturbations.model_dump()
-        played, filmed = [name for name in levels if levels[name]], self.robustness.filmed
-        if filmed is not None and filmed not in played:
-            raise ValueError(
-                f"robustness.filmed: given {filmed!r}, allowed: null, or a perturbation that has "
-                f"levels ({', '.join(played) or 'there is none'})"
-            )
-        return self
+    def _check_demonstrations(self) -> None:
+        """Demonstrators can demonstrate, and imitators are like them and learn no longer."""
+        able = [name for name, agent in self.agents.items() if _can_demonstrate(agent)]
+        for algorithm, block in self.demonstrations.items():
+            if block.agent not in able:
+                allowed = f"learners that choose torques ({', '.join(able) or 'there is none'})"
+                raise refusal(f"demonstrations.{algorithm}.agent", repr(block.agent), allowed)
+        for name, agent in self.agents.items():
+            if not agent.learns_from_demonstrations:
+                continue
+            shown = self.demonstrations.get(agent.algorithm)
+            if shown is None:
+                allowed = f"{agent.algorithm}: {{agent: ...}}, which says who demonstrates"
+                raise refusal("demonstrations", f"none for agents.{name}", allowed)
+            for key in ("robot", "actions"):
+                if getattr(agent, key) != getattr(self.agents[shown.agent], key):
+                    given = f"another than that of {shown.agent}, whom it imitates"
+                    raise refusal(f"agents.{name}.{key}", given, "the same")
+            if agent.max_env_steps > shown.steps:
+                allowed = f"at most demonstrations.{agent.algorithm}.steps, {shown.steps}"
+                raise refusal(f"agents.{name}.total_steps", agent.max_env_steps, allowed)
 
-    @model_validator(mode="after")
-    def _episodes_differ(self) -> "Params":
+    def _check_episodes(self) -> None:
+        """No episode serves two purposes; only imitators may learn from the same ones."""
         for (key, ranges), (later_key, later_ranges) in combinations(self._episodes().items(), 2):
             if key.startswith("demonstrations.") and later_key.startswith("demonstrations."):
-                continue  # imitators may learn from the same episodes
+                continue
             for seeds, later_seeds in product(ranges, later_ranges):
                 if seeds.start < later_seeds.stop and later_seeds.start < seeds.stop:
-                    raise ValueError(
-                        f"{later_key}: given episodes of the seeds {_shown(later_seeds)}, allowed: "
-                        f"none of {_shown(seeds)}, those of {key}"
-                    )
-        return self
+                    given = f"episodes of the seeds {_shown(later_seeds)}"
+                    allowed = f"none of {_shown(seeds)}, those of {key}"
+                    raise refusal(later_key, given, allowed)
 
     def _episodes(self) -> dict[str, list[range]]:
         """Return all seeds of episodes that are plain numbers, by the key that says the first.
@@ -155,10 +143,11 @@ class Params(Block):
         """
         training = self.training
         in_race = training.evaluation_episodes + training.finalist_episodes
-        validation = max(in_race, SELECTION_EPISODES)
         return {
             "make tune": [TUNING_SEEDS],
-            "training.evaluation_seed": [_count_up(training.evaluation_seed, validation)],
+            "training.evaluation_seed": [
+                _count_up(training.evaluation_seed, max(in_race, SELECTION_EPISODES))
+            ],
             "evaluate.seed": [self.evaluate.block(seed) for seed in self.seeds],
             **{  # an episode lasts for at least one step
                 f"demonstrations.{algorithm}.seed": [
@@ -167,31 +156,6 @@ class Params(Block):
                 for algorithm, block in self.demonstrations.items()
             },
         }
-
-    @model_validator(mode="after")
-    def _imitators_fit_their_demonstrations(self) -> "Params":
-        for name, agent in self.agents.items():
-            if not agent.learns_from_demonstrations:
-                continue
-            demonstrations = self.demonstrations.get(agent.algorithm)
-            if demonstrations is None:
-                raise ValueError(
-                    f"demonstrations: given none for agents.{name}, allowed: "
-                    f"{agent.algorithm}: {{agent: ...}}, which says who demonstrates"
-                )
-            expert = self.agents[demonstrations.agent]
-            for key in ("robot", "actions"):
-                if getattr(agent, key) != getattr(expert, key):
-                    raise ValueError(
-                        f"agents.{name}.{key}: given another than that of {demonstrations.agent}, "
-                        f"whom it imitates; allowed: the same"
-                    )
-            if agent.max_env_steps > demonstrations.steps:
-                raise ValueError(
-                    f"agents.{name}.total_steps: given {agent.max_env_steps}, allowed: at most "
-                    f"demonstrations.{agent.algorithm}.steps, {demonstrations.steps}"
-                )
-        return self
 
     def demonstrator(self, agent: AgentBlock) -> str:
         """Return the name of the agent that an agent imitates; empty if it imitates none."""

@@ -17,10 +17,6 @@ from jumping_ant.params.model import Params
 def load(name: str, root: Path = PROJECT_ROOT) -> Params:
     """Return the parameters of `params.yaml` with a preset's values.
 
-    Args:
-        name: Name of the preset's file.
-        root: The project's folder.
-
     Raises:
         InputError: There is no such preset, it does not hold overrides of what there is, the result
             does not fit the models, or DVC is not installed.
@@ -46,5 +42,5 @@ def _override(params: Path, overrides: list[str], where: str) -> None:
     try:
         apply_overrides(params, overrides)
     except (InvalidArgumentError, ValueError) as error:  # the second: encoding, keys of lists
-        told = " ".join(str(error.__cause__ or error).split())
-        raise InputError(f"{where}: not overrides of params.yaml: {told}") from error
+        reason = " ".join(str(error.__cause__ or error).split())
+        raise InputError(f"{where}: not overrides of params.yaml: {reason}") from error

@@ -15,11 +15,12 @@ from jumping_ant.base.tables import Table
 from jumping_ant.experiment import episodes, validation
 from jumping_ant.looks import style
 from jumping_ant.looks.families import BASELINE
-from jumping_ant.params.blocks import EnvParams, PerturbationParams
+from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import Params
 from jumping_ant.play import policies
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
+from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.rewards import active
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World
@@ -99,7 +100,7 @@ def build(root: Path, params: Params, seeds: Mapping[str, Sequence[int]]) -> dic
         "name": Path(params.robot.source).stem.replace("_", " ").capitalize(),
         "robots": {kind: robot_to_json(own) for kind, own in worlds.items()},
         "task": task_to_json(params.env) | {"dt": worlds[kinds[0]].dt},
-        "sliders": list(_sliders(params, worlds[kinds[0]])),
+        "sliders": list(_sliders(worlds[kinds[0]])),
         "agents": {
             name: {
                 "label": catalogue.label(name, params.agent(name).algorithm),
@@ -175,18 +176,14 @@ def task_to_json(env: EnvParams) -> dict[str, Any]:
     }
 
 
-def _sliders(params: Params, world: World) -> Iterator[dict[str, Any]]:
+def _sliders(world: World) -> Iterator[dict[str, Any]]:
     """Yield the perturbations of the robustness stage that one number sets, with their ranges."""
-    levels = params.robustness.perturbations.model_dump()
     for name, slider in SLIDERS.items():
-        if not levels[name]:
-            continue
         usual = slider.usual
         if name == "torso_mass":
             usual = float(world.model.body_mass[world.anatomy.torso])
-        ends = [*levels[name], usual] + ([] if slider.least is None else [slider.least])
-        about = PerturbationParams.model_fields[name].description or ""
-        unit, _, text = about.removeprefix("[").partition("] ")
+        ends = [*LEVELS[name].values, usual] + ([] if slider.least is None else [slider.least])
+        unit, _, text = LEVELS[name].about.removeprefix("[").partition("] ")
         yield {
             "name": name,
             "label": name.replace("_", " ").capitalize(),

@@ -16,6 +16,7 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from jumping_ant.comparison import charting, comparison
+from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.looks import style
 from jumping_ant.looks.families import by_family
@@ -46,7 +47,7 @@ def context(
         "statements": head_to_head.statements(claims, len(params.seeds)),
         "verdicts": head_to_head.count(claims),
         "signs": head_to_head.SIGNS,
-        "level": f"{params.compare.levels[0]:.2g}",
+        "level": f"{verdicts.LEVEL:.2g}",
         "seeds": len(params.seeds),
     }
 

@@ -204,5 +204,5 @@ def _policies(
 def _params_text(params: Params) -> str:
     """Return the parameters that results depend on, as YAML."""
     text = io.StringIO()
-    YAML().dump(params.model_dump(exclude={"compute", "tuning"}), text)
+    YAML().dump(params.model_dump(exclude={"compute"}), text)
     return text.getvalue()

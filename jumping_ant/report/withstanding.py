@@ -8,8 +8,8 @@ import plotly.graph_objects as go
 
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.looks.style import Look, percent, percents
-from jumping_ant.params.blocks import PerturbationParams
 from jumping_ant.report.charts import DASHES, MENU, ROW, SHARES, SYMBOLS, finish
+from jumping_ant.sim.levels import LEVELS
 
 OVERTAKEN = "\u2193"  # an arrow
 KEPT = "Share of the undisturbed return that is kept"
@@ -88,8 +88,7 @@ def _named(perturbation: str) -> str:
 
 def _axis(perturbation: str) -> str:
     """Return what the levels of a perturbation are, with their unit."""
-    about = PerturbationParams.model_fields[perturbation].description or ""
-    unit, _, text = about.partition("] ")
+    unit, _, text = LEVELS[perturbation].about.partition("] ")
     return f"{text.partition(';')[0].rstrip('.')} {unit}]"
 
 

@@ -56,7 +56,7 @@ def read(root: Path, params: Params, agent: str) -> dict[Condition, NDArray[np.f
         ]
         returns = tables.exactly(table, keys, *list(COLUMNS)[:-1])["return"]
     means: dict[Condition, NDArray[np.float64]] = {}
-    for condition in perturbed.conditions(params.robustness):
+    for condition in perturbed.conditions():
         count = len(params.seeds) * perturbed.num_episodes(params, condition)
         means[condition] = returns[:count].reshape(len(params.seeds), -1).mean(axis=1)
         returns = returns[count:]

@@ -2,10 +2,7 @@
 
 What a level leaves open, such as which motors are dead or where a push comes from, is drawn for
 each start alone: every level and every policy meets the same.
-`jumping_ant.params.blocks.PerturbationParams` has the units of the levels.
-
-The largest mass of the torso is that of RRLS, so that returns can be set beside those of its robust
-Ant: Zouitine et al. 2024, "RRLS: Robust Reinforcement Learning Suite", arXiv 2406.08406.
+`jumping_ant.sim.levels` has the units of the levels.
 """
 
 from collections import deque
@@ -20,15 +17,15 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from jumping_ant.base.seeding import derive
-from jumping_ant.params.blocks import PerturbationParams
 from jumping_ant.sim.anatomy import Anatomy
+from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-NAMES = tuple(PerturbationParams.model_fields)
+NAMES = tuple(LEVELS)
 # Those of what passes between robot and policy; all others are of the world.
 SENSING = ("observation_noise", "lost_sensors", "observation_delay", "action_delay")
 

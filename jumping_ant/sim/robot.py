@@ -55,7 +55,8 @@ def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
         _scale_legs(spec, params.leg_length)
     if params.damping is not None:
         _set_damping(spec, params.damping)
-    _set_friction(spec, (params.friction, params.torsional_friction, params.rolling_friction))
+    if params.friction is not None:
+        _set_friction(spec, params.friction)
     if params.contact_margin is not None:
         _set_contact_margin(spec, params.contact_margin)
     mjcf.compiled(spec, "robot: these edits do not compile")
@@ -251,14 +252,13 @@ def _set_damping(spec: mujoco.MjSpec, damping: float) -> None:
                 joint.damping[0] = damping
 
 
-def _set_friction(spec: mujoco.MjSpec, friction: tuple[float | None, ...]) -> None:
+def _set_friction(spec: mujoco.MjSpec, friction: list[float]) -> None:
     """Set sliding, torsional and rolling friction of every part and of the floor.
 
     For two geoms in contact, MuJoCo uses the larger value.
     """
     for geom in spec.geoms:
-        pairs = zip(friction, geom.friction, strict=True)
-        geom.friction = [own if new is None else new for new, own in pairs]
+        geom.friction = friction
 
 
 def _set_contact_margin(spec: mujoco.MjSpec, margin: float) -> None:

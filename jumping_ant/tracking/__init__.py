@@ -1,5 +1,5 @@
 """The switch of MLflow's telemetry: any module here is imported after it."""
 
-from jumping_ant.base import telemetry
+from jumping_ant.base import command_line
 
-telemetry.switch_off()
+command_line.switch_off_telemetry()

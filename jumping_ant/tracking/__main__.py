@@ -14,7 +14,7 @@ import signal
 import sys
 from pathlib import Path
 
-from jumping_ant.base import garbage, output
+from jumping_ant.base import command_line, output
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 
@@ -31,7 +31,7 @@ def main() -> None:
     arguments = parser.parse_args()
     output.tolerate_failures()
     os.nice(NICENESS)
-    garbage.collect_rarely()
+    command_line.collect_garbage_rarely()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the training, then the pipe closes
     is_terminated: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: is_terminated.append(number))

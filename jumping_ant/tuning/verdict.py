@@ -118,7 +118,7 @@ class Fresh:
         difference = estimates.estimate(estimates.pairwise_median(np.subtract), pair, compare)
         p_equivalence = finding.margin.p if finding.margin else None
         (adjusted,) = adjust([(finding.p, p_equivalence)])
-        level = compare.levels[0] + verdicts.ROUNDING
+        level = verdicts.LEVEL + verdicts.ROUNDING
         return {
             **dict(zip((BEFORE, AFTER), map(float, middles), strict=True)),
             "verdict": WORDS.get(verdicts.verdict(finding.side, adjusted, level), OPEN),

@@ -20,9 +20,7 @@ ROBOT = {
     "torso_radius": 0.25,
     "leg_length": 1.0,
     "damping": 0.5,
-    "friction": 0.6,
-    "torsional_friction": 0.3,
-    "rolling_friction": 0.3,
+    "friction": [0.6, 0.3, 0.3],
     "contact_margin": 0.005,
     "edits": {},
 }

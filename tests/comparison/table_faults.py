@@ -8,9 +8,8 @@ import random
 from collections.abc import Iterator
 
 STRUCTURE, NUMBERS = "structure", "numbers"
-# What Python's float takes, and stages do not write; and what it does not take.
-NOT_WRITTEN = ("1_000", " 1", "1 ", "+1", ".5", "1.", "01", "nan", "inf", "-inf", "1e999", "\u0663")
-NOT_NUMBERS = ("x", "0x10", "1,5", "1;5")
+NOT_NUMBERS = ("x", "0x10", "1,5", "1;5", "1_000", "\u0663")
+ODD_NUMBERS = ("+1", ".5", "1.", "01", "nan", "inf", "-inf", "1e999")  # as no stage writes them
 EXTREMES = ("", "0", "-1", "0.5", "1e-30", "1e+12", "-1e+12", "1e+30", "-1e+30", "1e+308")
 
 Rows = list[list[str]]
@@ -22,9 +21,9 @@ def faults(content: bytes, generator: random.Random) -> Iterator[tuple[str, str,
     header, rows = lines[0].split(","), [line.split(",") for line in lines[1:]]
     for name, changed in _of_structure(header, rows, generator):
         yield STRUCTURE, name, _joined(changed)
-    for cell in (*NOT_WRITTEN, *NOT_NUMBERS):
+    for cell in NOT_NUMBERS:
         yield STRUCTURE, f"a cell {cell!r}", _joined(_with_cell(header, rows, cell, generator))
-    for cell in EXTREMES:
+    for cell in (*ODD_NUMBERS, *EXTREMES):
         yield NUMBERS, f"a cell {cell!r}", _joined(_with_cell(header, rows, cell, generator))
     yield STRUCTURE, "its last line cut", content[: -generator.randint(1, len(lines[-1]))]
     yield STRUCTURE, "nothing", b""

@@ -99,7 +99,7 @@ def test_a_robot_that_does_nothing(world: World, known_params: Params) -> None:
         "drift": 0,
         "survived": 1,
     }
-    measured = measure(world, known_params.evaluate, still_episode())
+    measured = measure(world, still_episode())
     assert measured == pytest.approx(expected, abs=0, nan_ok=True)
 
 
@@ -120,7 +120,7 @@ def test_quantities_by_hand(world: World, known_params: Params) -> None:
     )
     gear = known_params.robot.gear
     changes = [2**2, 0.5**2, 1**2]  # of any motor, from step to step
-    assert measure(world, known_params.evaluate, episode) == pytest.approx(
+    assert measure(world, episode) == pytest.approx(
         {
             "length": 4,
             "return": 6.5,
@@ -144,7 +144,7 @@ def test_apexes_are_those_of_jumps_alone(world: World, known_params: Params) -> 
     episode = still_episode(8)
     episode.qpos[:, 2] = [0.9, 1.2, 2.0, 1.4, 1.1, 0.6, 3.0, 0.5]
     airborne = np.array([True, True, False, True, True, False, True, False])
-    measured = measure(world, known_params.evaluate, replace(episode, airborne=airborne))
+    measured = measure(world, replace(episode, airborne=airborne))
     assert measured["jumps"] == 2
     assert measured["apex"] == pytest.approx((1.2 + 1.4) / 2)
     assert measured["peak_height"] == 3.0
@@ -157,10 +157,10 @@ def test_fluidity_is_that_of_all_driven_joints(world: World, known_params: Param
     states = np.concatenate([np.ones((101, 7)), np.outer(swing, ranges)], axis=1)
     episode = replace(still_episode(100), start_qpos=states[0], qpos=states[1:])
     expected = motion.fluidity(np.outer(swing, np.ones(8)), 0.05)
-    assert measure(world, known_params.evaluate, episode)["fluidity"] == pytest.approx(expected)
+    assert measure(world, episode)["fluidity"] == pytest.approx(expected)
     states[-21:] = np.nan  # the second window is whole no more
     expected = motion.fluidity(np.outer(swing[:41], np.ones(8)), 0.05)
-    assert measure(world, known_params.evaluate, episode)["fluidity"] == pytest.approx(expected)
+    assert measure(world, episode)["fluidity"] == pytest.approx(expected)
 
 
 @pytest.mark.filterwarnings("error")
@@ -169,7 +169,7 @@ def test_a_broken_state_is_left_out(world: World, known_params: Params, bad: flo
     episode = still_episode()
     episode.qpos[1] = 2.0
     episode.qpos[-1] = episode.qvel[-1] = bad
-    measured = measure(world, known_params.evaluate, episode)
+    measured = measure(world, episode)
     assert np.isnan(measured.pop("fluidity"))
     assert np.isfinite(list(measured.values())).all()
     assert measured["length"] == 4
@@ -197,7 +197,7 @@ def test_replay_keeps_an_episode_that_broke_down(robot_xml: str, short: Params) 
     assert episode.terminated
     assert len(episode.rewards) == 1
     assert len(replay(wild, episode, "sac", 0, 0).qpos) == 6
-    measured = measure(wild, short.evaluate, episode)
+    measured = measure(wild, episode)
     assert np.isnan(measured.pop("fluidity"))
     assert np.isfinite(list(measured.values())).all()
 

@@ -136,6 +136,6 @@ def test_a_robot_that_swings_is_more_fluid_than_one_at_random(
 
     def measured(policy) -> float:
         (episode,) = rollout.run(world, policy, [3])
-        return evaluation.measure(world, known_params.evaluate, episode)["fluidity"]
+        return evaluation.measure(world, episode)["fluidity"]
 
     assert measured(UniformPolicy(0, ActionSet(), 8)) < measured(Swing())

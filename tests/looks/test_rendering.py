@@ -30,7 +30,7 @@ def episode(robot_xml: str) -> Trajectory:
 
 
 def settings(**changes: Any) -> RecordParams:
-    small = {"width": 128, "height": 96, "fps": 50, "seconds": 20.0, "shadow_size": 256}
+    small = {"width": 128, "height": 96, "fps": 50, "seconds": 20.0}
     return params_file.load().record.model_copy(update=small | changes)
 
 
@@ -79,15 +79,6 @@ def test_the_camera_follows_along_the_ground(robot_xml: str, episode: Trajectory
     assert np.abs(here - there).mean() < 1.0  # the same tiles below the same robot
 
 
-def test_the_shadow_is_drawn_on_demand(robot_xml: str, episode: Trajectory) -> None:
-    dark = [
-        (draw(robot_xml, episode, fps=1, shadow_size=size).max(axis=-1) < 80).sum()
-        for size in (0, 256)
-    ]
-    assert dark[0] < 5
-    assert dark[1] > 50
-
-
 def test_the_shadow_is_the_same_wherever_the_robot_is(robot_xml: str, episode: Trajectory) -> None:
     # The floor's parts meet under the robot's path at y = 0; there it would shade itself.
     here, there = (
@@ -117,12 +108,12 @@ def test_frame_rates_that_do_not_divide_are_refused(fps: int) -> None:
 def test_camera_path_is_still_until_the_torso_leaves_its_slack() -> None:
     torso = np.zeros((400, 3))
     torso[:, 0] = 7.0
-    torso[200:, 2] = 5.0
-    path = rendering.camera_path(torso, settings(camera_distance=10.0))
+    torso[200:, 2] = 3.3
+    path = rendering.camera_path(torso, fps=50)
     np.testing.assert_allclose(path[:, 0], 7.0)
-    assert path[0, 2] == pytest.approx(10.0 * rendering.CAMERA_HEIGHT)
-    assert path[-1, 2] == pytest.approx(5.0 - 10.0 * rendering.CAMERA_SLACK)
-    assert np.abs(np.diff(path[:, 2])).max() < 0.05  # [m] a frame, where the torso leapt by 5
+    assert path[0, 2] == pytest.approx(rendering.VIEW.distance * rendering.CAMERA_HEIGHT)
+    assert path[-1, 2] == pytest.approx(3.3 - rendering.VIEW.distance * rendering.CAMERA_SLACK)
+    assert np.abs(np.diff(path[:, 2])).max() < 0.05  # [m] a frame, where the torso leapt by 3.3
 
 
 def test_scene_leaves_the_robot_as_it_is(robot_xml: str) -> None:

@@ -12,18 +12,6 @@ CONTENT = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encodin
 VALIDATOR = jsonschema.Draft202012Validator(json.loads(schema.text()))
 
 
-def blocks(content: Any) -> list[dict[str, Any]]:
-    """Return all schemas of blocks, at any depth."""
-    inner = [block for part in _parts(content) for block in blocks(part)]
-    return inner + ([content] if isinstance(content, dict) and "properties" in content else [])
-
-
-def _parts(content: Any) -> list[Any]:
-    if isinstance(content, dict):
-        return list(content.values())
-    return content if isinstance(content, list) else []
-
-
 def test_the_file_is_current() -> None:
     assert schema.PATH.read_text(encoding="utf-8") == schema.text(), "run `make generate`"
 
@@ -39,9 +27,7 @@ def test_the_parameters_fit() -> None:
 
 
 def test_every_key_is_explained() -> None:
-    found = blocks(VALIDATOR.schema)
-    assert len(found) > 10
-    for block in found:
+    for block in [VALIDATOR.schema, *VALIDATOR.schema["$defs"].values()]:
         assert block["additionalProperties"] is False
         for name, key in block["properties"].items():
             assert key.get("description"), name

@@ -9,12 +9,11 @@ import pytest
 
 from jumping_ant.actions import ActionSet
 from jumping_ant.params import presets
-from jumping_ant.params.blocks import PerturbationParams
 from jumping_ant.params.model import Params
 from jumping_ant.policies.blind import OpenLoopPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy
-from jumping_ant.sim import perturbations, robot, rollout
+from jumping_ant.sim import levels, perturbations, robot, rollout
 from jumping_ant.sim.perturbations import NAMES, NONE, PERTURBATIONS, SENSING, Array, Condition
 from jumping_ant.sim.rollout import Play
 from jumping_ant.sim.vector import RobotVectorEnv
@@ -94,7 +93,7 @@ def fields(model: mujoco.MjModel) -> dict[str, Array]:
 
 
 def test_every_perturbation_has_a_level_here_and_a_way() -> None:
-    assert tuple(PerturbationParams.model_fields) == tuple(LEVELS) == NAMES
+    assert tuple(levels.LEVELS) == tuple(LEVELS) == NAMES
     assert set(PERTURBATIONS) == set(NAMES) and set(SENSING) < set(NAMES) - set(CHANGED)
 
 

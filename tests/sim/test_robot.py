@@ -25,9 +25,7 @@ UNEDITED = RobotParams(
     torso_radius=0.25,
     leg_length=1.0,
     damping=1.0,
-    friction=1.0,
-    torsional_friction=0.5,
-    rolling_friction=0.5,
+    friction=[1.0, 0.5, 0.5],
     contact_margin=0.01,
     edits={},
 )
@@ -204,7 +202,7 @@ def test_damping_brakes_the_hinges_alone(damping: float) -> None:
 
 @pytest.mark.parametrize("friction", [0.1, 3.0])
 def test_friction_is_that_of_the_contacts(friction: float) -> None:
-    model = edited(friction=friction, torsional_friction=0.2, rolling_friction=0.1)
+    model = edited(friction=[friction, 0.2, 0.1])
     data = mujoco.MjData(model)
     data.qpos[2] = 0.05  # torso and feet in the floor
     mujoco.mj_forward(model, data)

@@ -221,9 +221,10 @@ def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
     ("place", "said"),
     [
         ("results/agents/{}/trajectory.npz", "given an episode of agent 'pgpe', allowed: 'sac'"),
-        ("results/timing/{}/timing.csv", "given one of agent pgpe, allowed: rows of agent sac"),
-        ("results/agents/{}/seeds.csv", "given one of agent pgpe, allowed: rows of agent sac"),
-        ("models/{}/seed-0/curve.csv", "given one of agent pgpe, seed 0, allowed: rows of agent"),
+        ("results/timing/{}/timing.csv", "column agent: given 'pgpe', allowed: sac"),
+        ("results/agents/{}/seeds.csv", "column agent: given 'pgpe', allowed: sac"),
+        ("results/agents/{}/variants.csv", "column agent: given 'pgpe', allowed: sac"),
+        ("models/{}/seed-0/curve.csv", "column agent: given 'pgpe', allowed: sac"),
     ],
 )
 def test_files_of_another_agent_are_not_mirrored(

@@ -10,6 +10,7 @@ from jumping_ant.comparison.claims.field import Field, pairs
 from jumping_ant.comparison.claims.findings import Finding, Sample
 from jumping_ant.comparison.claims.statements import Row, Table
 from jumping_ant.params.model import Params
+from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.perturbations import NAMES, NONE, SENSING, Array, Condition
 
 Returns = Mapping[Condition, Array]
@@ -22,8 +23,7 @@ SEVERE = 3  # levels of a perturbation, the last ones, that the claims on it ave
 
 def table(params: Params, played: Played) -> Table:
     """Return which agents, in the order of their labels in the texts, and the claims on them."""
-    levels = params.robustness.perturbations.model_dump()
-    severe = {name: levels[name][-SEVERE:] for name in SENSING if levels[name]}
+    severe = {name: LEVELS[name].values[-SEVERE:] for name in SENSING if LEVELS[name].values}
     world = [name for name in NAMES if name not in SENSING]
     return (
         (Field.beside_metronome, (

@@ -19,6 +19,7 @@ from jumping_ant.comparison.step_down import Adjusted, adjust
 from jumping_ant.looks.style import capitalized, number, p_value
 from jumping_ant.params.blocks import CompareParams
 
+LEVEL = 0.04  # [-] of any false verdict in a family of claims
 ROUNDING = 1e-12  # of products of p values
 
 
@@ -35,7 +36,7 @@ def check(
     field = Field(list(results.values()), evaluation_episodes)
     judged = list(claims(table, field, params))
     adjusted = adjust([(claim.finding.p, _p_outside(claim.finding)) for claim in judged])
-    level = params.levels[0] + ROUNDING
+    level = LEVEL + ROUNDING
     return [
         _entry(claim, own, level, len(judged)) for claim, own in zip(judged, adjusted, strict=True)
     ]
