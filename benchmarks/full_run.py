@@ -2,6 +2,8 @@
 
 Usage:  python -m benchmarks.full_run [COMMAND...]   (by default: dvc repro --force)
 Writes: benchmarks/full_run.json
+
+Seeds that are trained already are not trained again: remove `.checkpoints/` first.
 """
 
 import re

@@ -26,20 +26,14 @@ NAME_YOURSELF = 'git config --global user.name "NAME" && git config --global use
 
 @dataclass(frozen=True)
 class Checkout:
-    """A copy of the project as someone else would check it out, with nothing trained.
-
-    Attributes:
-        folder: Its folder.
-    """
+    """A copy of the project as someone else would check it out, with nothing trained."""
 
     folder: Path
 
     @property
     def environment(self) -> dict[str, str]:
-        """The environment variables of its commands; it has an MLflow store of its own."""
-        variables = with_tools()
-        variables.pop("MLFLOW_TRACKING_URI", None)
-        return variables
+        """The environment variables of its commands; runs go to its embedded MLflow store."""
+        return {name: it for name, it in with_tools().items() if name != "MLFLOW_TRACKING_URI"}
 
     def write_params(self, params: Params | dict[str, Any]) -> None:
         """Write other parameters, or what they hold, to its `params.yaml`."""
@@ -85,7 +79,6 @@ def checkout() -> Iterator[Checkout]:
 def copy_project(folder: Path) -> None:
     """Create a repository of the files that git tracks or would track."""
     _copy(project_files(), folder)
-    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
 
 
 def renew_project(folder: Path) -> None:
@@ -98,7 +91,6 @@ def renew_project(folder: Path) -> None:
     for top in {name.split("/")[0] for name in names if "/" in name and not name.startswith(".")}:
         shutil.rmtree(folder / top, ignore_errors=True)  # with files that no longer exist
     _copy(names, folder)
-    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)
 
 
 def project_files() -> list[str]:
@@ -133,6 +125,8 @@ def warn_of_no_name() -> None:
 
 
 def _copy(names: Iterable[str], folder: Path) -> None:
+    """Copy files into a folder, which becomes a repository."""
     for name in names:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(PROJECT_ROOT / name, folder / name)  # with its time, by which make decides
+    subprocess.run(["git", "init", "-q"], cwd=folder, check=True)

@@ -1,4 +1,4 @@
-"""Run the pipeline with a preset, in a copy of the project of its own.
+"""Run the pipeline with a preset, in a copy of the project.
 
 Usage: python -m scripts.preset NAME [STAGE ...] (`make preset`)
 
@@ -7,7 +7,6 @@ own results do not change. A stopped run resumes from its checkpoints. A copy ha
 Seeds that the project or another copy has trained alike are not trained again.
 """
 
-import fcntl
 import os
 import shlex
 import signal
@@ -15,6 +14,8 @@ import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from jumping_ant.base import command_line, output
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
@@ -68,29 +69,24 @@ def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
         WorkerError: The pipeline failed; its own message is printed above.
     """
     with _alone(folder) as lock:
-        _run(folder, params, targets, lock)
-
-
-def _run(folder: Path, params: Params, targets: Sequence[str], lock: int) -> None:
-    renew_project(folder)
-    if (folder / ".venv").is_symlink():  # perhaps to where this project was before
-        (folder / ".venv").unlink()
-    with suppress(FileExistsError):  # so that the copy's `make` finds what is installed
-        (folder / ".venv").symlink_to(PROJECT_ROOT / ".venv")
-    _share_trainings(folder, params)
-    copy = Checkout(folder)
-    copy.write_params(params)
-    with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
-        called = ["python", "-m", "scripts.repro", *targets]
-        # It holds the lock, too: a kill of this process alone leaves the pipeline running.
-        status = subprocess.run(
-            called, cwd=folder, env=copy.environment, pass_fds=[lock]
-        ).returncode
+        renew_project(folder)
+        installed = folder / ".venv"  # for the copy's `make`
+        if installed.is_symlink():  # perhaps to where this project was before
+            installed.unlink()
+        with suppress(FileExistsError):
+            installed.symlink_to(PROJECT_ROOT / ".venv")
+        _share_trainings(folder, params)
+        copy = Checkout(folder)
+        copy.write_params(params)
+        with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
+            called = ["python", "-m", "scripts.repro", *targets]
+            # It holds the lock, too: a kill of this process alone leaves the pipeline running.
+            done = subprocess.run(called, cwd=folder, env=copy.environment, pass_fds=[lock])
     if interrupts:
         raise StoppedError("the same command resumes from the last checkpoints")
-    if status:
+    if done.returncode:
         raise WorkerError(
-            f"`make repro` in {folder} ended with status {status}; see its output above; "
+            f"`make repro` in {folder} ended with status {done.returncode}; see its output above; "
             "the same command resumes from there"
         )
 
@@ -111,18 +107,18 @@ def _alone(folder: Path) -> Iterator[int]:
     """Keep other processes from a copy: each would replace the code that the other runs.
 
     Yields:
-        The open file that is locked, until all processes that have it open have ended.
+        The descriptor of the lock, which every process that has it open holds.
     """
     path = folder / ".dvc" / "tmp" / "preset.lock"
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", encoding="utf-8") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise InputError(
-                f"{folder}: another process runs this preset; wait for its end, or stop it"
-            ) from error
-        yield lock.fileno()
+    held: list[int] = []
+    try:
+        with FileLock(path, mode=0o600, blocking=False, on_acquired=held.append):
+            yield held[0]
+    except Timeout as error:
+        raise InputError(
+            f"{folder}: another process runs this preset; wait for its end, or stop it"
+        ) from error
 
 
 @contextmanager

@@ -33,7 +33,6 @@ from jumping_ant.looks import rendering
 from jumping_ant.looks.families import BASELINE
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
-from jumping_ant.play import content
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.vector import RobotVectorEnv
@@ -68,7 +67,7 @@ def choose(
         if name == agent or (agent is None and catalogue.row(block).family != BASELINE):
             paths = Paths(root).agent(name)
             seeds = [number for number in params.seeds if paths.seed(number).policy.is_file()]
-            trained |= {name: content.champions(root, name, seeds)} if seeds else {}
+            trained |= {name: validation.best_first(root, name, seeds)} if seeds else {}
     if not trained:
         command = "make repro" if agent is None else f"dvc repro train@{agent}"
         raise InputError(f"policies of {agent or 'learners'}: none yet; `{command}` trains them")

@@ -4,6 +4,7 @@ Each must end with the same bytes as an uninterrupted one.
 """
 
 import random
+import shutil
 import subprocess
 import time
 from dataclasses import dataclass
@@ -45,7 +46,7 @@ class Killer:
         self._generator = generator
         self._most = most
         started = time.monotonic()
-        process = self._repro("--force")
+        process = self._repro(anew=True)
         projects.await_checkpoint(project, agent, process)
         first = time.monotonic()
         process.wait()
@@ -61,10 +62,8 @@ class Killer:
         """
         kills = 0
         wanted = self._generator.randint(1, self._most)
-        options = ["--force"]
         while kills < wanted:
-            process = self._repro(*options)
-            options = []
+            process = self._repro(anew=not kills)
             try:
                 process.wait(self._moment(process))
                 break  # it finished before the kill
@@ -73,7 +72,7 @@ class Killer:
                 process.wait()
                 kills += 1
         else:
-            process = self._repro(*options)
+            process = self._repro()
             process.wait()
         if process.returncode:
             raise RuntimeError(f"train@{self._agent} fails after a kill; see {self.log}")
@@ -90,8 +89,11 @@ class Killer:
         projects.await_checkpoint(self._project, self._agent, process, after=newest)
         return self._generator.uniform(0, 0.4 * self._training_seconds)
 
-    def _repro(self, *options: str) -> subprocess.Popen[bytes]:
-        command = (*REPRO, *options, f"train@{self._agent}")
+    def _repro(self, *, anew: bool = False) -> subprocess.Popen[bytes]:
+        """Start the agent's training, from its last checkpoints unless it is to begin anew."""
+        if anew:
+            shutil.rmtree(self._project.folder / ".checkpoints" / self._agent, ignore_errors=True)
+        command = (*REPRO, *(["--force"] if anew else []), f"train@{self._agent}")
         return projects.start(self._project, *command, log=self.log)
 
     def _victims(self, process: subprocess.Popen[bytes]) -> list[psutil.Process]:

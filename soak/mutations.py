@@ -35,10 +35,9 @@ from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World
 from jumping_ant.tracking import records
 from jumping_ant.training import driver
-from jumping_ant.training.checkpoints import Saved
+from jumping_ant.training.checkpoints import Saved, owner_of
 from scripts.checkout import Checkout
 from soak import payloads
-from soak.project import owner_of
 
 AGENTS = ("dqn", "sac", "pgpe")
 EVALUATED = "pgpe"

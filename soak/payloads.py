@@ -13,8 +13,7 @@ import numpy as np
 import torch
 
 from jumping_ant.base.archive import Archive, pack
-from jumping_ant.training.checkpoints import Saved
-from soak.project import owner_of
+from jumping_ant.training.checkpoints import Saved, owner_of
 
 
 @dataclass

@@ -12,7 +12,6 @@ from ruamel.yaml import YAML
 
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
-from jumping_ant.training.checkpoints import Owner
 from scripts.checkout import Checkout
 
 SEEDS = [0, 1]
@@ -127,12 +126,6 @@ def checkpoints(project: Checkout, agent: str) -> list[Path]:
     """Return all checkpoints of an agent, the newest last."""
     found = (project.folder / ".checkpoints" / agent).rglob("*.checkpoint")
     return sorted(found, key=lambda path: int(path.suffixes[-2][1:]))
-
-
-def owner_of(path: Path) -> Owner:
-    """Return whose file of `.checkpoints/` it is, by its place."""
-    seed = path.name.removeprefix("seed-").partition(".")[0]
-    return Owner(path.parents[1].name, int(seed), path.parent.name)
 
 
 def await_checkpoint(

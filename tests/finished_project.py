@@ -20,15 +20,10 @@ BACK = "git stash -u && dvc checkout"
 
 @dataclass(frozen=True)
 class State:
-    """Digests of what a command may not lose.
+    """Digests of what a command may not lose, by path."""
 
-    Attributes:
-        files: Of the parameters and of all outputs, by path.
-        objects: Of what is in DVC's cache, by path.
-    """
-
-    files: dict[str, str]
-    objects: dict[str, str]
+    files: dict[str, str]  # the parameters and all outputs
+    objects: dict[str, str]  # DVC's cache
 
     def changes(self, earlier: "State") -> list[str]:
         """Return the files that differ from earlier, and the objects that are changed or gone."""
@@ -60,7 +55,7 @@ class Project(Checkout):
         return self.run("bash", "-c", line, check=check)
 
     def go_back(self) -> None:
-        """Return to what is committed."""
+        """Return to the commit."""
         self.type(BACK)
 
     def stale(self) -> set[str]:
@@ -68,7 +63,6 @@ class Project(Checkout):
         return set(json.loads(self.run("dvc", "status", "--json").stdout))
 
     def state(self) -> State:
-        """Return the digests of what is there."""
         outputs = _digests(self.folder, "params.yaml", *RESULTS)
         return State(outputs, _digests(self.folder / ".dvc" / "cache", "files"))
 
@@ -88,11 +82,7 @@ def finish(folder: Path) -> Project:
         if path.stem != "dqn":
             path.unlink()
     project = Project(folder)
-    project.run("git", "checkout", "-qb", "main")
-    project.run("git", "config", "user.name", "Test")
-    project.run("git", "config", "user.email", "test@example.org")
-    project.run("git", "add", "-A")
-    project.run("git", "commit", "-qm", "Start")
+    project.type("git checkout -qb main && git add -A && git commit -qm Start")
     project.type(RUN)
     project.type(COMMIT)
     return project

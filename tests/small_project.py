@@ -63,18 +63,18 @@ def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -
     symmetric noise, and reaches it half way through its budget.
     """
     for name, algorithm in agents.items():
-        episodes, timing = [], []
+        paths, episodes, timing = Paths(root).agent(name), [], []
         for i, seed in enumerate(seeds):
             level = LEVELS[algorithm] + 10 * i
-            episodes += [
-                episode_row(name, seed, episode, level + 5 * (episode - (EPISODES - 1) / 2))
-                for episode in range(EPISODES)
-            ]
-            write_curve(root, name, seed, curve_rows(BUDGETS[algorithm], level))
-            timing += timing_rows(name, seed, curve_rows(BUDGETS[algorithm], level))
-        write_csv(Paths(root).agent(name).episodes, episodes)
-        write_csv(Paths(root).agent(name).timing, timing)
-        write_json(Paths(root).agent(name).machines, {str(seed): MACHINE for seed in seeds})
+            for episode in range(EPISODES):
+                noise = 5 * (episode - (EPISODES - 1) / 2)
+                episodes.append(episode_row(name, seed, episode, level + noise))
+            curve = curve_rows(BUDGETS[algorithm], level)
+            write_curve(root, name, seed, curve)
+            timing += timing_rows(name, seed, curve)
+        write_csv(paths.episodes, episodes)
+        write_csv(paths.timing, timing)
+        write_json(paths.machines, {str(seed): MACHINE for seed in seeds})
     write_variants(root, agents, seeds)
 
 
@@ -111,9 +111,8 @@ def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) 
 
 
 def write_curve(root: Path, agent: str, seed: int, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write a seed's learning curve."""
-    named = [{"agent": agent, "seed": seed, **row} for row in rows]
-    write_csv(Paths(root).agent(agent).seed(seed).curve, named)
+    path = Paths(root).agent(agent).seed(seed).curve
+    write_csv(path, [{"agent": agent, "seed": seed, **row} for row in rows])
 
 
 def timing_rows(
@@ -141,14 +140,12 @@ def shown(root: Path, agent: str, trajectory: Trajectory) -> Trajectory:
 
 
 def episode_row(agent: str, seed: int, episode: int, value: float) -> dict[str, Any]:
-    """Return a row of `episodes.csv`."""
-    first = EVALUATE.block(seed).start
-    ids = {"agent": agent, "seed": seed, "episode": episode, "episode_seed": first + episode}
+    episode_seed = EVALUATE.block(seed).start + episode
+    ids = {"agent": agent, "seed": seed, "episode": episode, "episode_seed": episode_seed}
     return ids | measures(value)
 
 
 def measures(value: float) -> dict[str, Any]:
-    """Return what is measured of an episode with such a return."""
     return {
         "length": 1000,
         "return": value,
@@ -170,10 +167,8 @@ def curve_rows(budget: int, level: float) -> list[dict[str, Any]]:
     """Return the rows of a `curve.csv`: every second one holds an evaluation, and the last."""
     if budget == 0:
         return [curve_row(0, level)]
-    rows = []
-    for i in range(1, 9):
-        rows.append(curve_row(budget * i // 8, "" if i % 2 else min(level, level * i / 4)))
-    return rows
+    returns = ["" if i % 2 else min(level, level * i / 4) for i in range(1, 9)]
+    return [curve_row(budget * i // 8, mean) for i, mean in enumerate(returns, start=1)]
 
 
 def curve_row(env_steps: int, evaluation: float | str) -> dict[str, Any]:
@@ -191,7 +186,6 @@ def curve_row(env_steps: int, evaluation: float | str) -> dict[str, Any]:
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV file."""
     return list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
 
 

@@ -1,9 +1,10 @@
-"""Progress of work whose results come in parts: a bar on a terminal, elsewhere lines."""
+"""Progress of work: a bar on a terminal, elsewhere a line every few seconds and one at the end."""
 
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sized
-from typing import TextIO, TypeVar
+from contextlib import closing
+from typing import TypeVar
 
 from tqdm import tqdm
 
@@ -12,9 +13,48 @@ Part = TypeVar("Part", bound=Sized)
 SECONDS_BETWEEN_LINES = 10.0
 
 
-def shown(
-    parts: Iterable[Part], total: int, name: str, unit: str, stream: TextIO | None = None
-) -> Iterator[Part]:
+class Progress:
+    """The progress of one piece of work, on standard error.
+
+    Args:
+        name: Which work it is.
+        total: How much there is to do.
+        unit: What it is counted in.
+    """
+
+    def __init__(self, name: str, total: int, unit: str) -> None:
+        self._name, self._total, self._unit = name, total, unit
+        self._bar = tqdm(desc=name, total=total, unit=f" {unit}", disable=None)
+        self._printed = time.monotonic()
+
+    def show(self, done: int, seconds: float, note: str = "") -> None:
+        """Show how much has been done in how many seconds."""
+        self._bar.set_postfix_str(note, refresh=False)
+        self._bar.update(done - self._bar.n)
+        if self._bar.disable and time.monotonic() - self._printed >= SECONDS_BETWEEN_LINES:
+            self._printed = time.monotonic()
+            rate = done / max(seconds, 1e-9)
+            left = tqdm.format_interval(max(self._total - done, 0) / max(rate, 1e-9))
+            done_of_all = f"{done:,}/{self._total:,} {self._unit}"
+            say(f"{self._name}: {done_of_all}, {rate:,.0f}/s, {left} left{_after(note)}")
+
+    def finish(self, done: int, seconds: float, note: str = "") -> None:
+        """Show that all is done."""
+        if self._bar.disable:
+            took = tqdm.format_interval(seconds)
+            say(f"{self._name}: done, {done:,} {self._unit} in {took}{_after(note)}")
+
+    def close(self) -> None:
+        """Leave the terminal in order."""
+        self._bar.close()
+
+
+def say(line: str) -> None:
+    """Print a line to standard error, above the bars."""
+    tqdm.write(line, file=sys.stderr)
+
+
+def shown(parts: Iterable[Part], total: int, name: str, unit: str) -> Iterator[Part]:
     """Yield parts as they come, and show how much of the work they are.
 
     Args:
@@ -22,24 +62,16 @@ def shown(
         total: The length of all parts.
         name: Whose work it is.
         unit: What the work is counted in.
-        stream: Where to show it; by default standard error.
     """
-    stream = stream or sys.stderr
-    if stream.isatty():
-        with tqdm(desc=name, total=total, unit=f" {unit}", file=stream) as bar:
-            for part in parts:
-                yield part
-                bar.update(len(part))
-        return
-    if total:
-        seconds = f"{SECONDS_BETWEEN_LINES:.0f} s"
-        told = f"{total:,} {unit}; output is not a terminal, so a line at most every {seconds}"
-        print(f"{name}: {told}", file=stream, flush=True)
-    done, printed = 0, (began := time.monotonic())
-    for part in parts:
-        yield part
-        done, now = done + len(part), time.monotonic()
-        if now - printed >= SECONDS_BETWEEN_LINES:
-            printed, rate = now, done / (now - began)
-            left = tqdm.format_interval((total - done) / rate)
-            print(f"{name}: {done:,}/{total:,} {unit}, {left} left", file=stream, flush=True)
+    done, began = 0, time.monotonic()
+    with closing(Progress(name, total, unit)) as progress:
+        for part in parts:
+            yield part
+            done += len(part)
+            progress.show(done, time.monotonic() - began)
+        if total:
+            progress.finish(done, time.monotonic() - began)
+
+
+def _after(note: str) -> str:
+    return f", {note}" if note else ""

@@ -12,8 +12,6 @@ import socket
 import threading
 import time
 from collections.abc import Hashable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,31 +20,14 @@ from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.compute.workers import Died, Ended, Item, News, Work
 
-NO_CLUSTER = ("", "local")  # with these values of RAY_ADDRESS, Ray itself joins none
 SECONDS_FOR_ANSWER = 2.0
-SECONDS_BETWEEN_LOOKS = 1.0
 SECONDS_LOST = 15.0  # before a cluster is given up; after a minute, Ray would end this process
 
 
 def address() -> str | None:
-    """Return the address of the Ray cluster that `RAY_ADDRESS` names, None if there is none.
-
-    `auto` is the cluster that this user, or root, has started on this machine with `ray start`.
-    (Ray would also take another user's, who could then run code as this one.)
-    """
-    given = os.environ.get("RAY_ADDRESS", "")
-    if given == "auto":
-        return _started_here()
-    return None if given in NO_CLUSTER else given
-
-
-def _started_here() -> str | None:
-    folder = os.environ.get("RAY_TMPDIR") or os.environ.get("TMPDIR") or "/tmp"
-    with suppress(OSError), (Path(folder) / "ray" / "ray_current_cluster").open("rb") as file:
-        if os.fstat(file.fileno()).st_uid in (os.getuid(), 0):
-            noted = file.read(1000).decode(errors="replace").strip()
-            return noted if _answers(noted) else None
-    return None
+    """Return the address of the Ray cluster that `RAY_ADDRESS` names, None if there is none."""
+    given = os.environ.get("RAY_ADDRESS")
+    return None if given in (None, "", "local") else given  # with "local", Ray itself joins none
 
 
 def _answers(address: str) -> bool:
@@ -81,21 +62,17 @@ class Cluster:
         except (ConnectionError, AuthenticationError) as error:
             reason = str(error).strip().partition("\n")[0]
             raise InputError(
-                f"RAY_ADDRESS: given {address!r}, which cannot be joined ({reason}); allowed: the "
-                "address of a running cluster (with RAY_AUTH_MODE=token and its token, where it "
+                f"RAY_ADDRESS: given {address!r}, which cannot be joined ({reason}); allowed: "
+                "HOST:PORT of a running cluster (with RAY_AUTH_MODE=token and its token, where it "
                 "asks for one), or unset to compute on this machine"
             ) from error
         self._ray = ray
-        context = ray.get_runtime_context()
-        self._address, self._node = context.gcs_address, context.get_node_id()
+        self._address = ray.get_runtime_context().gcs_address
         actor: Any = ray.remote(_Worker)
         self._worker = actor.options(num_cpus=1, max_concurrency=2)  # a second thread for `stop`
         self._wanted = kind()
         self._running: dict[Any, tuple[Any, Any]] = {}
-        self._last_seen = self._last_asked = time.monotonic()
-        self._is_left = threading.Event()
-        self._watch = threading.Thread(target=self._look, daemon=True)
-        self._watch.start()
+        self._last_seen = time.monotonic()
 
     def run(self, key: Hashable, work: Work) -> None:
         """Start a job."""
@@ -110,11 +87,9 @@ class Cluster:
             WorkerError: The cluster has been lost, for which Ray would wait for ever.
         """
         ready, _ = self._ray.wait(list(self._running), num_returns=1, timeout=timeout)
-        now = time.monotonic()
-        if now - self._last_asked > SECONDS_LOST:  # after Ctrl-Z, say, nothing has looked since
-            self._last_seen = now
-        self._last_asked = now
-        if now - self._last_seen > SECONDS_LOST:
+        if _answers(self._address):
+            self._last_seen = time.monotonic()
+        elif time.monotonic() - self._last_seen > SECONDS_LOST:
             raise WorkerError(
                 f"the Ray cluster at {self._address} is lost; once it runs again, the next run "
                 "resumes"
@@ -131,25 +106,13 @@ class Cluster:
         errors = self._ray.exceptions
         try:
             item = self._ray.get(next(generator))
-            if isinstance(item, _Unlike):
-                raise InputError(item.told())
+            if isinstance(item, InputError):
+                raise item
             return Item(item)
         except StopIteration:
             return Ended()
         except (errors.RayActorError, errors.OutOfMemoryError) as error:
             return Died(str(error).strip().partition("\n")[0])
-
-    def _look(self) -> None:
-        """Note when the cluster was last seen, in a thread of its own.
-
-        A cluster that is lost between two calls would keep the second one waiting.
-        """
-        while not self._is_left.wait(SECONDS_BETWEEN_LOOKS):
-            with suppress(self._ray.exceptions.RayError):
-                if _answers(self._address) and any(
-                    node["Alive"] for node in self._ray.nodes() if node["NodeID"] == self._node
-                ):
-                    self._last_seen = time.monotonic()
 
     def stop(self) -> None:
         """Ask all running jobs to stop."""
@@ -158,8 +121,6 @@ class Cluster:
 
     def close(self) -> None:
         """End all processes, and leave the cluster."""
-        self._is_left.set()
-        self._watch.join(SECONDS_FOR_ANSWER)  # of a lost cluster, it may wait for ever
         self._ray.shutdown()
 
 
@@ -179,28 +140,21 @@ def _version(package: str) -> str:
         return "missing"
 
 
-@dataclass(frozen=True)
-class _Unlike:
-    """A machine that would compute other bytes than the one that asks for them."""
-
-    host: str
-    given: dict[str, str]
-    wanted: dict[str, str]
-
-    def told(self) -> str:
-        """Return what differs, in words."""
-        names = [name for name, value in self.wanted.items() if self.given[name] != value]
-        given, allowed = (
-            ", ".join(f"{name} {own[name]}" for name in names) for own in (self.given, self.wanted)
-        )
-        return (
-            f"RAY_ADDRESS: given a cluster whose machine {self.host} has {given}; "
-            f"allowed: {allowed}, as here, so that every machine computes the same bytes"
-        )
+def _unlike(wanted: dict[str, str]) -> InputError | None:
+    """Return why this machine would compute other bytes than the one that asks, None if not."""
+    given = kind()
+    names = [name for name in wanted if given[name] != wanted[name]]
+    if not names:
+        return None
+    has, allowed = (", ".join(f"{name} {it[name]}" for name in names) for it in (given, wanted))
+    return InputError(
+        f"RAY_ADDRESS: given a cluster whose machine {socket.gethostname()} has {has}; "
+        f"allowed: {allowed}, as here, so that every machine computes the same bytes"
+    )
 
 
 class _Worker:
-    """A process that runs one job at a time, and can be told to stop while it runs."""
+    """A process that runs one job, and can be asked to stop meanwhile."""
 
     def __init__(self, wanted: dict[str, str]) -> None:
         self._wanted = wanted
@@ -208,11 +162,10 @@ class _Worker:
 
     def run(self, work: bytes) -> Iterator[Any]:
         """Yield the items of a pickled job, or what is wrong with this machine."""
-        if (own := kind()) != self._wanted:
-            yield _Unlike(socket.gethostname(), own, self._wanted)
-            return
-        # Not before: where a package is missing, it cannot be read.
-        yield from pickle.loads(work)(self._stop)
+        if error := _unlike(self._wanted):
+            yield error
+        else:  # not before: where a package is missing, it cannot be read
+            yield from pickle.loads(work)(self._stop)
 
     def stop(self) -> None:
         """Ask the job to stop."""

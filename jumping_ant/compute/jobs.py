@@ -15,12 +15,11 @@ from typing import Any, TypeVar
 from jumping_ant.base import machine
 from jumping_ant.base.errors import StoppedError, WorkerError
 from jumping_ant.compute import cluster
-from jumping_ant.compute.cluster import Cluster
 from jumping_ant.compute.processes import Processes
 from jumping_ant.compute.workers import Died, Item, Work, Workers
 
 Key = TypeVar("Key", bound=Hashable)
-Given = TypeVar("Given")
+Input = TypeVar("Input")
 Result = TypeVar("Result")
 Say = Callable[[str], None]
 
@@ -56,17 +55,14 @@ def stream(
 ) -> Iterator[tuple[Key, Any]]:
     """Run generators and yield (key, item) as the items arrive.
 
-    Without workers, or with one and without a cluster, they run in this process.
-
-    A key is taken when a worker is free for it. An iterator of keys may choose it by the items so
-    far; if it has none at the moment, it is asked again after the next job that ends.
+    Without workers, or with one and without a cluster, they run in this process. A key is taken
+    when a worker is free for it.
 
     The first SIGTERM or Ctrl-C asks them to stop, by setting the event that each was given, and
     keeps others from starting; the second ends everything immediately.
 
-    `start` returns a function that creates a key's generator; in other processes it must be
-    picklable. A generator whose worker dies is restarted by another call of `start`; after repeated
-    deaths, a WorkerError is raised.
+    `start` returns a function that creates a key's generator, picklable for other processes. After
+    the death of its worker, another call of `start` restarts it; repeated deaths are a WorkerError.
     """
     if workers == 0 or (workers == 1 and not cluster.address()):
         return _inline(start, keys)
@@ -74,37 +70,35 @@ def stream(
 
 
 def by_seed(
-    compute: Callable[[Mapping[int, Given], int], Result],
-    given: Mapping[int, Given],
+    compute: Callable[[Mapping[int, Input], int], Result],
+    seeds: Mapping[int, Input],
     requested: int,
-    owner: str,
+    agent: str,
 ) -> list[Result]:
     """Compute something of all seeds: here in one go, on a cluster with a job for each seed.
 
     A signal ends it at once, as no part of it could be resumed.
 
     Args:
-        compute: Computes it of what is given of some seeds, with a number of threads. On a cluster
-            it must be picklable.
-        given: What is given of each seed.
+        compute: Computes it of the inputs of some seeds, with a number of threads. On a cluster it
+            must be picklable.
+        seeds: The input of each seed.
         requested: How many workers to use; 0 requests one for each seed.
-        owner: Whose seeds they are, in messages.
+        agent: The agent's name, for messages.
 
     Returns:
         The one result here, and on a cluster each seed's, in their order.
     """
-    workers = num_workers(requested, len(given)) if cluster.address() else 1
+    workers = num_workers(requested, len(seeds)) if cluster.address() else 1
     if workers == 1:
-        return [compute(given, machine.num_cores())]
+        return [compute(seeds, machine.num_cores())]
 
     def start(seed: int) -> Work:
-        return partial(_once, partial(compute, {seed: given[seed]}, 1))
+        return partial(_once, partial(compute, {seed: seeds[seed]}, 1))
 
-    def name(seed: int) -> str:
-        return f"{owner}: seed {seed}"
-
-    found = dict(_apart(start, given, workers, print, name, is_resumed=False))
-    return [found[seed] for seed in given]
+    name = (agent + ": seed {}").format
+    results = dict(_apart(start, seeds, workers, print, name, is_resumed=False))
+    return [results[seed] for seed in seeds]
 
 
 def _once(compute: Callable[[], Result], stop: threading.Event) -> Iterator[Result]:
@@ -130,11 +124,10 @@ def _apart(
 ) -> Iterator[tuple[Key, Any]]:
     """Run jobs in workers; a key waits until one of them is free."""
     address = cluster.address()
-    others: Workers = Cluster(address) if address else Processes()
+    pool: Workers = cluster.Cluster(address) if address else Processes()
     new, again = iter(keys), deque[Key]()
     num_running = 0
     deaths = Counter[Key]()
-    is_told = False
     try:
         with _stopped_by_signals() as stop:  # after Ray has set its own handlers
             while True:
@@ -142,16 +135,15 @@ def _apart(
                     free = [again.popleft()] if again else list(islice(new, 1))
                     if not free:
                         break
-                    others.run(free[0], start(free[0]))
+                    pool.run(free[0], start(free[0]))
                     num_running += 1
                 if stop.is_set() and not is_resumed:
                     raise StoppedError("the next run begins this stage anew; nothing else is lost")
                 if not num_running:
                     return
-                if stop.is_set() and not is_told:
-                    others.stop()
-                    is_told = True
-                for key, news in others.news(SECONDS_BETWEEN_LOOKS):
+                if stop.is_set():
+                    pool.stop()
+                for key, news in pool.news(SECONDS_BETWEEN_LOOKS):
                     if isinstance(news, Item):
                         yield key, news.content
                         continue
@@ -165,7 +157,7 @@ def _apart(
                         say(f"{name(key)}: its worker died ({news.cause}), and another takes over")
                         again.appendleft(key)
     finally:
-        others.close()
+        pool.close()
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Workers: what runs jobs in other processes, and what is heard of the jobs."""
+"""What runs jobs in other processes, and the news of these jobs."""
 
 import threading
 from collections.abc import Callable, Hashable, Iterator
@@ -32,10 +32,10 @@ News = Item | Ended | Died
 
 
 class Workers(Protocol):
-    """Processes that each run one job at a time."""
+    """Processes that each run one job."""
 
     def run(self, key: Hashable, work: Work) -> None:
-        """Start a job, in an idle process or a new one; if none starts, raise a WorkerError."""
+        """Start a job; if no process starts, raise a WorkerError."""
 
     def news(self, timeout: float) -> Iterator[tuple[Any, News]]:
         """Yield (key, news) of jobs within `timeout` seconds; raise what a job raised."""

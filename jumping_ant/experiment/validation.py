@@ -3,6 +3,7 @@
 `jumping_ant.training.seed_files` writes them; whoever reads them does so here.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from jumping_ant.base import tables
@@ -24,3 +25,8 @@ def published_return(root: Path, agent: str, seed: int) -> float:
     path = Paths(root).agent(agent).seed(seed).validation
     table = tables.read(path, f"train@{agent}", curves.owner(agent, seed), COLUMNS)
     return float(table["return_mean"].max())
+
+
+def best_first(root: Path, agent: str, seeds: Iterable[int]) -> list[int]:
+    """Return seeds of an agent, the one whose policy did best in validation first."""
+    return sorted(seeds, key=lambda seed: -published_return(root, agent, seed))

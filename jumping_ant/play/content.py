@@ -55,12 +55,6 @@ SLIDERS = {
 }
 
 
-def champions(root: Path, agent: str, seeds: Sequence[int]) -> list[int]:
-    """Return some seeds of an agent, the one that did best in validation first, as in MLflow."""
-    returns = {seed: validation.published_return(root, agent, seed) for seed in seeds}
-    return sorted(returns, key=lambda seed: -returns[seed])
-
-
 def policy(root: Path, agent: str, seed: int) -> dict[str, Any]:
     """Return the JSON of a seed's published policy, with its origin."""
     path = Paths(root).agent(agent).seed(seed).policy
@@ -70,7 +64,7 @@ def policy(root: Path, agent: str, seed: int) -> dict[str, Any]:
 
 def all_policies(root: Path, params: Params) -> Policies:
     """Return policies by agent and seed: all champions, and as many others as there is room for."""
-    order = {name: champions(root, name, params.seeds) for name in params.agents}
+    order = {name: validation.best_first(root, name, params.seeds) for name in params.agents}
     found: Policies = {}
     taken = 0
     for rank in range(len(params.seeds)):

@@ -10,46 +10,61 @@ another robot, other code or other versions are never resumed from. The folder c
 | seed-N.M.checkpoint | seed N at its M-th checkpoint; the last two are kept |
 | seed-N.finished | seed N, finished |
 
-Every file is complete or absent (see `jumping_ant.base.files`), begins with the digest of the rest,
-states the agent, seed and key that it is of, and holds numbers and text: nothing in it is executed.
+Every file is complete or absent (see `jumping_ant.base.files`), begins with a digest of its agent,
+key, seed and content, and holds numbers and text: nothing in it is executed.
 
 Finished seeds are kept after training, so that a training with more seeds trains only the new ones.
 Files of other keys are kept, too, so that a return to earlier parameters resumes what they had
 reached; the oldest ones are removed when they take more than `KEPT_BYTES`.
 """
 
-import fcntl
 import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import asdict, dataclass, fields
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
+from filelock import FileLock, Timeout
+
+from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.training_code import training_code
+from jumping_ant.base import effective_code, machine
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import told
 from jumping_ant.base.files import write_bytes
 from jumping_ant.base.paths import home
+from jumping_ant.params.blocks import TrainingParams
+from jumping_ant.sim.world import World
 from jumping_ant.training.racing import Candidate, Candidates
 
+DRIVER = Path(__file__).with_name("driver.py")
 GENERATIONS = 2
 KEPT_BYTES = 2 * 2**30  # for an agent, of other parameters and of seeds that are not trained now
 _HEADER, _CONTENT = "header.json", "content"
-_IN_ENTRIES = ("candidates", "content")
 
 
-@dataclass(frozen=True)
-class Owner:
-    """Whose a checkpoint is; its place says the same."""
+def checkpoint_key(
+    world: World, training: TrainingParams, agent: AgentBlock, demonstrations: bytes | None = None
+) -> str:
+    """Return a digest of everything that the output files of an agent's seeds depend on."""
+    content = {
+        "robot": world.xml,
+        "params": [block.model_dump() for block in (world.env, training, agent)],
+        "code": list(map(effective_code.read, sorted(training_code(agent.algorithm, DRIVER)))),
+        "machine": machine.describe(),
+    }
+    if demonstrations is not None:
+        content["demonstrations"] = hashlib.sha256(demonstrations).hexdigest()
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
-    agent: str
-    seed: int
-    key: str  # digest of what the seed's results depend on
 
-    def __str__(self) -> str:
-        return f"agent {self.agent}, seed {self.seed}, key {self.key}"
+def owner_of(path: Path) -> str:
+    """Return which agent, key and seed a file is of, by its place."""
+    return "/".join([*path.parts[-3:-1], path.name.partition(".")[0]])
 
 
 @dataclass(frozen=True)
@@ -64,25 +79,22 @@ class Saved:
     candidates: Candidates  # snapshots that may be published
     content: bytes  # the trainer's checkpoint; of a finished seed, the last policy's file
 
-    def to_bytes(self, owner: Owner) -> bytes:
+    def to_bytes(self, owner: str) -> bytes:
         """Return the content of the owner's file."""
-        others = (field.name for field in fields(self) if field.name not in _IN_ENTRIES)
-        header = {name: getattr(self, name) for name in others} | {"owner": asdict(owner)}
-        header["candidates"] = [(one.env_steps, one.returns) for one in self.candidates]
-        policies = {_policy(rank): one.policy for rank, one in enumerate(self.candidates)}
-        packed = pack({_HEADER: json.dumps(header).encode(), **policies, _CONTENT: self.content})
-        return hashlib.sha256(packed).hexdigest().encode() + b"\n" + packed
+        header = vars(self) | {"candidates": [(it.env_steps, it.returns) for it in self.candidates]}
+        entries = {_policy(rank): it.policy for rank, it in enumerate(self.candidates)}
+        entries[_CONTENT] = header.pop("content")
+        packed = pack({_HEADER: json.dumps(header).encode(), **entries})
+        return _digest(owner, packed) + b"\n" + packed
 
     @classmethod
-    def from_bytes(cls, file: bytes, owner: Owner) -> "Saved":
+    def from_bytes(cls, file: bytes, owner: str) -> "Saved":
         """Read the owner's file; a damaged one or another owner's raises a ValueError."""
         digest, _, packed = file.partition(b"\n")
-        if hashlib.sha256(packed).hexdigest().encode() != digest:
+        if _digest(owner, packed) != digest:
             raise ValueError("the digest does not match")
         entries = Archive(packed)
         header = json.loads(entries[_HEADER])
-        if (stated := header.pop("owner")) != asdict(owner):
-            raise ValueError(f"it is that of {Owner(**stated)}, not of {owner}")
         header["timing"] = [tuple(row) for row in header["timing"]]
         header["candidates"] = tuple(
             Candidate(env_steps, tuple(returns), entries[_policy(rank)])
@@ -92,8 +104,13 @@ class Saved:
 
 
 def _policy(rank: int) -> str:
-    """Return the name of a candidate's policy in a file."""
     return f"candidate-{rank}"
+
+
+def _digest(owner: str, packed: bytes) -> bytes:
+    digest = hashlib.sha256(owner.encode())
+    digest.update(packed)
+    return digest.hexdigest().encode()
 
 
 class Checkpoints:
@@ -101,7 +118,6 @@ class Checkpoints:
 
     def __init__(self, root: Path, agent: str, key: str, say: Callable[[str], None]) -> None:
         self._workspace = root / ".checkpoints" / agent
-        self._agent, self._key = agent, key
         self._agent_folder = home(root) / ".checkpoints" / agent
         self._folder = self._agent_folder / key
         self._say = say
@@ -113,57 +129,42 @@ class Checkpoints:
         Another process may be training the agent already, such as one whose `dvc repro` was killed.
         This waits until it ends, then resumes from its last checkpoint.
         """
-        with ExitStack() as stack:
-            for folder in (self._workspace, self._folder):
-                folder.mkdir(parents=True, exist_ok=True)
-                self._take(stack.enter_context((folder / "lock").open("a+", encoding="utf-8")))
+        with self._locked(self._workspace), self._locked(self._folder):
             yield
             self._remove_oldest(seeds)
 
     def load(self, seed: int) -> Saved | None:
         """Return a seed's newest undamaged checkpoint, if any; remove newer, damaged ones."""
         for path in reversed(self._generations(seed)):
-            if saved := self._read(path, seed):
+            if saved := self._read(path):
                 return saved
             path.unlink()
         return None
 
-    def reject(self, seed: int, reason: str) -> None:
-        """Remove a seed's newest checkpoint, which the trainer cannot resume from."""
-        newest = self._generations(seed)[-1]
-        self._say(f"{newest.name} cannot be resumed from ({reason}) and is not used")
-        newest.unlink()
-
     def finished(self, seed: int) -> Saved | None:
         """Return a seed that is already trained, None if it is not."""
         path = self._finished_path(seed)
-        return self._read(path, seed) if path.exists() else None
-
-    def forget(self, seed: int) -> None:
-        """Remove a finished seed, so that it is trained again."""
-        self._finished_path(seed).unlink(missing_ok=True)
+        return self._read(path) if path.exists() else None
 
     def save(self, seed: int, saved: Saved) -> None:
         """Write a seed's next checkpoint; older ones stay if that fails, as on a full disk."""
         old = self._generations(seed)
         number = int(old[-1].suffixes[-2][1:]) + 1 if old else 1
         path = self._folder / f"seed-{seed}.{number}.checkpoint"
-        write_bytes(path, saved.to_bytes(self._owner(seed)))
+        write_bytes(path, saved.to_bytes(owner_of(path)))
         for path in old[: 1 - GENERATIONS]:
             path.unlink()
 
     def finish(self, seed: int, saved: Saved) -> None:
         """Write a trained seed, then remove its checkpoints; they stay if writing fails."""
-        write_bytes(self._finished_path(seed), saved.to_bytes(self._owner(seed)))
+        path = self._finished_path(seed)
+        write_bytes(path, saved.to_bytes(owner_of(path)))
         for path in self._generations(seed):
             path.unlink()
 
-    def _owner(self, seed: int) -> Owner:
-        return Owner(self._agent, seed, self._key)
-
-    def _read(self, path: Path, seed: int) -> Saved | None:
+    def _read(self, path: Path) -> Saved | None:
         try:
-            return Saved.from_bytes(path.read_bytes(), self._owner(seed))
+            return Saved.from_bytes(path.read_bytes(), owner_of(path))
         except Exception as error:  # a damaged file can raise anything
             self._say(f"{path.name} is damaged ({told(error)}) and is not used")
             return None
@@ -176,39 +177,37 @@ class Checkpoints:
     def _finished_path(self, seed: int) -> Path:
         return self._folder / f"seed-{seed}.finished"
 
-    def _take(self, lock: TextIO) -> None:
-        """Lock a file until it is closed."""
+    def _locked(self, folder: Path) -> AbstractContextManager[object]:
+        """Lock a folder, and note in the lock's file which process has it."""
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / "lock"
+        lock = FileLock(path, mode=0o600)
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.seek(0)
-            process = lock.read()
+            held = lock.acquire(blocking=False)
+        except Timeout:
+            process = path.read_text(encoding="utf-8")
             self._say(
                 f"waiting for process {process}, which is already training it and will not be "
                 f"started again; `kill {process}` stops it with a checkpoint"
             )
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        lock.truncate(0)
-        lock.write(str(os.getpid()))
-        lock.flush()
+            held = lock.acquire()
+        path.write_text(str(os.getpid()), encoding="utf-8")
+        return held
 
     def _remove_oldest(self, seeds: Iterable[int]) -> None:
         """Remove the oldest files that this training does not need, beyond the size to keep."""
         needed = {self._finished_path(seed) for seed in seeds}
-        found = []
-        for path in self._agent_folder.glob("*/seed-*"):
+        others = []
+        for path in set(self._agent_folder.glob("*/seed-*")) - needed:
             with suppress(FileNotFoundError):  # another training of the agent may have removed it
-                found.append((path.stat(), path))
-        found.sort(key=lambda pair: pair[0].st_mtime, reverse=True)
-        kept = num_removed = 0
-        for status, path in found:
-            if path not in needed:
-                kept += status.st_size
-                if kept > KEPT_BYTES:
-                    path.unlink(missing_ok=True)
-                    num_removed += 1
-        if num_removed:
+                others.append((path.stat(), path))
+        others.sort(key=lambda pair: pair[0].st_mtime, reverse=True)
+        sizes = accumulate(status.st_size for status, _ in others)
+        removed = [path for (_, path), size in zip(others, sizes, strict=True) if size > KEPT_BYTES]
+        for path in removed:
+            path.unlink(missing_ok=True)
+        if removed:
             self._say(
-                f"removed {num_removed} checkpoints of other parameters or seeds from "
+                f"removed {len(removed)} checkpoints of other parameters or seeds from "
                 f"{self._agent_folder}: {KEPT_BYTES / 2**30:g} GiB of them are kept"
             )

@@ -1,7 +1,7 @@
 """Demonstrations of a trained agent, for agents that imitate it.
 
-The seed that did best in validation demonstrates. Its episodes are its own: neither those of
-validation nor the held-out ones (`Params` sees to that).
+The seed that did best in validation demonstrates, in episodes that are neither those of validation
+nor the held-out ones (`Params` sees to that).
 """
 
 from pathlib import Path
@@ -26,9 +26,7 @@ def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1
     """Return what an agent demonstrates for an algorithm that has an entry in `demonstrations`."""
     settings = params.demonstrations[algorithm]
     agent = params.agent(settings.agent)
-    best = max(
-        params.seeds, key=lambda seed: validation.published_return(root, settings.agent, seed)
-    )
+    best, *_ = validation.best_first(root, settings.agent, params.seeds)
     paths = Paths(root).agent(settings.agent).seed(best)
     content = read_bytes(paths.policy, f"train@{settings.agent}")
     policy_file.parse(content, paths.owner)
@@ -44,15 +42,9 @@ def record(
     episodes: list[Labelled] = []
     while steps < settings.steps:
         first = settings.seed + EPISODES_AT_ONCE * len(episodes)
-        played = play(
-            world,
-            policy,
-            policy,
-            list(range(first, first + EPISODES_AT_ONCE)),
-            settings.episode_steps,
-            settings.tumbled_starts,
-            num_threads,
-        )
+        starts = list(range(first, first + EPISODES_AT_ONCE))
+        length, tumbled = settings.episode_steps, settings.tumbled_starts
+        played = play(world, policy, policy, starts, length, tumbled, num_threads)
         episodes.append(played)
         steps += len(played) * policy.actions.hold
     return Demonstrations(concatenated(episodes), expert)

@@ -3,7 +3,7 @@
 `curve.csv` grows row by row. When training ends, `policy.zip` is written in one piece: the snapshot
 that won in validation, or the last policy, as `training.publish` specifies; `validation.csv` has
 what the finalists returned (see `jumping_ant.training.racing`). `final.zip` is always the last
-policy. Seconds and the machine are told to the driver, which keeps them apart.
+policy. The driver keeps seconds and the machine apart.
 """
 
 import math
@@ -12,8 +12,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
-from jumping_ant.base import tables
-from jumping_ant.base.errors import InputError
+from jumping_ant.base import progress, tables
 from jumping_ant.base.files import write_all
 from jumping_ant.base.paths import SeedPaths
 from jumping_ant.experiment import curves, validation
@@ -21,30 +20,24 @@ from jumping_ant.experiment.curves import COLUMNS
 from jumping_ant.policies import policy_file
 from jumping_ant.training import racing
 from jumping_ant.training.checkpoints import Checkpoints, Saved
-from jumping_ant.training.progress import TrainingProgress
-from jumping_ant.training.seed_run import Rejected, Report
+from jumping_ant.training.seed_run import Report
 
 
 class SeedFiles:
-    """The files and the training progress of one seed."""
+    """The files and the progress of one seed, of `total` control steps."""
 
     def __init__(
-        self,
-        agent: str,
-        number: int,
-        paths: SeedPaths,
-        checkpoints: Checkpoints,
-        display: TrainingProgress,
+        self, agent: str, number: int, total: int, paths: SeedPaths, checkpoints: Checkpoints
     ) -> None:
         self.number = number
-        self.timing: list[tuple[int, float]] = []
-        self.machine: dict[str, Any] | None = None  # that a finished seed was trained on
-        self.is_finished = False
+        self.finished: Saved | None = None
         self.saved_steps = 0
         self._owner = curves.owner(agent, number)
         self._paths = paths
         self._checkpoints = checkpoints
-        self._display = display
+        self._progress = progress.Progress(f"{agent} seed {number}", total, "steps")
+        self._return = "-"  # of the latest training episodes
+        self._timing: list[tuple[int, float]] = []
         self._curve = ""
         self._file: TextIO
 
@@ -55,42 +48,38 @@ class SeedFiles:
         for path in self._paths.files:
             path.unlink(missing_ok=True)
         self._file = self._paths.curve.open("x", newline="", encoding="utf-8")
-        if saved := self._trained_before():
-            self._display.say(f"seed {self.number}: trained before, {saved.env_steps:,} steps")
+        if saved := self._checkpoints.finished(self.number):
+            self._say(f"trained before, {saved.env_steps:,} steps")
             self._resume_from(saved)
             self._finish(saved)
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._progress.close()
         self._file.close()
 
-    def _trained_before(self) -> Saved | None:
-        saved = self._checkpoints.finished(self.number)
-        try:
-            for candidate in saved.candidates if saved else ():
-                policy_file.parse(candidate.policy)
-            if saved:
-                policy_file.parse(saved.content)
-        except InputError as error:
-            self._display.say(f"seed {self.number}: trained before, but not used ({error})")
-            self._checkpoints.forget(self.number)
-            return None
-        return saved
+    def _say(self, line: str) -> None:
+        progress.say(f"{self._owner['agent']}: seed {self.number}: {line}")
 
     def start(self) -> Saved | None:
-        """Return the state to resume from, None for a fresh start, and restore the files."""
+        """Return the state to resume from, None for a fresh start, and restore the curve."""
         saved = self._checkpoints.load(self.number)
         if saved:
-            self._display.say(f"seed {self.number}: resumes from {saved.env_steps:,} steps")
+            self._say(f"resumes from {saved.env_steps:,} steps")
         self._resume_from(saved)
         return saved
 
-    def take(self, report: Report) -> bool:
-        """Record an event; return False if the seed must be started again."""
+    def _resume_from(self, saved: Saved | None) -> None:
+        self._timing = list(saved.timing) if saved else []
+        self.saved_steps = saved.env_steps if saved else 0
+        self._curve = ""
+        self._file.seek(0)
+        self._file.truncate()
+        self._write(saved.curve if saved else "")
+
+    def take(self, report: Report) -> None:
+        """Record an event."""
         event = report.event
-        if isinstance(event, Rejected):
-            self._checkpoints.reject(self.number, event.reason)
-            return False
         if isinstance(event, Checkpoint):
             self._checkpoints.save(self.number, self._saved(report, event.env_steps, event.content))
             self.saved_steps = event.env_steps
@@ -98,33 +87,25 @@ class SeedFiles:
             saved = self._saved(report, event.env_steps, event.policy)
             self._checkpoints.finish(self.number, saved)
             self._finish(saved)
-            self._display.finish(self.number, event.env_steps, report.seconds)
+            self._progress.finish(event.env_steps, report.seconds, f"return {self._return}")
         else:
             self._write_row(_row(event, report.returns))
-            self.timing.append((event.env_steps, report.seconds))
+            self._timing.append((event.env_steps, report.seconds))
             if isinstance(event, Progress):
-                latest = None if math.isnan(event.return_mean) else event.return_mean
-                self._display.update(self.number, event.env_steps, report.seconds, latest)
-        return True
+                if not math.isnan(event.return_mean):
+                    self._return = f"{event.return_mean:,.0f}"
+                self._progress.show(event.env_steps, report.seconds, f"return {self._return}")
 
     def _saved(self, report: Report, env_steps: int, content: bytes) -> Saved:
         return Saved(
             env_steps=env_steps,
             seconds=report.seconds,
-            timing=self.timing,
+            timing=self._timing,
             machine=report.machine,
             curve=self._curve,
             candidates=report.candidates,
             content=content,
         )
-
-    def _resume_from(self, saved: Saved | None) -> None:
-        self.timing = list(saved.timing) if saved else []
-        self.saved_steps = saved.env_steps if saved else 0
-        self._curve = ""
-        self._file.seek(0)
-        self._file.truncate()
-        self._write(saved.curve if saved else "")
 
     def _finish(self, saved: Saved) -> None:
         published = racing.winner(saved.candidates).policy
@@ -145,8 +126,7 @@ class SeedFiles:
                 self._paths.validation: tables.to_csv(rows, [*self._owner, *validation.COLUMNS]),
             }
         )
-        self.machine = saved.machine
-        self.is_finished = True
+        self.finished = saved
 
     def _write_row(self, row: dict[str, float]) -> None:
         if not self._curve:

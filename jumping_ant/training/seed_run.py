@@ -5,7 +5,6 @@ the finalists (see `jumping_ant.training.racing`). They have start states of the
 training nor the held-out episodes use them.
 """
 
-import itertools
 import math
 import threading
 import time
@@ -13,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +19,6 @@ from numpy.typing import NDArray
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine
-from jumping_ant.base.errors import told
 from jumping_ant.params.blocks import TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
@@ -29,22 +26,12 @@ from jumping_ant.sim.rollout import Play
 from jumping_ant.training import racing
 from jumping_ant.training.racing import Candidate, Candidates
 
-# What reading a checkpoint of wrong content raises; not the memory or a file that is lacking.
-WRONG_CONTENT = (ValueError, TypeError, LookupError, AttributeError, RuntimeError, BadZipFile)
-
-
-@dataclass(frozen=True)
-class Rejected:
-    """Instead of events: the trainer cannot resume from its checkpoint."""
-
-    reason: str
-
 
 @dataclass(frozen=True)
 class Report:
     """An event as a worker sends it."""
 
-    event: Event | Rejected
+    event: Event
     seconds: float  # of this seed's training so far, without evaluations
     returns: tuple[float, ...] = ()  # of a snapshot's evaluation, (episodes,)
     candidates: Candidates = ()  # with a checkpoint and the last event: who may be published
@@ -75,15 +62,7 @@ def run(
     def is_checkpoint_due() -> bool:
         return stop.is_set() or time.perf_counter() - last >= checkpoint_seconds
 
-    events = train(replace(job, is_checkpoint_due=is_checkpoint_due))
-    try:
-        first = next(events)
-    except WRONG_CONTENT as error:
-        if job.checkpoint is None:
-            raise
-        yield Report(Rejected(told(error)), 0.0)
-        return
-    for event in itertools.chain([first], events):
+    for event in train(replace(job, is_checkpoint_due=is_checkpoint_due)):
         now = time.perf_counter()
         report = Report(event, now - started - paused)
         if isinstance(event, Snapshot):

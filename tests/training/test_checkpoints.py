@@ -10,7 +10,7 @@ import pytest
 from small_disk import small_disk
 
 from jumping_ant.training import checkpoints
-from jumping_ant.training.checkpoints import Checkpoints, Owner, Saved
+from jumping_ant.training.checkpoints import Checkpoints, Saved
 from jumping_ant.training.racing import Candidate
 
 SAVED = Saved(
@@ -22,21 +22,17 @@ SAVED = Saved(
     candidates=(Candidate(100, (12.5, 0.1), b"best so far"), Candidate(50, (6.0, 0.0), b"other")),
     content=bytes(range(256)),
 )
+DAMAGED = " is damaged (ValueError: the digest does not match) and is not used"
 POLICY = replace(SAVED, machine={"cpu": "a"}, content=b"policy")
 
 
-class Lines(list[str]):
-    def __call__(self, line: str) -> None:
-        self.append(line)
-
-
 @pytest.fixture
-def said() -> Lines:
-    return Lines()
+def said() -> list[str]:
+    return []
 
 
-def store(root: Path, said: Lines, key: str = "key") -> Checkpoints:
-    return Checkpoints(root, "sac", key, said)
+def store(root: Path, said: list[str], key: str = "key", agent: str = "sac") -> Checkpoints:
+    return Checkpoints(root, agent, key, said.append)
 
 
 def files(root: Path) -> list[str]:
@@ -44,50 +40,37 @@ def files(root: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-def test_the_last_two_are_kept_and_the_newest_is_loaded(tmp_path: Path, said: Lines) -> None:
+def test_the_last_two_are_kept_and_the_newest_is_loaded(tmp_path: Path, said: list[str]) -> None:
     stored = store(tmp_path, said)
-    with stored.opened([0, 1]):
-        assert stored.load(0) is None
-        for steps in range(100, 1300, 100):
-            stored.save(0, replace(SAVED, env_steps=steps))
-        stored.save(1, SAVED)
-        assert store(tmp_path, said).load(0) == replace(SAVED, env_steps=1200)
-        stored.save(2, replace(SAVED, candidates=()))
-        assert stored.load(2) == replace(SAVED, candidates=())
-        assert files(tmp_path) == [
-            "sac/key/lock",
-            "sac/key/seed-0.11.checkpoint",
-            "sac/key/seed-0.12.checkpoint",
-            "sac/key/seed-1.1.checkpoint",
-            "sac/key/seed-2.1.checkpoint",
-            "sac/lock",
-        ]
+    assert stored.load(0) is None
+    for steps in range(100, 1300, 100):
+        stored.save(0, replace(SAVED, env_steps=steps))
+    stored.save(1, replace(SAVED, candidates=()))
+    assert store(tmp_path, said).load(0) == replace(SAVED, env_steps=1200)
+    assert stored.load(1) == replace(SAVED, candidates=())
+    numbers = ("0.11", "0.12", "1.1")
+    assert files(tmp_path) == [f"sac/key/seed-{number}.checkpoint" for number in numbers]
     assert said == []
 
 
 def damage(path: Path, how: str) -> None:
     content = path.read_bytes()
     middle = len(content) // 2
-    path.write_bytes(
-        {
-            "torn": content[:middle],
-            "empty": b"",
-            "flipped": content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :],
-            "foreign": b"not a checkpoint",
-        }[how]
-    )
+    torn, flipped = content[:middle], bytes([content[middle] ^ 1])
+    after = {"torn": b"", "flipped": flipped + content[middle + 1 :]}
+    path.write_bytes(torn + after[how] if how in after else b"not a checkpoint")
 
 
-@pytest.mark.parametrize("how", ["torn", "empty", "flipped", "foreign"])
-def test_a_damaged_one_gives_way_to_the_one_before(tmp_path: Path, said: Lines, how: str) -> None:
+@pytest.mark.parametrize("how", ["torn", "flipped", "foreign"])
+def test_a_damaged_one_gives_way_to_the_one_before(
+    tmp_path: Path, said: list[str], how: str
+) -> None:
     stored = store(tmp_path, said)
     for steps in (100, 200):
         stored.save(0, replace(SAVED, env_steps=steps))
     damage(tmp_path / ".checkpoints/sac/key/seed-0.2.checkpoint", how)
     assert stored.load(0) == SAVED
-    assert said == [
-        "seed-0.2.checkpoint is damaged (ValueError: the digest does not match) and is not used"
-    ]
+    assert said == [f"seed-0.2.checkpoint{DAMAGED}"]
     stored.save(0, replace(SAVED, env_steps=300))
     assert store(tmp_path, said).load(0).env_steps == 300
     assert files(tmp_path) == ["sac/key/seed-0.1.checkpoint", "sac/key/seed-0.2.checkpoint"]
@@ -96,31 +79,20 @@ def test_a_damaged_one_gives_way_to_the_one_before(tmp_path: Path, said: Lines, 
     assert stored.load(0) is None
 
 
-@pytest.mark.parametrize(
-    ("place", "told"),
-    [
-        ("sac/key/seed-1.finished", "agent sac, seed 1, key key"),
-        ("sac/other/seed-0.finished", "agent sac, seed 0, key other"),
-        ("dqn/key/seed-0.finished", "agent dqn, seed 0, key key"),
-    ],
-)
+@pytest.mark.parametrize("place", ["sac/key/seed-1", "sac/other/seed-0", "dqn/key/seed-0"])
 def test_a_file_in_the_place_of_another_is_not_used(
-    tmp_path: Path, said: Lines, place: str, told: str
+    tmp_path: Path, said: list[str], place: str
 ) -> None:
     store(tmp_path, said).finish(0, POLICY)
     folder = tmp_path / ".checkpoints"
-    (folder / place).parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy(folder / "sac/key/seed-0.finished", folder / place)
     agent, key, name = place.split("/")
-    seed = int(name[len("seed-")])
-    assert Checkpoints(tmp_path, agent, key, said).finished(seed) is None
-    (line,) = said
-    assert "it is that of agent sac, seed 0, key key, not of " + told in line
-    shutil.copy(folder / place, (folder / place).with_name(f"seed-{seed}.1.checkpoint"))
-    assert Checkpoints(tmp_path, agent, key, said).load(seed) is None
+    (folder / agent / key).mkdir(parents=True, exist_ok=True)
+    shutil.copy(folder / "sac/key/seed-0.finished", folder / f"{place}.finished")
+    assert store(tmp_path, said, key, agent).finished(int(name[-1])) is None
+    assert said == [f"{name}.finished{DAMAGED}"]
 
 
-def test_a_disk_that_is_full_damages_nothing(tmp_path: Path, said: Lines) -> None:
+def test_a_disk_that_is_full_damages_nothing(tmp_path: Path, said: list[str]) -> None:
     stored = store(tmp_path, said)
     stored.save(0, SAVED)
     before = files(tmp_path)
@@ -130,7 +102,7 @@ def test_a_disk_that_is_full_damages_nothing(tmp_path: Path, said: Lines) -> Non
     assert stored.load(0) == SAVED
 
 
-def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: Lines) -> None:
+def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: list[str]) -> None:
     stored = store(tmp_path, said)
     stored.save(0, SAVED)
     assert stored.finished(0) is None
@@ -139,20 +111,10 @@ def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: Lines) -> Non
     assert files(tmp_path) == ["sac/key/seed-0.finished"]
     damage(tmp_path / ".checkpoints/sac/key/seed-0.finished", "torn")
     assert stored.finished(0) is None
-    assert said == [
-        "seed-0.finished is damaged (ValueError: the digest does not match) and is not used"
-    ]
+    assert said == [f"seed-0.finished{DAMAGED}"]
 
 
-def test_an_interrupted_training_keeps_its_seeds(tmp_path: Path, said: Lines) -> None:
-    with pytest.raises(KeyboardInterrupt), store(tmp_path, said).opened([0, 1]):
-        store(tmp_path, said).finish(0, POLICY)
-        raise KeyboardInterrupt
-    with store(tmp_path, said).opened([0, 1]):
-        assert store(tmp_path, said).finished(0) == POLICY
-
-
-def train(root: Path, said: Lines, seeds: list[int], key: str = "key") -> list[int]:
+def train(root: Path, said: list[str], seeds: list[int], key: str = "key") -> list[int]:
     """Train to the end; return the seeds that were not there yet."""
     stored = store(root, said, key)
     with stored.opened(seeds):
@@ -163,25 +125,23 @@ def train(root: Path, said: Lines, seeds: list[int], key: str = "key") -> list[i
     return missing
 
 
-def test_what_was_trained_is_kept(tmp_path: Path, said: Lines) -> None:
+def test_what_was_trained_is_kept(tmp_path: Path, said: list[str]) -> None:
     """Whatever was trained in between: other seeds, other parameters."""
     assert train(tmp_path, said, [0, 1]) == [0, 1]
     assert train(tmp_path, said, [0, 1, 2]) == [2]
     assert train(tmp_path, said, [2, 0], key="other") == [2, 0]
     store(tmp_path, said, "third").save(7, SAVED)
     assert train(tmp_path, said, [1, 2, 0]) == []
-    store(tmp_path, said).forget(1)
-    assert train(tmp_path, said, [0, 1]) == [1]
     assert store(tmp_path, said, "third").load(7) == SAVED
     assert said == []
 
 
 def test_the_oldest_ones_are_removed_beyond_a_size(
-    tmp_path: Path, said: Lines, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     train(tmp_path, said, [0, 1])
     store(tmp_path, said, "half").save(0, SAVED)
-    size = len(POLICY.to_bytes(Owner("sac", 0, "other")))
+    size = len(POLICY.to_bytes("sac/other/seed-0"))
     monkeypatch.setattr(checkpoints, "KEPT_BYTES", 3.5 * size)
     folder = tmp_path / ".checkpoints" / "sac"
     for age, path in enumerate(("half/seed-0.1.checkpoint", "key/seed-1.finished")):
@@ -198,7 +158,7 @@ def test_the_oldest_ones_are_removed_beyond_a_size(
     assert line.startswith("removed 2 checkpoints of other parameters or seeds from ")
 
 
-def test_experiments_in_other_folders_share_them(tmp_path: Path, said: Lines) -> None:
+def test_experiments_in_other_folders_share_them(tmp_path: Path, said: list[str]) -> None:
     """`dvc exp run --temp` and `--queue` work in folders that DVC deletes afterwards."""
     folder = tmp_path / ".dvc" / "tmp" / "exps" / "standalone" / "tmpxyz"
     train(folder, said, [0])
@@ -209,7 +169,7 @@ def test_experiments_in_other_folders_share_them(tmp_path: Path, said: Lines) ->
         assert said == [], "trainings in two folders, of two sets of parameters"
 
 
-def test_one_process_at_a_time(tmp_path: Path, said: Lines) -> None:
+def test_one_process_at_a_time(tmp_path: Path, said: list[str]) -> None:
     """What one reaches while another waits is the other's, and not trained anew."""
     program = (
         "import sys, pathlib; from jumping_ant.training.checkpoints import Checkpoints, Saved\n"

@@ -15,7 +15,7 @@ from jumping_ant.experiment import validation
 from jumping_ant.params.model import Params
 from jumping_ant.sim.world import World
 from jumping_ant.training import demonstrating, driver
-from jumping_ant.training.checkpoint_key import checkpoint_key
+from jumping_ant.training.checkpoints import checkpoint_key
 
 COLUMNS = ",".join(["agent", "seed", *validation.COLUMNS])
 
@@ -28,26 +28,19 @@ def params(project: Path) -> Params:
     return params
 
 
-def validate(project: Path, params: Params, *returns: tuple[float, float]) -> dict[int, bytes]:
-    """Write what two finalists of each seed returned, and return the policies."""
+@pytest.mark.parametrize(("others", "best"), [(300.0, 0), (950.0, 1)])
+def test_the_best_in_validation_demonstrates(
+    project: Path, params: Params, others: float, best: int
+) -> None:
+    """By the better of two finalists, whose policy a seed has published."""
     agent = params.demonstrations["bc"].agent
     paths = Paths(project).agent(agent)
-    for seed, (one, other) in zip(params.seeds, returns, strict=True):
-        rows = [f"{agent},{seed},100,20,{one},1.0", f"{agent},{seed},200,20,{other},1.0"]
+    returns = [(900.0, 100.0), (200.0, others)]
+    for seed, finalists in zip(params.seeds, returns, strict=True):
+        rows = [f"{agent},{seed},{100 * i},20,{mean},1.0" for i, mean in enumerate(finalists)]
         write_text(paths.seed(seed).validation, "\n".join([COLUMNS, *rows, ""]))
-    return {seed: paths.seed(seed).policy.read_bytes() for seed in params.seeds}
-
-
-@pytest.mark.parametrize(
-    ("returns", "best"),
-    [(((900.0, 100.0), (200.0, 300.0)), 0), (((250.0, 100.0), (200.0, 300.0)), 1)],
-)
-def test_the_best_in_validation_demonstrates(
-    project: Path, params: Params, returns: tuple[tuple[float, float], ...], best: int
-) -> None:
-    policies = validate(project, params, *returns)
     made = demonstrating.demonstrate(project, params, "bc")
-    assert made.expert == policies[params.seeds[best]]
+    assert made.expert == paths.seed(params.seeds[best]).policy.read_bytes()
 
 
 def test_episodes_are_as_the_parameters_say(project: Path, params: Params) -> None:

@@ -4,7 +4,6 @@ import json
 import re
 from dataclasses import replace
 from functools import partial
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +11,9 @@ import numpy as np
 import pytest
 import small_agents
 from small_project import read_csv
-from small_training import (
-    ONE_OF_EACH,
-    KillError,
-    small_params,
-)
+from small_training import ONE_OF_EACH, digests, small_params
 
-from jumping_ant.agents.events import Checkpoint, Finished, Snapshot
+from jumping_ant.agents.events import Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError
@@ -26,13 +21,11 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
 from jumping_ant.experiment import curves, validation
-from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
 from jumping_ant.training import driver, seed_run
-from jumping_ant.training.seed_files import SeedFiles
 from jumping_ant.training.seed_run import Report
 
 
@@ -70,34 +63,23 @@ def test_nothing_is_written_through_a_link_into_the_cache(project: Path) -> None
     assert not any(path.is_symlink() for path in (project / "models").rglob("*"))
 
 
-def test_each_seeds_machine_is_named_apart_from_its_policies(project: Path) -> None:
-    driver.train(project, small_params(1), "pgpe")
-    paths = Paths(project).agent("pgpe")
-    for _ in range(2):
-        told = json.loads(paths.machines.read_text(encoding="utf-8"))
-        assert told == {"0": machine.describe(), "5": machine.describe()}
-        for seed in (0, 5):
-            names = {path.name for path in paths.seed(seed).folder.iterdir()}
-            assert names == {"curve.csv", "final.zip", "policy.zip", "validation.csv"}
-        paths.machines.unlink()
-        driver.train(project, small_params(1), "pgpe")  # trained before: its checkpoint tells
-    told = machine.describe()
-    assert told["cpu"] and told["blas_threads"] == 1
-    assert set(told["versions"]) >= {"mujoco", "numpy", "torch"}
-
-
-def test_digests_of_what_training_wrote_are_kept(
+def test_machines_and_digests_are_kept_apart_from_policies(
     project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("jumping_ant.base.portable.is_supported", lambda: False)
-    driver.train(project, small_params(1), "pgpe")
+    """Also of seeds that were trained before."""
+    monkeypatch.setattr(portable, "is_supported", lambda: False)
     paths = Paths(project).agent("pgpe")
-    kept = json.loads(paths.training.read_text(encoding="utf-8"))
-    for seed in ("0", "5"):
-        folder = paths.seed(int(seed)).folder
-        written = {path.name: sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
-        assert kept[seed] == written
-    assert portable.UNSUPPORTED in capsys.readouterr().err
+    for _ in range(2):
+        driver.train(project, small_params(1), "pgpe")
+        assert portable.UNSUPPORTED in capsys.readouterr().err
+        machines = json.loads(paths.machines.read_text(encoding="utf-8"))
+        assert machines == {"0": machine.describe(), "5": machine.describe()}
+        kept = json.loads(paths.training.read_text(encoding="utf-8"))
+        for seed in (0, 5):
+            written = digests(paths.seed(seed).folder)
+            assert kept[str(seed)] == written
+            assert set(written) == {"curve.csv", "final.zip", "policy.zip", "validation.csv"}
+        paths.machines.unlink()
 
 
 @pytest.mark.parametrize("agent", ONE_OF_EACH)
@@ -113,11 +95,13 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
         assert len(evaluated) == 2
         assert all(row["return_mean"] == "" for row in evaluated), "one row, one kind of return"
         assert int(evaluated[-1]["env_steps"]) == steps[-1]
-        timing = read_csv(Paths(project).agent(agent).timing)
-        own = [row for row in timing if row["seed"] == str(seed)]
-        assert {row["agent"] for row in timing} == {agent}
-        assert [int(row["env_steps"]) for row in own] == steps
-        seconds = [float(row["seconds"]) for row in own]
+        timing = [
+            row
+            for row in read_csv(Paths(project).agent(agent).timing)
+            if (row["agent"], row["seed"]) == (agent, str(seed))
+        ]
+        assert [int(row["env_steps"]) for row in timing] == steps
+        seconds = [float(row["seconds"]) for row in timing]
         assert seconds == sorted(seconds) and seconds[-1] > 0
 
 
@@ -157,24 +141,23 @@ def with_training(**changes: Any) -> Params:
 def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[bytes, np.ndarray]:
     """Return each snapshot of a run, as published, and its returns in both rounds of validation."""
     xml = (project / "assets" / "edited.xml").read_text(encoding="utf-8")
-    rules = settings.training
+    rules, world = settings.training, World(xml, settings.env)
     count = rules.evaluation_episodes + rules.finalist_episodes
     seeds = range(rules.evaluation_seed, rules.evaluation_seed + count)
     block = settings.agents[agent]
-    events = trainer_of(block)(
-        small_agents.job(World(xml, settings.env), block, seed, evaluations=rules.evaluations)
-    )
-    policy_files = [event.policy for event in events if isinstance(event, Snapshot)]
-    assert len(policy_files) == rules.evaluations
-    found = {}
-    for content in policy_files:
-        episodes = rollout.run(World(xml, settings.env), policy_file.parse(content), seeds)
-        returns = np.array([episode.rewards.sum() for episode in episodes])
-        found[policy_file.owned(content, (agent, seed))] = returns
-    return found
+    returns = {}
+    for event in trainer_of(block)(
+        small_agents.job(world, block, seed, evaluations=rules.evaluations)
+    ):
+        if isinstance(event, Snapshot):
+            episodes = rollout.run(world, policy_file.parse(event.policy), seeds)
+            published = policy_file.owned(event.policy, (agent, seed))
+            returns[published] = np.array([episode.rewards.sum() for episode in episodes])
+    assert len(returns) == rules.evaluations, "each snapshot differs: it learned"
+    return returns
 
 
-@pytest.mark.parametrize("agent", ONE_OF_EACH)
+@pytest.mark.parametrize("agent", ["pgpe", "sac"])
 def test_the_best_of_the_finalists_is_published(project: Path, agent: str) -> None:
     """And the last policy beside it."""
     settings = with_training(evaluations=3, finalists=2)
@@ -182,77 +165,30 @@ def test_the_best_of_the_finalists_is_published(project: Path, agent: str) -> No
     for seed in settings.seeds:
         paths = Paths(project).agent(agent).seed(seed)
         returns = snapshots(project, settings, agent, seed)
-        assert len(returns) == 3, "each snapshot differs: it learned"
-        first = {policy: float(np.mean(own[:4])) for policy, own in returns.items()}
+        first = {policy: float(np.mean(each[:4])) for policy, each in returns.items()}
         finalists = sorted(first, key=first.__getitem__)[-2:]
         means = {policy: float(np.mean(returns[policy])) for policy in finalists}
         assert paths.policy.read_bytes() == max(means, key=means.__getitem__)
         assert paths.final_policy.read_bytes() == list(returns)[-1]
-        told = [row["evaluation_return_mean"] for row in read_csv(paths.curve)]
-        assert [float(mean) for mean in told if mean] == list(first.values())
+        shown = [row["evaluation_return_mean"] for row in read_csv(paths.curve)]
+        assert [float(mean) for mean in shown if mean] == list(first.values())
         rows = read_csv(paths.validation)
-        expected = {means[policy] for policy in finalists}
-        assert {float(row["return_mean"]) for row in rows} == expected
+        assert {float(row["return_mean"]) for row in rows} == set(means.values())
         assert {row["episodes"] for row in rows} == {"7"}
         steps = [int(row["env_steps"]) for row in rows]
         assert steps == sorted(set(steps))
-        assert validation.published_return(project, agent, seed) == max(expected)
+        assert validation.published_return(project, agent, seed) == max(means.values())
 
 
-@pytest.mark.parametrize("agent", ONE_OF_EACH)
-def test_the_last_policy_is_published_if_asked_for(project: Path, agent: str) -> None:
+def test_the_last_policy_is_published_if_asked_for(project: Path) -> None:
     settings = with_training(evaluations=3, publish="final")
-    driver.train(project, settings, agent)
+    driver.train(project, settings, "pgpe")
     for seed in settings.seeds:
-        paths = Paths(project).agent(agent).seed(seed)
-        last, returns = list(snapshots(project, settings, agent, seed).items())[-1]
+        paths = Paths(project).agent("pgpe").seed(seed)
+        last, returns = list(snapshots(project, settings, "pgpe", seed).items())[-1]
         assert paths.policy.read_bytes() == paths.final_policy.read_bytes() == last
         (row,) = read_csv(paths.validation)  # which no race preceded
         assert (float(row["return_mean"]), row["episodes"]) == (np.mean(returns[:4]), "4")
-
-
-def test_of_equal_snapshots_the_first_is_published(
-    project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """And a later one that is worse never is, whatever came in between a kill and a resume."""
-    settings = with_training(evaluations=4)
-    settings = settings.model_copy(
-        update={"compute": ComputeParams(workers=1, checkpoint_seconds=1e-9, live_after_seconds=0)}
-    )
-    scores = iter([5.0, 9.0, 9.0, 2.0] * 2)  # the first seed's come first
-    finals, seen = [], []
-    original = SeedFiles.take
-
-    def returns(world: World, plays: Any, num_threads: int) -> np.ndarray:
-        if len(plays) == 4:
-            return np.full(4, next(scores))
-        finals.append(len(plays))
-        return np.zeros(len(plays))
-
-    def take(self: Any, report: Report) -> bool:
-        if isinstance(report.event, Snapshot):
-            seen.append((self.number, report.event.policy))
-        is_taken = original(self, report)
-        if isinstance(report.event, Checkpoint) and len(seen) == 3 and not stopped:
-            stopped.append(True)
-            raise KillError
-        return is_taken
-
-    stopped: list[bool] = []
-    monkeypatch.setattr(rollout, "returns", returns)
-    monkeypatch.setattr(SeedFiles, "take", take)
-    agent = "pgpe"
-    with pytest.raises(KillError):
-        driver.train(project, settings, agent)
-    assert len(seen) == 3 and not list((project / "models").rglob("*.zip"))
-    driver.train(project, settings, agent)
-    assert finals == [3 * 3, 3 * 3]  # three finalists of each seed play three more
-    folder = project / "models" / agent / "seed-0"
-    ours = [policy for number, policy in seen if number == 0]
-    assert len(set(ours)) == 4
-    owner = (agent, 0)
-    assert (folder / "policy.zip").read_bytes() == policy_file.owned(ours[1], owner)
-    assert (folder / "final.zip").read_bytes() == policy_file.owned(ours[3], owner)
 
 
 def test_missing_robot_is_named(tmp_path: Path) -> None:

@@ -55,24 +55,17 @@ def test_all_episodes_of_finalists_count() -> None:
 
     def play(policies: Sequence[bytes]) -> np.ndarray:
         seen.append(policies)
-        return np.array([[1.0, 1.0, 1.0, 1.0], [9.0, 9.0, 9.0, 9.0], [4.0, 4.0, 4.0, 4.0]])
+        return np.repeat([[1.0], [9.0], [4.0]], 4, axis=1)
 
     candidates = racing.finished(entered(10, 6, 8), play)
     assert seen == [[b"0", b"2", b"1"]]
-    assert [one.returns for one in candidates] == [
-        (9, 11, 1, 1, 1, 1),
-        (7, 9, 9, 9, 9, 9),
-        (5, 7, 4, 4, 4, 4),
-    ]
+    returns = [(9, 11, 1, 1, 1, 1), (7, 9, 9, 9, 9, 9), (5, 7, 4, 4, 4, 4)]
+    assert [one.returns for one in candidates] == returns
     assert int(racing.winner(candidates).policy) == 2
     assert racing.winner(candidates).mean_return == pytest.approx(52 / 6)
 
 
 def test_one_candidate_needs_no_final() -> None:
     alone = entered(3)
-
-    def play(policies: Sequence[bytes]) -> np.ndarray:
-        raise AssertionError(policies)
-
-    assert racing.finished(alone, play) == alone
+    assert racing.finished(alone, lambda policies: pytest.fail("a final")) == alone
     assert racing.winner(alone) == alone[0]

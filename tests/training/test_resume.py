@@ -1,14 +1,11 @@
-"""Training ends at any time, and resumes: kills, signals, dead workers, other seeds, `--force`."""
+"""Training ends at any time, and resumes: kills, signals, dead workers, other seeds."""
 
 import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
 import threading
 import time
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,26 +13,21 @@ from typing import Any
 import psutil
 import pytest
 import small_agents
-from ruamel.yaml import YAML
 from small_disk import small_disk
 from small_project import read_csv
 from small_training import ONE_OF_EACH, TRAINED, KillError, digests, forget, small_params
 
 from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.job import Job
-from jumping_ant.base.archive import pack_state
 from jumping_ant.base.errors import StoppedError
-from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.params import params_file
 from jumping_ant.params.blocks import ComputeParams
 from jumping_ant.params.model import Params
 from jumping_ant.sim.world import World
 from jumping_ant.training import driver, seed_run
-from jumping_ant.training.checkpoint_key import checkpoint_key
-from jumping_ant.training.checkpoints import Owner, Saved
+from jumping_ant.training.checkpoints import checkpoint_key
 from jumping_ant.training.seed_files import SeedFiles
 from jumping_ant.training.seed_run import Report
-from scripts.checkout import with_tools
 
 
 def with_many_checkpoints() -> Params:
@@ -61,13 +53,12 @@ def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> No
     original = SeedFiles.take
     seen = []
 
-    def take(self: Any, report: Report) -> bool:
+    def take(self: Any, report: Report) -> None:
         if len(seen) == checkpoint:
             raise KillError
-        is_taken = original(self, report)
+        original(self, report)
         if isinstance(report.event, Checkpoint) and self.number == seed:
             seen.append(report.event.env_steps)
-        return is_taken
 
     monkeypatch.setattr(SeedFiles, "take", take)
 
@@ -99,33 +90,6 @@ def test_a_killed_run_resumes_to_the_same_bytes(
         timing = read_csv(project / "results" / "timing" / agent / "timing.csv")
         seconds = [float(row["seconds"]) for row in timing if row["seed"] == seed]
         assert seconds == sorted(seconds) and len(seconds) > 1
-
-
-@pytest.mark.parametrize("agent", ["pgpe", "sac"])
-def test_a_checkpoint_of_wrong_content_gives_way_to_the_one_before(
-    project: Path, agent: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Its digest is right: it was written by another version, or by someone else."""
-    settings, often = small_params(1), with_many_checkpoints()
-    driver.train(project, settings, agent)
-    expected = digests(project / "models")
-    forget(project)
-    with monkeypatch.context() as patch, pytest.raises(KillError):
-        interrupt(patch, 5, 2)
-        driver.train(project, often, agent)
-    for path in (project / ".checkpoints").rglob("*"):
-        if path.name in ("seed-5.2.checkpoint", "seed-0.finished"):
-            seed = int(path.name[len("seed-")])
-            owner = Owner(agent, seed, path.parent.name)
-            saved = Saved.from_bytes(path.read_bytes(), owner)
-            path.write_bytes(replace(saved, content=pack_state({"state": 1})).to_bytes(owner))
-    capsys.readouterr()
-    driver.train(project, settings, agent)
-    said = capsys.readouterr().err
-    assert "seed-5.2.checkpoint cannot be resumed from (KeyError" in said
-    assert "seed 0: trained before, but not used (policy file: given" in said
-    assert said.count("seed 5: resumes from") == 2
-    assert digests(project / "models") == expected
 
 
 def test_a_full_disk_ends_training_and_the_next_run_completes_it(project: Path) -> None:
@@ -187,64 +151,6 @@ def test_a_new_seed_trains_alone(project: Path, capsys: pytest.CaptureFixture[st
     said = capsys.readouterr().err
     assert said.count("trained before") == 3, "a seed that was dropped meanwhile, too"
     assert digests(project / "models") == expected
-
-
-def test_a_finished_training_is_done_again_only_if_it_is_forced(
-    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Whatever made DVC run the stage again: litter beside the code, a failure after training."""
-    settings = small_params(1)
-
-    def is_trained() -> bool:
-        """Train, as DVC calls it; return whether any seed was trained."""
-        shutil.rmtree(project / "models", ignore_errors=True)
-        capsys.readouterr()
-        driver.train(project, settings, "pgpe")
-        return "seed 5: trained before" not in capsys.readouterr().err
-
-    assert is_trained()
-    assert not is_trained()
-    monkeypatch.setattr(driver, "is_forced", lambda: True)
-    assert is_trained()
-    assert is_trained()
-    monkeypatch.undo()
-    assert not is_trained()
-
-
-FORCED = {
-    "dvc repro asked": "False",
-    "dvc repro --force asked": "True",
-    "python -m dvc repro -sf asked": "True",
-    "dvc exp run --force asked": "True",
-}
-
-
-def test_what_forces_a_training(tmp_path: Path) -> None:
-    code = "from jumping_ant.training.forced import is_forced; print(is_forced())"
-    stage = {"cmd": f'{sys.executable} -c "{code}" > told', "outs": [{"told": {"cache": False}}]}
-    with (tmp_path / "dvc.yaml").open("w", encoding="utf-8") as file:
-        YAML().dump({"stages": {"asked": stage}}, file)
-    environment = with_tools() | {"PYTHONPATH": str(PROJECT_ROOT)}
-    run = partial(subprocess.run, cwd=tmp_path, env=environment, check=True, capture_output=True)
-    run(["git", "init", "-q"])
-    name = ["-c", "user.name=a", "-c", "user.email=a@b"]
-    run(["git", *name, "commit", "-q", "--allow-empty", "-m", "a"])
-    run(["dvc", "init", "-q"])
-    for command, told in FORCED.items():
-        run(command.split())
-        assert (tmp_path / "told").read_text(encoding="utf-8").strip() == told, command
-
-
-def test_a_parent_that_only_has_the_name_forces_nothing(tmp_path: Path) -> None:
-    """Such as `screen -S dvc`."""
-    parent = tmp_path / "dvc"
-    parent.write_text('"$@"\n', encoding="utf-8")
-    program = "from jumping_ant.training.forced import is_forced; print(is_forced())"
-    command = ["bash", str(parent), sys.executable, "-c", program]
-    told = subprocess.run(
-        command, cwd=PROJECT_ROOT, capture_output=True, encoding="utf-8", check=True
-    )
-    assert (told.stdout, told.stderr) == ("False\n", "")
 
 
 def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
