@@ -105,7 +105,7 @@ test-all: export PYTEST_ADDOPTS := -m 'long or not long'
 test-all: test ## all tests: every algorithm, servers, clusters, faults, searches, pages (11 minutes)
 
 QUICK_TESTS = tests/base tests/params tests/sim tests/policies tests/test_layers.py \
-	tests/looks/test_style.py \
+	tests/media/test_style.py \
 	tests/test_pipeline.py tests/test_publish.py tests/test_documented_commands.py
 
 # Parts that run in parallel, three at a time, as they often wait for processes. The first takes the

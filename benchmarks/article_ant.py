@@ -9,7 +9,7 @@ from gymnasium.envs.mujoco.ant_v5 import AntEnv
 from numpy.typing import NDArray
 
 from benchmarks.settings import default_world
-from jumping_ant.actions import ActionSet
+from jumping_ant.policies.actions import ActionSet
 
 
 class ArticleAnt(AntEnv):

@@ -12,10 +12,10 @@ from benchmarks.apart import Contender, compare_apart
 from benchmarks.article_ant import ArticleAnt, Commanded
 from benchmarks.measure import Row, rate
 from benchmarks.settings import article_agent, default_world
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.kernels import use_portable_kernels
 from jumping_ant.agents.sb3 import trainer
+from jumping_ant.policies.actions import ActionSet
 
 REPEATS = 5
 STEPS = {"dqn": 1200, "sac": 120}  # control steps per repeat

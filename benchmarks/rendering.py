@@ -11,10 +11,10 @@ from benchmarks.apart import compare_apart
 from benchmarks.article_ant import ArticleAnt
 from benchmarks.measure import Row, rate
 from benchmarks.settings import default_world
-from jumping_ant.actions import ActionSet
 from jumping_ant.evaluation import evaluation
-from jumping_ant.looks import rendering
+from jumping_ant.media import rendering
 from jumping_ant.params import params_file
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.sim import gl, rollout
 from jumping_ant.sim.rollout import Episode

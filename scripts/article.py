@@ -21,7 +21,7 @@ from jumping_ant.article import reproduction
 from jumping_ant.base import command_line, machine, output
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json
-from jumping_ant.looks.style import looks
+from jumping_ant.media.style import looks
 from jumping_ant.params import params_file, presets
 from jumping_ant.params.model import Params
 from scripts import preset

@@ -16,7 +16,6 @@ import torch
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.events import Finished
 from jumping_ant.agents.imitation.demonstrations import Demonstrations, play
@@ -24,10 +23,11 @@ from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.agents.kernels import use_portable_kernels
 from jumping_ant.base import machine
 from jumping_ant.evaluation import evaluation
-from jumping_ant.looks import plotting, rendering
+from jumping_ant.media import plotting, rendering
 from jumping_ant.params import article
 from jumping_ant.params.blocks import RecordParams
 from jumping_ant.policies import policy_file
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.sim import gl, robot, rollout
 from jumping_ant.sim.rollout import Episode

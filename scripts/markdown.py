@@ -11,9 +11,10 @@ from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import curves, summaries
-from jumping_ant.looks import style
+from jumping_ant.comparison import summaries
+from jumping_ant.media import style
 from jumping_ant.params import params_file
+from jumping_ant.training import curves
 from jumping_ant.tuning.outcome import is_control_of
 
 VERDICTS = {True: "yes", False: "no", None: "open"}  # whether a printed value is reproduced

@@ -24,19 +24,19 @@ from gymnasium.vector import AutoresetMode
 from mujoco import viewer
 
 from jumping_ant.agents import catalogue
+from jumping_ant.agents.families import BASELINE
 from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import validation
-from jumping_ant.looks import rendering
-from jumping_ant.looks.families import BASELINE
+from jumping_ant.media import rendering
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
+from jumping_ant.training import validation
 
 PAUSE, NEXT_EPISODE, NEXT_SEED = glfw.KEY_SPACE, glfw.KEY_BACKSPACE, glfw.KEY_RIGHT
 ELSEWHERE = "open results/play.html in a browser instead (`dvc repro play` writes it)"

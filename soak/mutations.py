@@ -26,7 +26,7 @@ from pathlib import Path
 from jumping_ant.agents.imitation.demonstrations import Demonstrations
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.looks import rendering
+from jumping_ant.media import rendering
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file

@@ -9,8 +9,9 @@ Writes: results/comparison.json, results/robustness.json, results/figures/, resu
 from jumping_ant.base import tables
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison, figures, results, retention
+from jumping_ant.comparison import comparison, results, retention
 from jumping_ant.comparison.claims import verdicts
+from jumping_ant.report import figures
 
 from . import parse, run
 

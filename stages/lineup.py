@@ -8,7 +8,7 @@ Writes: media/lineup.rrd; media/digests/lineup.json, the digest of what is recor
 
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.recording import about, lineup
+from jumping_ant.media import about, lineup
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.world import World
 

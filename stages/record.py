@@ -8,8 +8,7 @@ Writes: media/AGENT.mp4, media/AGENT.rrd; media/digests/AGENT.json, the digest o
 
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.looks import rendering
-from jumping_ant.recording import about, episode
+from jumping_ant.media import about, episode, rendering
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.world import World
 

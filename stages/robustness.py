@@ -8,10 +8,8 @@ Writes: results/robustness/AGENT.csv.
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.evaluation import playing
-from jumping_ant.experiment import perturbed
+from jumping_ant.evaluation import perturbed, perturbed_table, playing
 from jumping_ant.policies import policy_file
-from jumping_ant.robustness import table
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
@@ -29,7 +27,7 @@ def main() -> None:
         for seed in dict.fromkeys(case.seed for case in played)
     }
     returns = playing.perturbed_returns(world, settings, name, policies)
-    content = table.to_csv(name, played, [returns[case] for case in played])
+    content = perturbed_table.to_csv(name, played, [returns[case] for case in played])
     write_text(Paths().perturbed(name), content)
 
 

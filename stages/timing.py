@@ -10,8 +10,7 @@ Writes: results/scaling.csv, results/speed.json
 from jumping_ant.base.files import PROJECT_ROOT, read_json, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import results, timing
-from jumping_ant.experiment import curves
-from jumping_ant.training import scaling
+from jumping_ant.training import curves, scaling
 
 from . import parse, run
 

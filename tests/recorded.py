@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
 from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.looks import rendering
-from jumping_ant.recording.about import Story
+from jumping_ant.media import rendering
+from jumping_ant.media.about import Story
 
 FPS = 50
 CURVES = {

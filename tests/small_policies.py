@@ -3,7 +3,7 @@
 import numpy as np
 from commands import COMMAND_SIGNS
 
-from jumping_ant.actions import ActionSet
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import (
     OpenLoopPolicy,
     OscillatorPolicy,

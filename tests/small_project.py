@@ -13,11 +13,11 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import perturbed, variant_names
+from jumping_ant.evaluation import perturbed, variant_names
+from jumping_ant.evaluation import perturbed_table as robustness_table
 from jumping_ant.params import article, params_file
 from jumping_ant.params.blocks import CompareParams, EvaluateParams, MarginParams
 from jumping_ant.params.model import Params
-from jumping_ant.robustness import table as robustness_table
 from jumping_ant.sim import levels
 from jumping_ant.sim.perturbations import Condition
 from jumping_ant.sim.trajectory import Trajectory

@@ -14,14 +14,10 @@ from jumping_ant.base.files import PROJECT_ROOT as ROOT
 
 LIBRARY = ROOT / "jumping_ant"
 SWITCH = LIBRARY / "__init__.py"  # every import of the library runs it first
-GROUND = ["base", "compute", "params.blocks", "params.article", "actions", "policies", "sim"]
-GROUND += ["looks", "agents", "params", "experiment"]
-ROOMS = ["training", "evaluation", "comparison", "recording", "report", "speed", "robustness"]
-ROOMS += ["play", "tracking", "tuning", "article"]
-# A room imports no other, but for the comparison's numbers, what its pages are made of, and tuning,
-# which trains and compares.
-BESIDE = {("report", "comparison"), ("speed", "comparison"), ("speed", "report")}
-BESIDE |= {("robustness", "comparison"), ("tuning", "training"), ("tuning", "comparison")}
+GROUND = ["base", "compute", "params.blocks", "params.article", "policies", "sim", "agents"]
+GROUND += ["params", "training", "evaluation", "media", "comparison", "report"]
+ROOMS = ["play", "tracking", "tuning", "article"]
+BESIDE = {("tracking", "tuning")}  # a study's trials
 HOMES = {"mlflow": {"tracking"}, "optuna": {"tuning"}, "ray": {"compute"}}
 FILES = {path for path in LIBRARY.rglob("*.py") if path.stat().st_size and path != SWITCH}
 IMPORTS = {path: imports.direct(path) - {SWITCH} for path in FILES}

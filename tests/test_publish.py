@@ -14,8 +14,8 @@ from PIL import Image
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import curves
 from jumping_ant.params import params_file
+from jumping_ant.training import curves
 from scripts import animation, markdown, publish
 
 CLAIM = {"text": "A leads", "verdict": "refuted", "p_adjusted": 0.01234}

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.linear import LinearPolicy
 from scripts.checkout import copy_project
 

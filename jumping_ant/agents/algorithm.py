@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, Self, TypeVar, get_args
 
+from jumping_ant.agents.families import Family
 from jumping_ant.agents.ranges import Ranges
-from jumping_ant.looks.families import Family
 from jumping_ant.params.blocks import Block, EnvParams
 from jumping_ant.policies.policy_file import KINDS
 

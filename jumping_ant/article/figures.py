@@ -1,6 +1,6 @@
 """Figures that compare the article's printed values with ours.
 
-Each seed's first test is a thin line in its agent's colour (see `jumping_ant.looks.style`), the
+Each seed's first test is a thin line in its agent's colour (see `jumping_ant.media.style`), the
 printed values are a bold one. The same numbers give the same bytes.
 """
 
@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from jumping_ant.article.reproduction import Reproduction, Trace
-from jumping_ant.looks.plotting import STYLES, entitle, render
-from jumping_ant.looks.style import INK, Look
+from jumping_ant.media.plotting import STYLES, entitle, render
+from jumping_ant.media.style import INK, Look
 
 PANELS = {
     "fitness_mean": "Mean of the population",

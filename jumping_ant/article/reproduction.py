@@ -26,21 +26,21 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from scipy import stats
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.article import printed_values, tail
 from jumping_ant.base import machine
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
-from jumping_ant.experiment import curves
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.networks import GreedyCommands
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
+from jumping_ant.training import curves
 
 AGENTS = ("dqn", "sac", "pgpe")
 CENTRAL = 95.0  # [%] of our values, which `low` and `high` enclose

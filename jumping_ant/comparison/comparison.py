@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.agents.families import Family
 from jumping_ant.comparison.estimates import (
     Estimate,
     estimate_iqm,
     probability_of_improvement,
 )
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.experiment.curves import Unit, evaluations
-from jumping_ant.looks.families import Family
-from jumping_ant.looks.style import looks
+from jumping_ant.media.style import looks
 from jumping_ant.params.blocks import CompareParams
+from jumping_ant.training.curves import Unit, evaluations
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from jumping_ant.agents import catalogue
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.families import Family
 from jumping_ant.base.tables import Table
-from jumping_ant.experiment import curves, episodes
-from jumping_ant.experiment.curves import Unit
-from jumping_ant.looks.families import Family
+from jumping_ant.evaluation import episodes
 from jumping_ant.params.model import Params
+from jumping_ant.training import curves
+from jumping_ant.training.curves import Unit
 
 Array = NDArray[np.float64]
 

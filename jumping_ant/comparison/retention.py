@@ -23,8 +23,8 @@ from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.claims.robustness import Returns
 from jumping_ant.comparison.estimates import estimate_iqm
 from jumping_ant.comparison.results import AgentResults
+from jumping_ant.evaluation import perturbed_table
 from jumping_ant.params.model import Params
-from jumping_ant.robustness import table
 from jumping_ant.sim.levels import LEVELS
 
 HALF = 0.5
@@ -38,7 +38,7 @@ def summarize(root: Path, params: Params, results: Mapping[str, AgentResults]) -
         params: All parameters.
         results: Of each agent in undisturbed episodes.
     """
-    played = {name: table.read(root, params, name) for name in results}
+    played = {name: perturbed_table.read(root, params, name) for name in results}
     episodes = params.training.evaluation_episodes
     field = Field(list(results.values()), episodes)
     margin, confidence = robustness.margin(params), params.compare.confidence

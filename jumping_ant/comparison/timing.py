@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jumping_ant.comparison import comparison
+from jumping_ant.comparison import comparison, summaries
 from jumping_ant.comparison.claims import timing, verdicts
 from jumping_ant.comparison.claims.timing import Scaling
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.experiment import summaries
 from jumping_ant.params.model import Params
 
 

@@ -35,11 +35,10 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from jumping_ant.evaluation import motion, playing
-from jumping_ant.experiment import variant_names
-from jumping_ant.experiment.episodes import EPISODE_KEYS
-from jumping_ant.experiment.variant_names import PUBLISHED
-from jumping_ant.looks.measures import TERM
+from jumping_ant.evaluation import motion, playing, variant_names
+from jumping_ant.evaluation.episodes import EPISODE_KEYS
+from jumping_ant.evaluation.measures import TERM
+from jumping_ant.evaluation.variant_names import PUBLISHED
 from jumping_ant.params.model import Params
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout

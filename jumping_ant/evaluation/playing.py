@@ -7,8 +7,8 @@ from typing import TypeVar
 
 from jumping_ant.base import progress
 from jumping_ant.compute import jobs
-from jumping_ant.experiment import perturbed
-from jumping_ant.experiment.perturbed import Case
+from jumping_ant.evaluation import perturbed
+from jumping_ant.evaluation.perturbed import Case
 from jumping_ant.params.model import Params
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout

@@ -19,14 +19,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.base.seeding import derive
-from jumping_ant.evaluation import playing
-from jumping_ant.experiment import variant_names
-from jumping_ant.experiment.variant_names import PUBLISHED
+from jumping_ant.evaluation import playing, variant_names
+from jumping_ant.evaluation.variant_names import PUBLISHED
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import SELECTION_EPISODES, Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy, Stateless
 from jumping_ant.sim.rollout import Episode, Play

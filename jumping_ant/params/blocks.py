@@ -288,7 +288,7 @@ class RobustnessParams(Block):
 
 
 class RecordParams(Block):
-    """Videos and recordings (see `jumping_ant.looks.rendering` and `jumping_ant.recording`)."""
+    """Videos and recordings (see `jumping_ant.media.rendering` and `jumping_ant.recording`)."""
 
     width: Annotated[int, Field(ge=64, le=3840, multiple_of=2)]
     """[pixels] Width of the video."""

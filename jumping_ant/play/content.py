@@ -9,12 +9,12 @@ import gymnasium as gym
 import numpy as np
 
 from jumping_ant.agents import catalogue
+from jumping_ant.agents.families import BASELINE
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import Table
-from jumping_ant.experiment import episodes, validation
-from jumping_ant.looks import style
-from jumping_ant.looks.families import BASELINE
+from jumping_ant.evaluation import episodes
+from jumping_ant.media import style
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import Params
 from jumping_ant.play import policies
@@ -24,6 +24,7 @@ from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.rewards import active
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World
+from jumping_ant.training import validation
 
 STARTS = 4  # held-out starts of each seed
 ROOM = 12_000_000  # [bytes] of policies, so that the page stays below 25 MB

@@ -29,7 +29,7 @@ export function load(json, numMotors) {
   return new POLICIES[json.kind](json, arrays, actions);
 }
 
-// What a policy chooses from, as `jumping_ant.actions.ActionSet`.
+// What a policy chooses from, as `jumping_ant.policies.actions.ActionSet`.
 class Actions {
   constructor({ kind, amplitude, hold, levels }, commands, numMotors) {
     Object.assign(this, { kind, amplitude, hold, levels, numMotors });

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import Archive, to_array
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import (
     OpenLoopPolicy,
     OscillatorPolicy,

@@ -6,8 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import from_array, pack, to_array
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.policy import (
     Array,
     Entries,

@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.policies import tensors
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.policy import (
     Array,
     Entries,

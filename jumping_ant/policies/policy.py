@@ -18,8 +18,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import from_array, to_array
+from jumping_ant.policies.actions import ActionSet
 
 FORMAT = 3
 HEADER = "policy.json"

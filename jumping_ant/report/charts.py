@@ -1,7 +1,7 @@
 """The report's charts of learning and of all episodes, and what all its charts share.
 
 They are Plotly figures, in which agents keep the colours and markers of all other figures (see
-`jumping_ant.looks.style`). Charts show exactly what `results/` holds: nothing is smoothed.
+`jumping_ant.media.style`). Charts show exactly what `results/` holds: nothing is smoothed.
 """
 
 from collections.abc import Mapping
@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from jumping_ant.comparison import charting
 from jumping_ant.comparison.comparison import LearningCurve
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks import measures
-from jumping_ant.looks.style import CHANCES, INK, Look
+from jumping_ant.evaluation import measures
+from jumping_ant.media.style import CHANCES, INK, Look
+from jumping_ant.report import charting
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 GRID = "#E6E8EC"
-# Markers and lines of `jumping_ant.looks.style` in Plotly's terms.
+# Markers and lines of `jumping_ant.media.style` in Plotly's terms.
 SYMBOLS = {
     "o": "circle",
     "s": "square",

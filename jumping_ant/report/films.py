@@ -13,17 +13,16 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
+from jumping_ant.agents.families import by_family
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import charting
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.experiment import episodes
-from jumping_ant.looks import drawing, rendering, style
-from jumping_ant.looks.drawing import Shots
-from jumping_ant.looks.families import by_family
-from jumping_ant.looks.style import Look
+from jumping_ant.evaluation import episodes
+from jumping_ant.media import drawing, rendering, style
+from jumping_ant.media.drawing import Shots
+from jumping_ant.media.style import Look
 from jumping_ant.params.model import Params
-from jumping_ant.report import charts
+from jumping_ant.report import charting, charts
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory

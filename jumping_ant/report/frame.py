@@ -15,14 +15,14 @@ import jinja2
 import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
-from jumping_ant.comparison import charting, comparison
+from jumping_ant.agents.families import by_family
+from jumping_ant.comparison import comparison
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks import style
-from jumping_ant.looks.families import by_family
-from jumping_ant.looks.style import Look
+from jumping_ant.media import style
+from jumping_ant.media.style import Look
 from jumping_ant.params.model import Params
-from jumping_ant.report import charts, head_to_head, leaderboard
+from jumping_ant.report import charting, charts, head_to_head, leaderboard
 
 FOLDER = Path(__file__).parent
 

@@ -8,11 +8,12 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from jumping_ant.comparison import charting, comparison
+from jumping_ant.comparison import comparison
 from jumping_ant.comparison.claims.statements import STATEMENTS
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks import style
-from jumping_ant.looks.style import Look, capitalized, estimate, number, p_value, percent, percents
+from jumping_ant.media import style
+from jumping_ant.media.style import Look, capitalized, estimate, number, p_value, percent, percents
+from jumping_ant.report import charting
 from jumping_ant.report.charts import LOG_AXIS, SHARES, SYMBOLS, finish
 
 MOST_IN_A_WIDE_MATRIX = 8  # agents whose pairs have room for their intervals

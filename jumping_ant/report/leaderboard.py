@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from jumping_ant.comparison import charting, comparison
+from jumping_ant.agents.families import Family, by_family
+from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks import style
-from jumping_ant.looks.families import Family, by_family
-from jumping_ant.looks.style import COLOURS, INK, Look, estimate
+from jumping_ant.media import style
+from jumping_ant.media.style import COLOURS, INK, Look, estimate
+from jumping_ant.report import charting
 from jumping_ant.report.charts import LOG_AXIS, ROW, SYMBOLS, finish, linear_axis
 
 

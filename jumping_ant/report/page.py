@@ -13,23 +13,24 @@ from urllib.parse import quote
 
 from ruamel.yaml import YAML
 
+from jumping_ant.agents.families import by_family
 from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import charting, comparison
+from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults, load
-from jumping_ant.looks import style
-from jumping_ant.looks.families import by_family
-from jumping_ant.looks.measures import MEASURES
-from jumping_ant.looks.style import Look, estimate, number
+from jumping_ant.evaluation.measures import MEASURES
+from jumping_ant.media import style
+from jumping_ant.media.style import Look, estimate, number
 from jumping_ant.params.model import Params
 from jumping_ant.report import (
+    charting,
     charts,
     films,
     frame,
     head_to_head,
     leaderboard,
-    outcomes,
-    withstanding,
+    result_tables,
+    robustness_charts,
 )
 from jumping_ant.report.films import Film
 from jumping_ant.sim import robot
@@ -51,16 +52,16 @@ def build(root: Path, params: Params) -> str:
     loaded = load(root, params)
     drawn = style.looks(charting.families(loaded))
     results = frame.ordered(loaded, agents)
-    reward_terms, of_terms = outcomes.terms(results, agents)
+    reward_terms, of_terms = result_tables.terms(results, agents)
     filmed = {name: films.read(root, params, agent) for name, agent in results.items()}
     context = frame.context(params, results, summary["claims"]) | {
         "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
         "title": f"{_robot_name(params)}: {_title(results)}",
         "agents": _agents(root, results, filmed, drawn),
         "lead": _lead(results, summary),
-        "returns": outcomes.returns(results, agents, params.compare.confidence),
-        "behaviour": outcomes.behaviour(results, agents),
-        "behaviour_measures": [MEASURES[name] for name in outcomes.BEHAVIOUR],
+        "returns": result_tables.returns(results, agents, params.compare.confidence),
+        "behaviour": result_tables.behaviour(results, agents),
+        "behaviour_measures": [MEASURES[name] for name in result_tables.BEHAVIOUR],
         "reward_terms": reward_terms,
         "of_terms": of_terms,
         "equal_steps": "" if equal_steps is None else number(equal_steps),
@@ -82,8 +83,8 @@ def build(root: Path, params: Params) -> str:
     if len(results) > 1:
         figures["improvement"] = head_to_head.improvement(results, summary)
     if withstood["perturbations"] and withstood["agents"]:
-        figures["withstood"] = withstanding.overview(results, withstood)
-        figures["levels"] = withstanding.levels(results, withstood, drawn)
+        figures["withstood"] = robustness_charts.overview(results, withstood)
+        figures["levels"] = robustness_charts.levels(results, withstood, drawn)
     return frame.render(Path(__file__).parent, context, figures, ("charts.js", "films.js"))
 
 

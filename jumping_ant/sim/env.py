@@ -18,8 +18,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.params import article
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim import gl, rewards, robot
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World

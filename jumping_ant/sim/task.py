@@ -39,8 +39,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim import rewards
 from jumping_ant.sim.world import World
 

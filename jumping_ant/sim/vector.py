@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim import rewards
 from jumping_ant.sim.task import Outcome, Task
 from jumping_ant.sim.world import World

@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jumping_ant.experiment import summaries
-from jumping_ant.looks.style import estimate, number, p_value
+from jumping_ant.comparison import summaries
+from jumping_ant.media.style import estimate, number, p_value
 
 LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
 MISSING = "–"

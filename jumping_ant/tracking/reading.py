@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import curves
+from jumping_ant.training import curves
 
 Point = tuple[str, int]
 """A metric's name and its step: control steps trained so far, 0 for a metric without steps."""

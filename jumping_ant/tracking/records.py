@@ -18,13 +18,15 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
-from jumping_ant.experiment import curves, summaries, validation, variant_names
-from jumping_ant.looks.style import looks, remark
+from jumping_ant.comparison import summaries
+from jumping_ant.evaluation import variant_names
+from jumping_ant.media.style import looks, remark
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import descriptions
 from jumping_ant.tracking.reading import Point, read_curve
+from jumping_ant.training import curves, validation
 
 TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which was chosen by it

@@ -16,11 +16,11 @@ from mlflow.entities import Run
 
 from jumping_ant.base.files import read_json
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import trials
 from jumping_ant.tracking import pages
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, mirrored_alone
 from jumping_ant.tracking.store import PARENT, Content, Points, Store
+from jumping_ant.tuning import trials
 
 EXPERIMENT = "jumping-ant-tuning"
 TIMEOUT_SECONDS, MAX_RETRIES = 20, 1

@@ -39,7 +39,7 @@ from jumping_ant.base.files import write_bytes
 from jumping_ant.base.paths import home
 from jumping_ant.params.blocks import TrainingParams
 from jumping_ant.sim.world import World
-from jumping_ant.training.racing import Candidate, Candidates
+from jumping_ant.training.model_selection import Candidate, Candidates
 
 DRIVER = Path(__file__).with_name("driver.py")
 GENERATIONS = 2

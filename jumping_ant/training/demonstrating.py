@@ -14,12 +14,12 @@ from jumping_ant.agents.imitation.demonstrations import (
 )
 from jumping_ant.base.files import read_bytes
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import validation
 from jumping_ant.params.blocks import DemonstrationParams
 from jumping_ant.params.model import EPISODES_AT_ONCE, Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
+from jumping_ant.training import validation
 
 
 def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1) -> Demonstrations:

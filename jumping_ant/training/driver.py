@@ -19,11 +19,10 @@ from jumping_ant.base.files import read_bytes, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
-from jumping_ant.experiment import curves
 from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
-from jumping_ant.training import seed_run
+from jumping_ant.training import curves, seed_run
 from jumping_ant.training.checkpoints import Checkpoints, checkpoint_key
 from jumping_ant.training.seed_files import SeedFiles
 

@@ -2,8 +2,8 @@
 
 `curve.csv` grows row by row. When training ends, `policy.zip` is written in one piece: the snapshot
 that won in validation, or the last policy, as `training.publish` specifies; `validation.csv` has
-what the finalists returned (see `jumping_ant.training.racing`). `final.zip` is always the last
-policy. The driver keeps seconds and the machine apart.
+what the finalists returned (see `jumping_ant.training.model_selection`). `final.zip` is always
+the last policy. The driver keeps seconds and the machine apart.
 """
 
 import math
@@ -15,11 +15,10 @@ from jumping_ant.agents.events import Checkpoint, Finished, Progress, Snapshot
 from jumping_ant.base import progress, tables
 from jumping_ant.base.files import write_all
 from jumping_ant.base.paths import SeedPaths
-from jumping_ant.experiment import curves, validation
-from jumping_ant.experiment.curves import COLUMNS
 from jumping_ant.policies import policy_file
-from jumping_ant.training import racing
+from jumping_ant.training import curves, model_selection, validation
 from jumping_ant.training.checkpoints import Checkpoints, Saved
+from jumping_ant.training.curves import COLUMNS
 from jumping_ant.training.seed_run import Report
 
 
@@ -108,7 +107,7 @@ class SeedFiles:
         )
 
     def _finish(self, saved: Saved) -> None:
-        published = racing.winner(saved.candidates).policy
+        published = model_selection.winner(saved.candidates).policy
         rows = [
             self._owner
             | {

@@ -1,7 +1,7 @@
 """The training of one seed, as a worker runs it: its trainer's events, and their evaluation.
 
 A worker touches no file. It plays the validation episodes of each snapshot, and in the end those of
-the finalists (see `jumping_ant.training.racing`). They have start states of their own: neither
+the finalists (see `jumping_ant.training.model_selection`). They have separate start states: neither
 training nor the held-out episodes use them.
 """
 
@@ -23,8 +23,8 @@ from jumping_ant.params.blocks import TrainingParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.rollout import Play
-from jumping_ant.training import racing
-from jumping_ant.training.racing import Candidate, Candidates
+from jumping_ant.training import model_selection
+from jumping_ant.training.model_selection import Candidate, Candidates
 
 
 @dataclass(frozen=True)
@@ -69,12 +69,12 @@ def run(
             (returns,) = _validate(job, training, [event.policy], is_final=False).tolist()
             report = replace(report, returns=tuple(returns))
             new = Candidate(event.env_steps, report.returns, event.policy)
-            candidates = racing.entered(candidates, new, training)
+            candidates = model_selection.entered(candidates, new, training)
         elif isinstance(event, Checkpoint):
             report = replace(report, candidates=candidates)
         elif isinstance(event, Finished):
             final = partial(_validate, job, training, is_final=True)
-            candidates = racing.finished(candidates, final)
+            candidates = model_selection.finished(candidates, final)
             report = replace(report, candidates=candidates, machine=machine.describe())
         yield report
         if isinstance(event, Checkpoint):

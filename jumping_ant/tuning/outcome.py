@@ -16,10 +16,10 @@ import optuna
 from optuna.importance import PedAnovaImportanceEvaluator
 from optuna.trial import FrozenTrial, create_trial
 
-from jumping_ant.experiment.trials import COLUMNS
 from jumping_ant.tuning.search import COMPLETE, ENDED, PRUNED, REASON, best_of, ended, notes_of
 from jumping_ant.tuning.space import Space
 from jumping_ant.tuning.task import Task
+from jumping_ant.tuning.trials import COLUMNS
 
 BUDGETS = (1, 7, 30)  # trials after which the best is stated
 GOOD = 0.25  # share of the trials that importance sets apart from the others

@@ -32,7 +32,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from jumping_ant.base import databases, seeding
 from jumping_ant.base.errors import InputError, StoppedError, told
 from jumping_ant.compute import jobs
-from jumping_ant.looks.style import number
+from jumping_ant.media.style import number
 from jumping_ant.tuning.space import RefusedError
 from jumping_ant.tuning.task import SEARCH, Note, Task
 

@@ -27,12 +27,11 @@ from jumping_ant.base.errors import told
 from jumping_ant.base.files import PROJECT_ROOT, digest, read_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison.estimates import estimate_iqm
-from jumping_ant.experiment import curves
 from jumping_ant.params.model import TUNING_SEEDS, Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.world import World
-from jumping_ant.training import racing, seed_run
+from jumping_ant.training import curves, model_selection, seed_run
 from jumping_ant.tuning.space import Space, space_of
 
 SEARCH = TUNING_SEEDS[:1_000]  # training seeds of trials, and their start states
@@ -131,7 +130,7 @@ class Task:
                 evaluations.append((report.seconds, float(np.mean(report.returns))))
         if not isinstance(report.event, Finished):
             return
-        policy = policy_file.parse(racing.winner(report.candidates).policy)
+        policy = policy_file.parse(model_selection.winner(report.candidates).policy)
         plays = [rollout.Play(policy, start) for start in starts]
         returns = rollout.returns(job.world, plays, job.num_threads)
         if not np.isfinite(returns).all():

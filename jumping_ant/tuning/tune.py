@@ -11,12 +11,12 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import read_json, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import cluster, jobs
-from jumping_ant.experiment.trials import COLUMNS
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
 from jumping_ant.tuning import outcome, search
 from jumping_ant.tuning.search import SamplerName
 from jumping_ant.tuning.task import SearchSettings, Task, task_of
+from jumping_ant.tuning.trials import COLUMNS
 from jumping_ant.tuning.verdict import OPEN, UNCHANGED, Fresh, without_training
 
 ROUNDS = 4  # at least so many trials follow one another, so that later ones learn from earlier ones

@@ -12,9 +12,9 @@ import small_agents
 from jumping_ant.agents import catalogue
 from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
+from jumping_ant.agents.families import BASELINE
 from jumping_ant.agents.job import Job, resolve, trainer_of
 from jumping_ant.base.archive import Archive
-from jumping_ant.looks.families import BASELINE
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim.world import World

@@ -10,9 +10,9 @@ from evotorch.algorithms import CMAES
 from evotorch.optimizers import ClipUp
 from sb3_contrib import ARS
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.job import resolve
+from jumping_ant.policies.actions import ActionSet
 
 SB3 = [*small_agents.of_package("off_policy"), *small_agents.of_package("on_policy")]
 

@@ -11,7 +11,6 @@ from evotorch import Problem, SolutionBatch
 from evotorch.neuroevolution import GymNE
 from evotorch.neuroevolution.net import RunningStat
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.events import Progress, Snapshot
 from jumping_ant.agents.evolution.problem import JumpProblem, OscillatorProblem
 from jumping_ant.agents.evolution.searchers import (
@@ -25,6 +24,7 @@ from jumping_ant.base.seeding import derive
 from jumping_ant.params import params_file
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.policies import policy_file
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.world import World
 

@@ -11,7 +11,6 @@ import torch
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.events import Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job
@@ -21,6 +20,7 @@ from jumping_ant.base.archive import Archive
 from jumping_ant.base.seeding import derive
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.policies import tensors
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.world import World
 

@@ -14,7 +14,7 @@ from jumping_ant.article import figures as article_figures
 from jumping_ant.article import printed_values, reproduction
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.looks.style import looks
+from jumping_ant.media.style import looks
 from jumping_ant.params import presets
 from jumping_ant.params.model import Params
 from jumping_ant.sim import robot

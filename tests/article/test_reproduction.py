@@ -7,7 +7,6 @@ import pytest
 import torch
 from evotorch.neuroevolution import GymNE
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.sb3.model import make_envs, make_model, policy_bytes
 from jumping_ant.article import reproduction
@@ -15,6 +14,7 @@ from jumping_ant.article.reproduction import Trace, judge, place, play
 from jumping_ant.base.seeding import derive
 from jumping_ant.params import article, params_file
 from jumping_ant.policies import policy_file
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv

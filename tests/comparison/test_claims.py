@@ -39,7 +39,7 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.comparison.claims import timing
 from jumping_ant.comparison.claims.field import Field, out_of_luck
 from jumping_ant.comparison.claims.statements import CLAIMS, STATEMENTS
-from jumping_ant.experiment import curves
+from jumping_ant.training import curves
 
 
 def test_every_statement_of_the_article_has_a_title_and_claims():

@@ -24,7 +24,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import load
-from jumping_ant.looks.style import DASHES, LINES, looks
+from jumping_ant.media.style import DASHES, LINES, looks
 
 AGENTS = {"random": "random", "sac-long": "sac", "dqn": "dqn"}
 SEEDS = [3, 1, 7, 5]  # any numbers in any order

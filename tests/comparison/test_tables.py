@@ -14,7 +14,8 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison, timing
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.results import load
-from jumping_ant.experiment import curves, episodes
+from jumping_ant.evaluation import episodes
+from jumping_ant.training import curves
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1]

@@ -19,7 +19,7 @@ from small_project import (
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison, timing
 from jumping_ant.comparison.results import load
-from jumping_ant.experiment import curves
+from jumping_ant.training import curves
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1, 7, 5]

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.evaluation import evaluation, motion
+from jumping_ant.evaluation.episodes import QUANTITIES
 from jumping_ant.evaluation.evaluation import measure, replay
-from jumping_ant.experiment.episodes import QUANTITIES
-from jumping_ant.experiment.variant_names import PUBLISHED
+from jumping_ant.evaluation.variant_names import PUBLISHED
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.evaluation import evaluation
 from jumping_ant.evaluation.motion import MIN_SPEED, apex, fluidity, phases, spectral_arc_length
 from jumping_ant.params.model import Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World

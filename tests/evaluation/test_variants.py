@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
 
-from jumping_ant.actions import ActionSet
-from jumping_ant.evaluation import variants
-from jumping_ant.experiment import variant_names
+from jumping_ant.evaluation import variant_names, variants
 from jumping_ant.params.model import SELECTION_EPISODES, Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jumping_ant.actions import ActionSet
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import (
     OpenLoopPolicy,
     OscillatorPolicy,

@@ -16,7 +16,6 @@ from commands import COMMAND_SIGNS
 from small_policies import NUMBERS, linear_policy
 from stable_baselines3.common.type_aliases import TrainFrequencyUnit
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.job import Job, resolve
 from jumping_ant.agents.sb3.model import make_envs, make_model, policy_bytes
@@ -24,6 +23,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import (
     OpenLoopPolicy,
     OscillatorPolicy,

@@ -13,7 +13,7 @@ from small_project import block, make_params, shown, write_project
 
 from jumping_ant.base.files import write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.looks import rendering
+from jumping_ant.media import rendering
 from jumping_ant.params.model import Params
 from jumping_ant.report import page
 from jumping_ant.sim import robot

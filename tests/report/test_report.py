@@ -17,7 +17,7 @@ from jumping_ant.base.files import digest, write_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults, load
-from jumping_ant.looks import style
+from jumping_ant.media import style
 from jumping_ant.params import presets
 from jumping_ant.params.model import Params
 from jumping_ant.report import head_to_head, page

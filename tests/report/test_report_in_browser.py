@@ -7,7 +7,7 @@ from browser import OpenPage
 from reported import AGENTS, charts
 
 from jumping_ant.base.files import write_bytes, write_text
-from jumping_ant.looks import rendering
+from jumping_ant.media import rendering
 
 
 @pytest.mark.parametrize("width", [390, 1400])

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.params import presets
 from jumping_ant.params.model import Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import OpenLoopPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.policy import Policy

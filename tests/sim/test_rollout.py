@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.networks import TanhActor

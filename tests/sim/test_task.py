@@ -9,11 +9,11 @@ import pytest
 from commands import COMMAND_SIGNS
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.errors import InputError
 from jumping_ant.params import article
 from jumping_ant.params.blocks import ActionParams
 from jumping_ant.params.model import Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim import robot
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World

@@ -10,9 +10,9 @@ import pytest
 from commands import COMMAND_SIGNS
 from gymnasium.vector import AutoresetMode
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.params.blocks import RewardParams, TermParams
 from jumping_ant.params.model import Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.rewards import TERMS
 from jumping_ant.sim.vector import RobotVectorEnv

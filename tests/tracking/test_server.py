@@ -20,9 +20,9 @@ from tracked_project import (
     tracked,
 )
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base import imports
 from jumping_ant.base.errors import InputError
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.tracking import connection, live, models, serving
 

@@ -11,8 +11,8 @@ from tracked_project import make_bare, tracked, unset_variables
 from jumping_ant.base import tables
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.paths import Paths, StudyPaths
-from jumping_ant.experiment import trials
 from jumping_ant.tracking import studies
+from jumping_ant.tuning import trials
 
 ROWS = [
     (0, "complete", "7000", "6900 7100", "48 49", "", "{}"),

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import validation
 from jumping_ant.policies import policy_file
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.tracking.mirror import track
+from jumping_ant.training import validation
 from soak import mlflow_server
 
 AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)

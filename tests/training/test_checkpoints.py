@@ -11,7 +11,7 @@ from small_disk import small_disk
 
 from jumping_ant.training import checkpoints
 from jumping_ant.training.checkpoints import Checkpoints, Saved
-from jumping_ant.training.racing import Candidate
+from jumping_ant.training.model_selection import Candidate
 
 SAVED = Saved(
     env_steps=100,

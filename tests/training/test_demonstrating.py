@@ -11,10 +11,9 @@ from jumping_ant.agents.imitation.demonstrations import Demonstrations
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import validation
 from jumping_ant.params.model import Params
 from jumping_ant.sim.world import World
-from jumping_ant.training import demonstrating, driver
+from jumping_ant.training import demonstrating, driver, validation
 from jumping_ant.training.checkpoints import checkpoint_key
 
 COLUMNS = ",".join(["agent", "seed", *validation.COLUMNS])

@@ -20,12 +20,11 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
 from jumping_ant.compute.workers import Work
-from jumping_ant.experiment import curves, validation
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
-from jumping_ant.training import driver, seed_run
+from jumping_ant.training import curves, driver, seed_run, validation
 from jumping_ant.training.seed_run import Report
 
 

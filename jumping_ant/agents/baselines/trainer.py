@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.baselines.algorithms import OpenLoopParams, RandomAgentParams
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event, Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job, resolve
 from jumping_ant.base.seeding import derive_all
 from jumping_ant.params.blocks import EnvParams
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv

@@ -14,11 +14,11 @@ import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
 from jumping_ant.agents.evolution.library import Normalizer, Problem, SolutionBatch, plain
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive, derive_all
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import OscillatorPolicy, Oscillators
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim import rollout

@@ -7,9 +7,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.base.archive import Archive, from_array, pack, to_array
 from jumping_ant.base.errors import InputError, told
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
 from jumping_ant.sim.vector import RobotVectorEnv

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from stable_baselines3.td3.policies import Actor
 from torch.nn import functional
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.imitation.algorithms import DAggerParams, ImitationParams
@@ -28,6 +27,7 @@ from jumping_ant.base.archive import pack, pack_state, unpack_state
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.seeding import derive
 from jumping_ant.policies import policy_file
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.policy import Interface, header_entries
 
 

@@ -15,13 +15,13 @@ from stable_baselines3.common.type_aliases import TrainFrequencyUnit
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.job import Job, resolve
 from jumping_ant.agents.sb3.settings import SB3Params
 from jumping_ant.agents.sb3.vec_env import SB3VecEnv
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.seeding import derive, derive_all
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.policy import Interface, header_entries
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.vector import RobotVectorEnv

@@ -11,13 +11,13 @@ from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from jumping_ant.actions import ActionSet
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.sb3 import state
 from jumping_ant.agents.sb3.model import make_envs, make_model, policy_bytes
 from jumping_ant.agents.sb3.settings import SB3Params
+from jumping_ant.policies.actions import ActionSet
 
 
 def train(job: Job[SB3Params]) -> Iterator[Event]:

@@ -29,8 +29,8 @@ from jumping_ant.comparison.hypothesis_tests import (
     sign_test,
     spread_test,
 )
-from jumping_ant.looks import style
-from jumping_ant.looks.style import number
+from jumping_ant.media import style
+from jumping_ant.media.style import number
 from jumping_ant.params.blocks import CompareParams
 
 Array = NDArray[np.float64]

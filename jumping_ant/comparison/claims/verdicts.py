@@ -16,7 +16,7 @@ from jumping_ant.comparison.claims.findings import Finding
 from jumping_ant.comparison.claims.statements import CLAIMS, Claim, Table, claims
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.comparison.step_down import Adjusted, adjust
-from jumping_ant.looks.style import capitalized, number, p_value
+from jumping_ant.media.style import capitalized, number, p_value
 from jumping_ant.params.blocks import CompareParams
 
 LEVEL = 0.04  # [-] of any false verdict in a family of claims

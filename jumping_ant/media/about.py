@@ -8,15 +8,16 @@ from pathlib import Path
 import rerun as rr
 
 from jumping_ant.agents import catalogue
+from jumping_ant.agents.families import BASELINE, Family
 from jumping_ant.base.paths import Paths
-from jumping_ant.experiment import curves, episodes
-from jumping_ant.looks import style
-from jumping_ant.looks.families import BASELINE, Family
+from jumping_ant.evaluation import episodes
+from jumping_ant.media import style
+from jumping_ant.media.scene import METRES_PER_NEWTON
+from jumping_ant.media.states import LEG_COLORS, Array, limbs
 from jumping_ant.params.model import Params
-from jumping_ant.recording.scene import METRES_PER_NEWTON
-from jumping_ant.recording.states import LEG_COLORS, Array, limbs
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
+from jumping_ant.training import curves
 
 MEASURES = ("return", "peak_height", "jumps", "airborne_seconds")
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jumping_ant.params.blocks import TrainingParams
-from jumping_ant.training import racing
-from jumping_ant.training.racing import Candidate, Candidates
+from jumping_ant.training import model_selection
+from jumping_ant.training.model_selection import Candidate, Candidates
 
 RULES = TrainingParams(
     evaluations=5,
@@ -27,7 +27,9 @@ def entered(*means: float, rules: TrainingParams = RULES) -> Candidates:
     """Return the candidates after snapshots of these means."""
     candidates: Candidates = ()
     for number, mean in enumerate(means):
-        candidates = racing.entered(candidates, snapshot(number, mean - 1, mean + 1), rules)
+        candidates = model_selection.entered(
+            candidates, snapshot(number, mean - 1, mean + 1), rules
+        )
     return candidates
 
 
@@ -57,15 +59,15 @@ def test_all_episodes_of_finalists_count() -> None:
         seen.append(policies)
         return np.repeat([[1.0], [9.0], [4.0]], 4, axis=1)
 
-    candidates = racing.finished(entered(10, 6, 8), play)
+    candidates = model_selection.finished(entered(10, 6, 8), play)
     assert seen == [[b"0", b"2", b"1"]]
     returns = [(9, 11, 1, 1, 1, 1), (7, 9, 9, 9, 9, 9), (5, 7, 4, 4, 4, 4)]
     assert [one.returns for one in candidates] == returns
-    assert int(racing.winner(candidates).policy) == 2
-    assert racing.winner(candidates).mean_return == pytest.approx(52 / 6)
+    assert int(model_selection.winner(candidates).policy) == 2
+    assert model_selection.winner(candidates).mean_return == pytest.approx(52 / 6)
 
 
 def test_one_candidate_needs_no_final() -> None:
     alone = entered(3)
-    assert racing.finished(alone, lambda policies: pytest.fail("a final")) == alone
-    assert racing.winner(alone) == alone[0]
+    assert model_selection.finished(alone, lambda policies: pytest.fail("a final")) == alone
+    assert model_selection.winner(alone) == alone[0]

@@ -4,11 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from jumping_ant.comparison import charting, comparison
+from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks import style
-from jumping_ant.looks.measures import MEASURES, TERM
-from jumping_ant.looks.style import interval, number
+from jumping_ant.evaluation.measures import MEASURES, TERM
+from jumping_ant.media import style
+from jumping_ant.media.style import interval, number
+from jumping_ant.report import charting
 
 BEHAVIOUR = ("apex", "flight", "fluidity", "jumps")  # measures of how an agent jumps
 

@@ -13,12 +13,12 @@ from rerun.chunk import RrdReader
 from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.media import about
+from jumping_ant.media import episode as recording
+from jumping_ant.media.curves import ticks
+from jumping_ant.media.scene import METRES_PER_NEWTON, geom_paths
+from jumping_ant.media.states import body_names, derive
 from jumping_ant.params.model import Params
-from jumping_ant.recording import about
-from jumping_ant.recording import episode as recording
-from jumping_ant.recording.curves import ticks
-from jumping_ant.recording.scene import METRES_PER_NEWTON, geom_paths
-from jumping_ant.recording.states import body_names, derive
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import SupportsFloat
 
-from jumping_ant.looks.families import BASELINE, Family, by_family
+from jumping_ant.agents.families import BASELINE, Family, by_family
 
 COLOURS: dict[Family, str] = {
     "value-based": "#0072B2",

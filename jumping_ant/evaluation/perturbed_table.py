@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import EPISODE_SEED, SEED, Column
-from jumping_ant.experiment import perturbed
-from jumping_ant.experiment.perturbed import Case
+from jumping_ant.evaluation import perturbed
+from jumping_ant.evaluation.perturbed import Case
 from jumping_ant.params.model import Params
 from jumping_ant.sim.perturbations import NAMES, NONE, Condition
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.looks import drawing
-from jumping_ant.looks.drawing import Shots
+from jumping_ant.media import drawing
+from jumping_ant.media.drawing import Shots
 
 SCENE = """
 <mujoco>
@@ -122,7 +122,7 @@ def test_a_process_that_dies_is_missed(shots: Shots, started: Started) -> None:
 
 
 def test_a_process_imports_little() -> None:
-    code = f"import sys, jumping_ant.looks.drawing; print({IMPORTED_IN_VAIN} & sys.modules.keys())"
+    code = f"import sys, jumping_ant.media.drawing; print({IMPORTED_IN_VAIN} & sys.modules.keys())"
     run = subprocess.run(
         [sys.executable, "-c", code], cwd=PROJECT_ROOT, capture_output=True, encoding="utf-8"
     )

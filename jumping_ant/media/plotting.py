@@ -6,7 +6,7 @@ from typing import Any, Literal
 from matplotlib import style
 from matplotlib.figure import Figure
 
-from jumping_ant.looks.style import INK
+from jumping_ant.media.style import INK
 
 STYLE: Any = {  # matplotlib types it by each key's name
     "font.size": 10,

@@ -2,8 +2,8 @@
 
 import pytest
 
-from jumping_ant.looks import style
-from jumping_ant.looks.families import Family, by_family
+from jumping_ant.agents.families import Family, by_family
+from jumping_ant.media import style
 
 FEW: dict[str, Family] = {
     "random": "baseline",

@@ -1,7 +1,7 @@
 """The pictures in `results/figures/`, which the documents show: learning curves, final returns.
 
 All other charts are those of the report. Every agent has the same colour and marker in both (see
-`jumping_ant.looks.style`). The same numbers give the same bytes.
+`jumping_ant.media.style`). The same numbers give the same bytes.
 """
 
 from collections.abc import Mapping
@@ -14,12 +14,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
-from jumping_ant.comparison import charting, comparison
+from jumping_ant.agents.families import by_family
+from jumping_ant.comparison import comparison
 from jumping_ant.comparison.comparison import LearningCurve
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks.families import by_family
-from jumping_ant.looks.plotting import STYLES, entitle, render
-from jumping_ant.looks.style import COLOURS, INK, Look, looks, number, panels
+from jumping_ant.media.plotting import STYLES, entitle, render
+from jumping_ant.media.style import COLOURS, INK, Look, looks, number, panels
+from jumping_ant.report import charting
 
 KINDS: tuple[Literal["png", "svg"], ...] = ("png", "svg")
 # Marks in a row of seeds, as matplotlib's keywords.

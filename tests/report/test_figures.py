@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from small_project import COMPARE, make_params, write_project
 
-from jumping_ant.comparison import comparison, figures
+from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import load
+from jumping_ant.report import figures
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
 RANKED = ["pgpe-wide", "sac", "dqn", "random"]  # by the levels of small_project

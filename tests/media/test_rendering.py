@@ -12,7 +12,7 @@ from small_disk import small_disk
 from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.looks import rendering
+from jumping_ant.media import rendering
 from jumping_ant.params import params_file
 from jumping_ant.params.blocks import RecordParams
 from jumping_ant.sim import robot

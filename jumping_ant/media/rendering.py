@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.looks import drawing
-from jumping_ant.looks.drawing import Picture, Shots
+from jumping_ant.media import drawing
+from jumping_ant.media.drawing import Picture, Shots
 from jumping_ant.params.blocks import RecordParams
 from jumping_ant.sim import mjcf
 from jumping_ant.sim.anatomy import Anatomy

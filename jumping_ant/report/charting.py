@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from jumping_ant.agents.families import Family
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks.families import Family
 
 RETURN = "Return per held-out episode"
 BUDGET = "Training budget [control steps]"

@@ -11,9 +11,9 @@ import numpy as np
 from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import EPISODE_SEED, SEED, Column, Table
-from jumping_ant.experiment import variant_names
-from jumping_ant.experiment.variant_names import PUBLISHED
-from jumping_ant.looks.measures import MEASURES, TERM
+from jumping_ant.evaluation import variant_names
+from jumping_ant.evaluation.measures import MEASURES, TERM
+from jumping_ant.evaluation.variant_names import PUBLISHED
 from jumping_ant.params.model import Params
 from jumping_ant.sim import rewards
 from jumping_ant.sim.trajectory import Trajectory

@@ -9,7 +9,7 @@ from pathlib import Path
 from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import Column
-from jumping_ant.experiment import curves
+from jumping_ant.training import curves
 
 COLUMNS = {
     "env_steps": curves.COUNT,

@@ -11,11 +11,10 @@ from recorded import Content, story
 from small_episode import simulate
 from small_project import make_params, shown, write_project
 
+from jumping_ant.agents.families import Family
 from jumping_ant.base.errors import InputError
-from jumping_ant.looks import style
-from jumping_ant.looks.families import Family
+from jumping_ant.media import about, layout, lineup, style
 from jumping_ant.params.model import Params
-from jumping_ant.recording import about, layout, lineup
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 

@@ -4,13 +4,13 @@ import pytest
 from ruamel.yaml import YAML
 from small_project import BUDGETS, COMPARE, make_params, write_project
 
+from jumping_ant.agents.families import Family
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.comparison import charting, comparison, figures
+from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import load
-from jumping_ant.looks import style
-from jumping_ant.looks.families import Family
-from jumping_ant.looks.style import looks
-from jumping_ant.report import charts, leaderboard
+from jumping_ant.media import style
+from jumping_ant.media.style import looks
+from jumping_ant.report import charting, charts, figures, leaderboard
 
 FEW: dict[str, Family] = {
     "random": "baseline",

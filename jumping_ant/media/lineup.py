@@ -5,7 +5,7 @@ Entities, over `sim_time` [s] and `control_step`:
 | path | what | unit |
 |---|---|---|
 | /<agent>/world/<body>/<geom> | the robot's shapes, moved with their bodies | m |
-| /<agent>/trail, /<agent>/contact_arrow/<limb> | as in `jumping_ant.recording.episode` | |
+| /<agent>/trail, /<agent>/contact_arrow/<limb> | as in `jumping_ant.media.episode` | |
 | /height/<agent> | height of the torso's centre | m |
 | /about | a page of text; always there | |
 """
@@ -14,12 +14,11 @@ from collections.abc import Mapping
 
 import rerun as rr
 
-from jumping_ant.looks import style
-from jumping_ant.looks.families import by_family
-from jumping_ant.recording import about, layout, rerun_file, states
-from jumping_ant.recording.about import Story
-from jumping_ant.recording.scene import log_scene
-from jumping_ant.recording.series import log_series
+from jumping_ant.agents.families import by_family
+from jumping_ant.media import about, layout, rerun_file, states, style
+from jumping_ant.media.about import Story
+from jumping_ant.media.scene import log_scene
+from jumping_ant.media.series import log_series
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 

@@ -23,10 +23,10 @@ import numpy as np
 import rerun as rr
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.recording import about, curves, layout, rerun_file, series, states
-from jumping_ant.recording.about import Story
-from jumping_ant.recording.scene import log_scene
-from jumping_ant.recording.states import Indices, time_columns
+from jumping_ant.media import about, curves, layout, rerun_file, series, states
+from jumping_ant.media.about import Story
+from jumping_ant.media.scene import log_scene
+from jumping_ant.media.states import Indices, time_columns
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 

@@ -7,7 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.looks.style import Look, percent, percents
+from jumping_ant.media.style import Look, percent, percents
 from jumping_ant.report.charts import DASHES, MENU, ROW, SHARES, SYMBOLS, finish
 from jumping_ant.sim.levels import LEVELS
 

@@ -5,7 +5,7 @@ import numpy as np
 import rerun as rr
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.recording.states import (
+from jumping_ant.media.states import (
     Color,
     States,
     body_names,

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from recorded import rerun_cli
 from rerun.chunk import RrdReader
 
-from jumping_ant.recording.rerun_file import Recording, write
+from jumping_ant.media.rerun_file import Recording, write
 
 ENTITIES = ["b", "a", "c"]
 

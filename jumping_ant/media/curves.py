@@ -11,8 +11,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from jumping_ant.recording.scene import TRAIL_COLOR
-from jumping_ant.recording.states import Array, Color
+from jumping_ant.media.scene import TRAIL_COLOR
+from jumping_ant.media.states import Array, Color
 
 PATH = "learning/curves"
 WIDTH, HEIGHT = 16.0, 5.0  # size of the picture, in the view's units

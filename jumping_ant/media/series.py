@@ -6,8 +6,8 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from jumping_ant.recording.scene import TRAIL_COLOR
-from jumping_ant.recording.states import (
+from jumping_ant.media.scene import TRAIL_COLOR
+from jumping_ant.media.states import (
     LEG_COLORS,
     Color,
     States,

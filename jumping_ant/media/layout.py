@@ -6,9 +6,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from jumping_ant.recording import curves
-from jumping_ant.recording.scene import camera_path
-from jumping_ant.recording.states import TIMELINE, motor_names
+from jumping_ant.media import curves
+from jumping_ant.media.scene import camera_path
+from jumping_ant.media.states import TIMELINE, motor_names
 from jumping_ant.sim.world import World
 
 BACKGROUND = (24, 28, 36)
