@@ -4,7 +4,9 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 from fnmatch import fnmatch
+from functools import cache
 from itertools import takewhile
 
 from dvc.cli import DvcParserError
@@ -87,8 +89,19 @@ def module_takes(module: str, *words: str) -> bool:
     source = "".join(file.read_text(encoding="utf-8") for file in files)
     values = takewhile(lambda word: word[0] != "-", words)
     names = [word for word in values if word not in AGENTS and not PLACEHOLDER.fullmatch(word)]
-    names += [word for word in words if word[0] == "-"]
-    return source != "" and all(f'"{name}"' in source for name in names)
+    flags = [word for word in words if word[0] == "-" and f'"{word}"' not in source]
+    if source and flags:  # perhaps made of the fields of a dataclass
+        source += help_of(module)
+    return (
+        source != ""
+        and all(f'"{name}"' in source for name in names)
+        and all(flag in source for flag in flags)
+    )
+
+
+@cache
+def help_of(module: str) -> str:
+    return subprocess.getoutput(f"{sys.executable} -m {module} --help")
 
 
 def is_path(word: str) -> bool:
