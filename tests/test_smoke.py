@@ -179,7 +179,7 @@ def test_bad_input_ends_before_any_training(project: Project) -> None:
     project.change_params(agents=agents)
     done = project.run("dvc", "repro", check=False)
     told = done.stdout + done.stderr
-    assert done.returncode and "agents.sac.learning_rte: unknown key" in told
+    assert done.returncode and "agents.sac: unknown key 'learning_rte'" in told
     assert "Traceback" not in told
     assert (project.folder / "dvc.lock").read_bytes() == lock
     project.go_back()
