@@ -1,6 +1,6 @@
 """Write CSV files, and read them: whole, of whom they should be, and within their ranges.
 
-The modules of `jumping_ant.experiment` that know a table (`curves`, `episodes`)
+The modules of the library that know a table (`curves`, `episodes`)
 describe its columns, and say which rows it has.
 """
 

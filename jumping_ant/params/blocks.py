@@ -281,14 +281,14 @@ class EvaluateParams(Block):
 
 
 class RobustnessParams(Block):
-    """Held-out episodes under perturbations (see `jumping_ant.robustness`)."""
+    """Held-out episodes under perturbations (see `jumping_ant.sim.perturbations`)."""
 
     episode_steps: Count
     """[control steps] Episodes are truncated here."""
 
 
 class RecordParams(Block):
-    """Videos and recordings (see `jumping_ant.media.rendering` and `jumping_ant.recording`)."""
+    """Videos and recordings (see `jumping_ant.media`)."""
 
     width: Annotated[int, Field(ge=64, le=3840, multiple_of=2)]
     """[pixels] Width of the video."""

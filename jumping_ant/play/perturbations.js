@@ -1,4 +1,4 @@
-// Perturbations that a number sets, as `jumping_ant.robustness` applies them. What is drawn for each
+// Perturbations that a number sets, as `jumping_ant.sim.perturbations` applies them. What is drawn for each
 // episode there is fixed here: slopes rise and pushes go along x. Noise is the browser's own.
 
 export const SECOND = 1; // [s] from push to push
