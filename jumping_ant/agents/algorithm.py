@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Literal, Self, TypeVar, get_args
 from jumping_ant.agents.families import Family
 from jumping_ant.agents.ranges import Ranges
 from jumping_ant.params.blocks import Block, EnvParams
-from jumping_ant.policies.policy_file import KINDS
 
 TORQUES = {"kind": "torques", "amplitude": 1.0, "hold": 3}  # of examples
 
@@ -21,7 +20,7 @@ class AgentBlock(Block):
     learns_from_demonstrations: ClassVar[bool] = False
 
     algorithm: str
-    """Algorithm of the catalogue, which says how the agent is trained."""
+    """Algorithm of the catalogue."""
     robot: Literal["edited", "unedited"]
     """Robot that the agent controls: the one of `robot`, or its unedited source."""
 
@@ -50,59 +49,38 @@ class AgentBlock(Block):
 Settings = TypeVar("Settings", bound=AgentBlock)
 
 
-def defaults(**values: Any) -> Callable[[type[Settings]], type[Settings]]:
-    """Give settings that a block inherits defaults of its own."""
+def settings(algorithm: str = "", **defaults: Any) -> Callable[[type[Settings]], type[Settings]]:
+    """Name the algorithm of a block, and give settings that it inherits other defaults."""
 
-    def changed(settings: type[Settings]) -> type[Settings]:
-        for name, value in values.items():
-            settings.model_fields[name].default = value
-        settings.model_rebuild(force=True)
-        return settings
+    def changed(block: type[Settings]) -> type[Settings]:
+        if algorithm:
+            block.model_fields["algorithm"].annotation = Literal[algorithm]  # type: ignore[assignment]
+        for name, value in defaults.items():
+            block.model_fields[name].default = value
+        block.model_rebuild(force=True)
+        return block
 
     return changed
 
 
 @dataclass(frozen=True)
 class Algorithm:
-    """A row of the catalogue.
+    """A row of the catalogue."""
 
-    Attributes:
-        settings: The model of its block in `params.yaml`.
-        family: The kind of algorithm; results are grouped and coloured by it.
-        example: Settings of a training of a few updates, for checks; others have their defaults.
-        learner: `module:name` of what the trainer builds, imported when training starts; empty if
-            the trainer needs none.
-        logged: Logged values that the learning curve keeps, by the learner's names.
-        counters: Counters of the learner in addition to those that its whole family keeps.
-        trainer: The module that trains its agents; by default `trainer` beside the settings.
-        label: The algorithm's name as it is printed; by default in capitals.
-        about: What it is in words, in recordings; by default the label.
-        policy_kind: The kind of its policies, a key of `KINDS`; by default the algorithm's name.
-        ranges: What a search for settings may choose from; empty if there is nothing to search.
-        has_rounded: Whether variants of its policies that round torques are played as well.
-        has_best_sample: Whether a variant that is the best of a distribution's samples is, too.
-        is_scaled: Whether its training is timed by the number of threads.
-        is_perturbed: Whether its policies are played under perturbations.
-
-    Raises:
-        ValueError: There are no policies of such a kind.
-    """
-
-    settings: type[AgentBlock]
-    family: Family
-    example: Mapping[str, Any]
-    learner: str = ""
-    logged: tuple[str, ...] = ()
-    counters: tuple[str, ...] = ()
-    trainer: str = ""
-    label: str = ""
-    about: str = ""
-    policy_kind: str = ""
-    ranges: Ranges = field(default_factory=dict)
-    has_rounded: bool = False
-    has_best_sample: bool = False
-    is_scaled: bool = False
-    is_perturbed: bool = True
+    settings: type[AgentBlock]  # the model of its block in `params.yaml`
+    family: Family  # by which results are grouped and coloured
+    example: Mapping[str, Any]  # settings of a training of a few updates; others have defaults
+    learner: str = ""  # `module:name` of what the trainer builds, imported when training starts
+    logged: tuple[str, ...] = ()  # values that the learning curve keeps, by the learner's names
+    trainer: str = ""  # module that trains; by default `trainer` beside the settings
+    label: str = ""  # its name as it is printed; by default in capitals
+    about: str = ""  # what it is in words, in recordings; by default the label
+    policy_kind: str = ""  # of its policies (see `policy_file`); by default the algorithm's name
+    ranges: Ranges = field(default_factory=dict)  # that a search for settings chooses from
+    has_rounded: bool = False  # whether variants of policies that round torques are played, too
+    has_best_sample: bool = False  # whether the best of the distribution's samples is, too
+    is_scaled: bool = False  # whether its training is timed by the number of threads
+    is_perturbed: bool = True  # whether its policies are played under perturbations
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "label", self.label or self.name.upper())
@@ -110,10 +88,6 @@ class Algorithm:
         object.__setattr__(self, "trainer", self.trainer or f"{beside}.trainer")
         object.__setattr__(self, "about", self.about or self.label)
         object.__setattr__(self, "policy_kind", self.policy_kind or self.name)
-        if self.policy_kind not in KINDS:
-            raise ValueError(
-                f"{self.name}: given policy_kind {self.policy_kind!r}, allowed: {[*KINDS]}"
-            )
 
     @property
     def name(self) -> str:

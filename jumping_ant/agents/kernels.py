@@ -65,13 +65,7 @@ def _sum(
 
 
 def _sum_into(
-    added: Tensor,
-    first: Tensor,
-    second: Tensor,
-    *,
-    beta: float = 1,
-    alpha: float = 1,
-    out: Tensor,
+    added: Tensor, first: Tensor, second: Tensor, *, beta: float = 1, alpha: float = 1, out: Tensor
 ) -> Tensor:
     """Write beta * added + alpha * first @ second; `added` is broadcast, and may be `out`."""
     terms = added.detach().numpy()

@@ -7,19 +7,12 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Between:
-    """Numbers from `low` to `high`, both included.
-
-    Attributes:
-        low: The least.
-        high: The greatest.
-        is_log: Whether equal ratios are equally likely at first, instead of equal differences.
-        is_whole: Whether only whole numbers count.
-    """
+    """Numbers from `low` to `high`, both included."""
 
     low: float
     high: float
-    is_log: bool = True
-    is_whole: bool = False
+    is_log: bool = True  # equal ratios are equally likely at first, instead of equal differences
+    is_whole: bool = False  # only whole numbers count
 
     def has(self, value: Any) -> bool:
         """Return whether a value lies in the range."""

@@ -14,29 +14,17 @@ from jumping_ant.params.blocks import ActionParams
 class ActionSet:
     """What an agent chooses from at each decision, and how long each choice is held.
 
-    Attributes:
-        table: Torques over peak torques of each command, shape (num_commands, num_motors);
-            None if there are no commands.
-        amplitude: Factor on chosen torques and levels, if there is no table.
-        hold: Control steps that a choice is held for.
-        levels: Number of torques that each motor chooses from, evenly spaced from -amplitude to
-            amplitude; None if there are no levels. Without table and levels, any torques may be
-            chosen.
+    Without table and levels, any torques may be chosen.
     """
 
-    table: NDArray[np.float32] | None = None
-    amplitude: float = 1.0
-    hold: int = 1
-    levels: int | None = None
+    table: NDArray[np.float32] | None = None  # commands' torques over peak torques, (n, num_motors)
+    amplitude: float = 1.0  # factor on chosen torques and levels
+    hold: int = 1  # [control steps]
+    levels: int | None = None  # of each motor, evenly spaced from -amplitude to amplitude
 
     @classmethod
     def of(cls, params: ActionParams, commands: Sequence[Sequence[float]]) -> "ActionSet":
-        """Return the set that an agent's parameters describe.
-
-        Args:
-            params: The agent's block of actions.
-            commands: The table of commands, `env.commands`.
-        """
+        """Return the set of an agent's block of actions; `commands` is `env.commands`."""
         if params.kind == "commands":
             table = np.float32(params.amplitude) * np.array(commands, dtype=np.float32)
             return cls(table, 1.0, params.hold)
@@ -56,15 +44,11 @@ class ActionSet:
         return num_outputs if self.table is None else self.table.shape[1]
 
     def choices(self, outputs: NDArray[Any]) -> NDArray[Any]:
-        """Return what a policy's outputs choose.
+        """Return what a policy's outputs, shape (n, num_outputs), choose.
 
-        Args:
-            outputs: Shape (n, num_outputs).
-
-        Returns:
-            The torques, clipped to [-1, 1]; the index of the command of the largest output; or the
-            index of the level that is nearest to each motor's output, the upper one of two that are
-            equally near: with two levels an output's sign decides, and 0 counts as positive.
+        That is the torques, clipped to [-1, 1]; the index of the command of the largest output; or
+        the index of the level that is nearest to each motor's output, the upper one of two that are
+        equally near: with two levels an output's sign decides, and 0 counts as positive.
         """
         if self.table is not None:
             return np.argmax(outputs, axis=1)
@@ -74,28 +58,20 @@ class ActionSet:
         return np.clip(outputs, -1.0, 1.0).astype(np.float64)
 
     def best(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return the choices of the highest values, among commands or among each motor's levels.
+        """Return the indices of commands, (n,), or of levels, (n, num_motors), of highest value.
 
-        Args:
-            values: Of each command, shape (n, num_commands), or of each level of each motor, the
-                first motor's first, (n, num_motors * levels).
-
-        Returns:
-            Indices of commands, shape (n,), or of levels, (n, num_motors).
+        Values are of each command, (n, num_commands), or of each level of each motor, the first
+        motor's first, (n, num_motors * levels).
         """
         if self.levels is not None:
             values = values.reshape(len(values), -1, self.levels)
         return np.argmax(values, axis=-1)
 
     def torques(self, choices: NDArray[Any]) -> NDArray[Any]:
-        """Return the torques over peak torques of each choice.
+        """Return torques over peak torques in [-amplitude, amplitude], shape (n, num_motors).
 
-        Args:
-            choices: Indices of commands, shape (n,), torques in [-1, 1], shape (n, num_motors), or
-                indices of levels, shape (n, num_motors).
-
-        Returns:
-            Torques in [-amplitude, amplitude], shape (n, num_motors).
+        Choices are indices of commands, (n,), or torques in [-1, 1] or indices of levels,
+        (n, num_motors).
         """
         if self.table is not None:
             return self.table[choices]

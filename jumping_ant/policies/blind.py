@@ -1,21 +1,14 @@
 """Policies that ignore observations: random actions, a fixed cycle of commands, oscillators."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from jumping_ant.base.archive import from_array, pack, to_array
 from jumping_ant.policies.actions import ActionSet
-from jumping_ant.policies.policy import (
-    Array,
-    Entries,
-    Header,
-    Interface,
-    action_set,
-    header_entries,
-)
+from jumping_ant.policies.policy import HEADER, Array, Entries, Interface, arrays_of, to_file
 
 
 class UniformPolicy:
@@ -39,12 +32,13 @@ class UniformPolicy:
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
         interface = Interface(self.actions, None, self._num_motors)
-        return pack(header_entries("uniform", interface, seed=self.seed))
+        return to_file("uniform", interface, seed=self.seed)
 
     @classmethod
-    def from_entries(cls, header: Header, entries: Entries) -> "UniformPolicy":
+    def from_entries(cls, interface: Interface, entries: Entries) -> "UniformPolicy":
         """Build the policy from a policy file's entries."""
-        return cls(int(header["seed"]), action_set(header, entries), int(header["num_motors"]))
+        seed = int(json.loads(entries[HEADER])["seed"])
+        return cls(seed, interface.actions, interface.num_motors)
 
 
 class OpenLoopPolicy:
@@ -69,13 +63,12 @@ class OpenLoopPolicy:
 
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
-        interface = Interface(self.actions, None, self._table.shape[1])
-        return pack(header_entries("open_loop", interface))
+        return to_file("open_loop", Interface(self.actions, None, self._table.shape[1]))
 
     @classmethod
-    def from_entries(cls, header: Header, entries: Entries) -> "OpenLoopPolicy":
+    def from_entries(cls, interface: Interface, entries: Entries) -> "OpenLoopPolicy":
         """Build the policy from a policy file's entries."""
-        return cls(action_set(header, entries))
+        return cls(interface.actions)
 
 
 @dataclass(frozen=True)
@@ -124,22 +117,12 @@ class OscillatorPolicy:
         """Return the policy file's content."""
         num_motors = self.actions.num_motors(len(self._oscillators.phases))
         interface = Interface(self.actions, None, num_motors)
-        arrays = {
-            f"{name}.npy": from_array(getattr(self._oscillators, name))
-            for name in Oscillators.ARRAYS
-        }
-        return pack(header_entries("oscillator", interface) | arrays)
+        arrays = {name: getattr(self._oscillators, name) for name in Oscillators.ARRAYS}
+        return to_file("oscillator", interface, arrays)
 
     @classmethod
-    def from_entries(cls, header: Header, entries: Entries) -> "OscillatorPolicy":
+    def from_entries(cls, interface: Interface, entries: Entries) -> "OscillatorPolicy":
         """Build the policy from a policy file's entries."""
-        actions = action_set(header, entries)
-        outputs = (actions.num_outputs(int(header["num_motors"])),)
-        arrays = {name: to_array(entries[f"{name}.npy"]) for name in Oscillators.ARRAYS}
-        for name, array in arrays.items():
-            allowed = (2,) if name == "speeds" else outputs
-            if array.shape != allowed:
-                raise ValueError(f"{name}: given shape {array.shape}, allowed: {allowed}")
-            if not np.isfinite(array).all():
-                raise ValueError(f"{name}: given numbers that are not finite")
-        return cls(Oscillators(**arrays), actions)
+        each = (interface.actions.num_outputs(interface.num_motors),)
+        arrays = arrays_of(entries, amplitudes=each, phases=each, offsets=each, speeds=(2,))
+        return cls(Oscillators(**arrays), interface.actions)

@@ -6,17 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.base.archive import from_array, pack, to_array
 from jumping_ant.policies.actions import ActionSet
-from jumping_ant.policies.policy import (
-    Array,
-    Entries,
-    Header,
-    Interface,
-    Stateless,
-    action_set,
-    header_entries,
-)
+from jumping_ant.policies.policy import Array, Entries, Interface, Stateless, arrays_of, to_file
 
 
 @dataclass(frozen=True)
@@ -54,24 +45,18 @@ class LinearPolicy(Stateless):
 
     def to_bytes(self) -> bytes:
         """Return the policy file's content."""
-        arrays = {f"{name}.npy": from_array(getattr(self, name)) for name in self.ARRAYS}
         outputs, num_observations = self.weight.shape
         num_motors = self.actions.num_motors(outputs)
         interface = Interface(self.actions, num_observations, num_motors)
-        return pack(header_entries("linear", interface) | arrays)
+        return to_file("linear", interface, {name: getattr(self, name) for name in self.ARRAYS})
 
     @classmethod
-    def from_entries(cls, header: Header, entries: Entries) -> "LinearPolicy":
+    def from_entries(cls, interface: Interface, entries: Entries) -> "LinearPolicy":
         """Build the policy from a policy file's entries."""
-        arrays = {name: to_array(entries[f"{name}.npy"]) for name in cls.ARRAYS}
-        outputs, observations = matrix = arrays["weight"].shape
-        shapes = (matrix, (outputs,), (observations,), (observations,), matrix, (outputs,))
-        for (name, array), shape in zip(arrays.items(), shapes, strict=True):
-            if array.shape != shape:
-                raise ValueError(f"{name}: given shape {array.shape}, allowed: {shape}")
+        outputs = interface.actions.num_outputs(interface.num_motors)
+        matrix, seen = (outputs, interface.num_observations), (interface.num_observations,)
+        shapes = (matrix, (outputs,), seen, seen, matrix, (outputs,))
+        arrays = arrays_of(entries, **dict(zip(cls.ARRAYS, shapes, strict=True)))
         if not (arrays["stdev"] > 0).all():
             raise ValueError("stdev: given numbers that are not positive")
-        actions = action_set(header, entries)
-        if actions.table is not None and outputs != len(actions.table):
-            raise ValueError(f"{outputs} outputs instead of {len(actions.table)}")
-        return cls(**arrays, actions=actions)
+        return cls(**arrays, actions=interface.actions)

@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.policies import tensors
 from jumping_ant.policies.actions import ActionSet
-from jumping_ant.policies.policy import (
-    Array,
-    Entries,
-    Header,
-    Stateless,
-    action_set,
-)
+from jumping_ant.policies.policy import Array, Entries, Interface, Stateless
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]  # weight (outputs, inputs), bias (outputs,)
 State = dict[str, NDArray[Any]]  # a network's numbers by name
@@ -54,9 +48,9 @@ class Network(Stateless):
         return np.maximum(values, np.float32(0.0))
 
     @classmethod
-    def from_entries(cls, header: Header, entries: Entries) -> Self:
+    def from_entries(cls, interface: Interface, entries: Entries) -> Self:
         """Build the policy from a policy file's entries; only tensors are read."""
-        actions = action_set(header, entries)
+        actions = interface.actions
         state = cls._folded(tensors.read(entries["policy.pth"]), actions)
         layers = _layers(state, cls.PREFIXES)
         outputs = len(layers[-1][1])
@@ -222,8 +216,9 @@ def _layers(state: State, prefixes: tuple[str, ...]) -> list[Layer]:
     ]
     layers = [(state[f"{name}.weight"], state[f"{name}.bias"]) for name in names]
     for weight, bias in layers:
-        if weight.ndim != 2 or bias.shape != weight.shape[:1]:
-            raise ValueError(f"a layer of weights {weight.shape} and biases {bias.shape}")
+        is_finite = np.isfinite(weight).all() and np.isfinite(bias).all()
+        if weight.ndim != 2 or bias.shape != weight.shape[:1] or not is_finite:
+            raise ValueError(f"a layer of weights {weight.shape} and biases {bias.shape}, finite?")
     for (before, _), (after, _) in itertools.pairwise(layers):
         if after.shape[1] != before.shape[0]:
             raise ValueError(f"a layer of {after.shape} after one of {before.shape}")

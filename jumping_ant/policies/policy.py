@@ -13,22 +13,21 @@ steps the simulation handles this.
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, Field
 
-from jumping_ant.base.archive import from_array, to_array
+from jumping_ant.base.archive import from_array, pack, to_array
 from jumping_ant.policies.actions import ActionSet
 
 FORMAT = 3
 HEADER = "policy.json"
-OWNER = "owner.json"
-LARGEST = 100_000  # observations, or motors, of a policy that is read
 _TABLE = "commands.npy"
 
 Array = NDArray[np.float64]
-Header = Mapping[str, Any]
+Size = Annotated[int, Field(ge=1, le=100_000)]
 Entries = Mapping[str, bytes]
 
 
@@ -66,6 +65,23 @@ class Interface:
     num_motors: int
 
 
+class _Header(BaseModel):
+    format: Literal[3]
+    hold: Annotated[int, Field(ge=1)]
+    amplitude: Annotated[float, Field(gt=0, le=1)]
+    num_observations: Size | None
+    num_motors: Size
+    levels: Annotated[int, Field(ge=2, le=100_000)] | None = None
+
+
+def to_file(
+    kind: str, interface: Interface, arrays: Mapping[str, Any] | None = None, **fields: int
+) -> bytes:
+    """Return the content of the file of a policy that is arrays by name, and fields of its own."""
+    entries = {f"{name}.npy": from_array(array) for name, array in (arrays or {}).items()}
+    return pack(header_entries(kind, interface, **fields) | entries)
+
+
 def header_entries(kind: str, interface: Interface, **fields: int) -> dict[str, bytes]:
     """Return the header of a policy file, and the table of commands if there is one."""
     actions = interface.actions
@@ -85,30 +101,20 @@ def header_entries(kind: str, interface: Interface, **fields: int) -> dict[str, 
 
 def interface_of(entries: Entries) -> Interface:
     """Read the inputs and outputs of a policy from a policy file's entries."""
-    header = json.loads(entries[HEADER])
-    if header["format"] != FORMAT:
-        raise ValueError(f"format {header['format']!r} instead of {FORMAT}")
-    observations, motors = header["num_observations"], int(header["num_motors"])
-    observations = None if observations is None else int(observations)
-    for number in (observations, motors):
-        if number is not None and not 0 < number <= LARGEST:
-            raise ValueError(f"{number} observations or motors")
-    return Interface(action_set(header, entries), observations, motors)
-
-
-def action_set(header: Header, entries: Entries) -> ActionSet:
-    """Read an action set from a policy file's entries."""
+    header = _Header.model_validate_json(entries[HEADER])
     table = to_array(entries[_TABLE]) if _TABLE in entries else None
-    if table is not None and (table.ndim != 2 or not table.size):
-        raise ValueError(f"a table of commands of shape {table.shape}")
-    if table is not None and not (np.abs(table) <= 1).all():  # NaN fails this too
-        raise ValueError("a table of commands above the peak torque")
-    hold, amplitude = int(header["hold"]), float(header["amplitude"])
-    if hold < 1:
-        raise ValueError(f"actions held for {hold} control steps")
-    if not 0 < amplitude <= 1:
-        raise ValueError(f"torques of {amplitude} times the peak torque")
-    levels = int(header["levels"]) if "levels" in header else None
-    if levels is not None and (table is not None or not 2 <= levels <= LARGEST):
-        raise ValueError(f"{levels} levels of each motor")
-    return ActionSet(table, amplitude, hold, levels)
+    if table is not None:
+        is_within = table.ndim == 2 and table.size and (np.abs(table) <= 1).all()  # NaN is not
+        if not is_within or header.levels:
+            raise ValueError(f"a table of commands of shape {table.shape}, or beyond peak torques")
+    actions = ActionSet(table, header.amplitude, header.hold, header.levels)
+    return Interface(actions, header.num_observations, header.num_motors)
+
+
+def arrays_of(entries: Entries, **shapes: tuple[int | None, ...]) -> dict[str, NDArray[Any]]:
+    """Read arrays of these shapes from a policy file's entries."""
+    arrays = {name: to_array(entries[f"{name}.npy"]) for name in shapes}
+    for name, array in arrays.items():
+        if array.shape != shapes[name] or not np.isfinite(array).all():
+            raise ValueError(f"{name}: given shape {array.shape}, allowed: {shapes[name]}, finite")
+    return arrays

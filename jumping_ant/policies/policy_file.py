@@ -18,8 +18,9 @@ from jumping_ant.policies.networks import (
     QuantileCommands,
     TanhActor,
 )
-from jumping_ant.policies.policy import HEADER, OWNER, Entries, Interface, Policy, interface_of
+from jumping_ant.policies.policy import HEADER, Interface, Policy, interface_of
 
+OWNER = "owner.json"
 Owner = tuple[str, int]  # an agent and a seed
 
 # By what a file's header says: most kinds are named after an algorithm with such a network.
@@ -59,82 +60,49 @@ def load(path: Path, owner: Owner | None = None) -> Policy:
     Raises:
         InputError: The file is missing, not a policy file, or that of another agent or seed.
     """
+    return _open(path, owner)[0]
+
+
+def read_interface(path: Path, owner: Owner | None = None) -> Interface:
+    """Read the inputs and outputs of a policy (see `load`)."""
+    return _open(path, owner)[1]
+
+
+def parse(source: bytes | BinaryIO, owner: Owner | None = None) -> Policy:
+    """Read a policy file's content, or an open policy file (see `load`)."""
+    return _parse(source, owner)[0]
+
+
+def _open(path: Path, owner: Owner | None) -> tuple[Policy, Interface]:
     try:
         with path.open("rb") as file:
-            return parse(file, owner)
+            return _parse(file, owner)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; `dvc repro` trains it") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def parse(source: bytes | BinaryIO, owner: Owner | None = None) -> Policy:
-    """Read a policy file's content, or an open policy file (see `load`).
-
-    Raises:
-        InputError: The content is not a policy file, a damaged one, or that of another agent or
-            seed.
-    """
+def _parse(source: bytes | BinaryIO, owner: Owner | None) -> tuple[Policy, Interface]:
     try:
         entries = Archive(source)
-        header = json.loads(entries[HEADER])
         interface = interface_of(entries)
-        policy: Policy = KINDS[header["kind"]].from_entries(header, entries)
-        _check_numbers(list(vars(policy).values()))
+        policy: Policy = KINDS[json.loads(entries[HEADER])["kind"]].from_entries(interface, entries)
         policy.start([0])
         shape = policy.act(np.zeros((1, interface.num_observations or 1))).shape
-        stated = _owner(entries)
+        if shape != (1, interface.num_motors):
+            raise ValueError(f"torques of shape {shape} for {interface.num_motors} motors")
+        stated = json.loads(entries[OWNER]) if OWNER in entries else None
+        stated = stated and (stated["agent"], stated["seed"])
     except Exception as error:  # any error here means that the file is damaged
         raise InputError(
             f"policy file: given what is not a policy ({told(error)}); "
             "allowed: a policy.zip that `dvc repro` trained"
         ) from error
-    if shape != (1, interface.num_motors):
-        raise InputError(
-            f"policy file: given torques of shape {shape}, allowed: {(1, interface.num_motors)}"
-        )
-    _check_owner(stated, owner)
-    return policy
-
-
-def read_interface(path: Path, owner: Owner | None = None) -> Interface:
-    """Read the inputs and outputs of a policy, without reading the policy (see `load`)."""
-    try:
-        with path.open("rb") as file:
-            entries = Archive(file)
-            interface, stated = interface_of(entries), _owner(entries)
-    except Exception as error:  # as in `load`
-        raise InputError(
-            f"{path}: not a policy file ({told(error)}); `dvc repro` trains it"
-        ) from error
-    try:
-        _check_owner(stated, owner)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    return interface
-
-
-def _owner(entries: Entries) -> Owner | None:
-    """Read which agent and seed a policy file is of; None if it does not say."""
-    if OWNER not in entries:
-        return None
-    stated = json.loads(entries[OWNER])
-    return str(stated["agent"]), int(stated["seed"])
-
-
-def _check_owner(stated: Owner | None, owner: Owner | None) -> None:
     if owner and stated != owner:
         given = f"that of agent {stated[0]}, seed {stated[1]}" if stated else "one of no agent"
         raise InputError(
             f"policy file: given {given}, allowed: that of agent {owner[0]}, seed {owner[1]}; "
             f"run `dvc repro --force train@{owner[0]}`"
         )
-
-
-def _check_numbers(value: Any) -> None:
-    """Raise ValueError if an array, in lists or tuples too, holds a number that is not finite."""
-    if isinstance(value, np.ndarray) and not np.isfinite(value).all():
-        raise ValueError("numbers that are not finite")
-    if isinstance(value, list | tuple):
-        for one in value:
-            _check_numbers(one)
+    return policy, interface

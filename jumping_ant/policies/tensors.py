@@ -7,26 +7,20 @@ of each storage. Whatever else the pickle names is refused, so that reading it r
 import io
 import pickle
 from collections import OrderedDict
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.base.archive import Archive
 
-_KINDS = {"FloatStorage": "<f4", "DoubleStorage": "<f8", "LongStorage": "<i8"}
-
-
-class _Storage(NamedTuple):
-    kind: str
-    entry: str
-
-
-class _Tensor(NamedTuple):
-    storage: _Storage
-    first: int  # of its numbers in the storage
-    shape: tuple[int, ...]
-    strides: tuple[int, ...]
+_NAMES: dict[tuple[str, str], Any] = {  # all that the pickle may name
+    ("torch", "FloatStorage"): "<f4",
+    ("torch", "DoubleStorage"): "<f8",
+    ("torch", "LongStorage"): "<i8",
+    ("collections", "OrderedDict"): OrderedDict,
+    ("torch._utils", "_rebuild_tensor_v2"): lambda *tensor: tensor[:4],
+}
 
 
 def read(content: bytes) -> dict[str, NDArray[Any]]:
@@ -41,42 +35,30 @@ def read(content: bytes) -> dict[str, NDArray[Any]]:
     folder = index.removesuffix("data.pkl")
     if archive[f"{folder}byteorder"] != b"little":
         raise ValueError("tensors of another byte order")
-    found = _Index(io.BytesIO(archive[index])).load()
-    return {name: _array(archive, folder, *found[name]) for name in found}
+    tensors = _Unpickler(io.BytesIO(archive[index])).load()
+    return {name: _array(archive, folder, *tensor) for name, tensor in tensors.items()}
 
 
-class _Index(pickle._Unpickler):  # the one in C allots as much memory as a file tells it to
-    """The pickle of a file: what it may name gives tuples."""
+class _Unpickler(pickle._Unpickler):  # the one in C allots as much memory as a file tells it to
+    """Reads tensors as tuples: (kind, entry) of their storage, first number, shape, strides."""
 
     def find_class(self, module: str, name: str) -> Any:
-        if (module, name) == ("collections", "OrderedDict"):
-            return OrderedDict
-        if (module, name) == ("torch._utils", "_rebuild_tensor_v2"):
-            return self._tensor
-        if module == "torch" and name in _KINDS:
-            return _KINDS[name]
-        raise pickle.UnpicklingError(f"{module}.{name} in a file of tensors")
+        if (module, name) not in _NAMES:
+            raise pickle.UnpicklingError(f"{module}.{name} in a file of tensors")
+        return _NAMES[module, name]
 
     def persistent_load(self, pid: Any) -> Any:
-        _, kind, entry, *_ = pid
-        return _Storage(kind, entry)
-
-    def _tensor(self, storage: Any, first: Any, shape: Any, strides: Any, *_: Any) -> _Tensor:
-        return _Tensor(_Storage(*storage), first, shape, strides)
+        return pid[1:3]
 
 
 def _array(
-    archive: Archive,
-    folder: str,
-    storage: _Storage,
-    first: int,
-    shape: tuple[int, ...],
-    strides: tuple[int, ...],
+    archive: Archive, folder: str, storage: tuple[str, str], first: int, shape: Any, strides: Any
 ) -> NDArray[Any]:
     size = 1
     for length, stride in zip(reversed(shape), reversed(strides), strict=True):
         if length > 1 and stride != size:
             raise ValueError(f"a tensor of shape {shape} with strides {strides}")
         size *= length
-    numbers = np.frombuffer(archive[f"{folder}data/{storage.entry}"], storage.kind)
+    kind, entry = storage
+    numbers = np.frombuffer(archive[f"{folder}data/{entry}"], kind)
     return numbers[first : first + size].reshape(shape).copy()

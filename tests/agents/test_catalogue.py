@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass, replace
 from functools import cache
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from jumping_ant.agents import catalogue
 from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.families import BASELINE
-from jumping_ant.agents.job import Job, resolve, trainer_of
+from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base.archive import Archive
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
@@ -29,18 +30,13 @@ def test_settings_are_named_and_documented(name: str) -> None:
     settings = ALGORITHMS[name].settings
     assert settings.model_fields["algorithm"].annotation.__args__ == (name,)
     assert all(field.description for field in settings.model_fields.values())
-    assert not row(AGENTS[name]).learner or callable(resolve(row(AGENTS[name]).learner))
+    assert not row(AGENTS[name]).learner or callable(resolve_name(row(AGENTS[name]).learner))
 
 
 def test_names_are_printed_as_the_literature_writes_them() -> None:
     printed = {name: catalogue.label(name, name) for name in ("sac", "qrdqn", "cmaes", "random")}
     assert printed == {"sac": "SAC", "qrdqn": "QR-DQN", "cmaes": "CMA-ES", "random": "random"}
     assert catalogue.label("sac-wide", "sac") == "sac-wide"
-
-
-def test_an_unknown_kind_of_policy_is_refused_at_once() -> None:
-    with pytest.raises(ValueError, match="sac: given policy_kind 'gausian', allowed: .*'sac'"):
-        replace(ALGORITHMS["sac"], policy_kind="gausian")
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

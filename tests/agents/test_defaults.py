@@ -1,6 +1,7 @@
 """A block that leaves out what has a default is the library's algorithm."""
 
 import inspect
+from pkgutil import resolve_name
 from typing import Any
 
 import gymnasium as gym
@@ -11,7 +12,6 @@ from evotorch.optimizers import ClipUp
 from sb3_contrib import ARS
 
 from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.agents.job import resolve
 from jumping_ant.policies.actions import ActionSet
 
 SB3 = [*small_agents.of_package("off_policy"), *small_agents.of_package("on_policy")]
@@ -31,7 +31,7 @@ def own_defaults(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", SB3)
 def test_settings_have_the_defaults_of_stable_baselines3(name: str) -> None:
-    learner, own = resolve(ALGORITHMS[name].learner), own_defaults(name)
+    learner, own = resolve_name(ALGORITHMS[name].learner), own_defaults(name)
     theirs = defaults_of(learner.policy_aliases["MlpPolicy"]) | defaults_of(learner)
     shared = own.keys() & theirs.keys()
     assert len(shared) > 5
@@ -41,7 +41,7 @@ def test_settings_have_the_defaults_of_stable_baselines3(name: str) -> None:
 @pytest.mark.filterwarnings("ignore:.n_steps=")
 @pytest.mark.parametrize("name", SB3)
 def test_networks_have_the_sizes_of_stable_baselines3(name: str) -> None:
-    learner, settings = resolve(ALGORITHMS[name].learner), small_agents.agents()[name]
+    learner, settings = resolve_name(ALGORITHMS[name].learner), small_agents.agents()[name]
     robot: Any = {
         "commands": "CartPole-v1",
         "torques": "Pendulum-v1",

@@ -17,7 +17,6 @@ from small_policies import NUMBERS, linear_policy
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies import policy_file, tensors
-from jumping_ant.policies.blind import Oscillators
 
 SIZES = {"num_observations": 27, "num_motors": 8}
 
@@ -144,7 +143,7 @@ DAMAGED = {
     "table beyond the peak torque": archive("open_loop", np.full((2, 8), 1.5)),
     "torn table": pack(OPEN_LOOP | {"commands.npy": OPEN_LOOP["commands.npy"][:-5]}),
     "oscillators of other number": pack(
-        OSCILLATORS | {f"{name}.npy": npy(np.ones(7)) for name in Oscillators.ARRAYS}
+        OSCILLATORS | {f"{name}.npy": npy(np.ones(7)) for name in ("amplitudes", "offsets")}
     ),
     "oscillator without a phase": pack(OSCILLATORS | {"phases.npy": npy(np.ones(7))}),
     "three speeds": pack(OSCILLATORS | {"speeds.npy": npy(np.ones(3))}),

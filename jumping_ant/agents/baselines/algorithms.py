@@ -1,20 +1,19 @@
 """Agents that learn nothing: random actions, and open-loop rhythms."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field
 
-from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm
+from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm, settings
 from jumping_ant.params.blocks import ActionParams, Count, EnvParams
 
 
+@settings("random")
 class RandomAgentParams(AgentBlock):
     """The baseline that draws a random action at every decision and learns nothing."""
 
     is_baseline = True
 
-    algorithm: Literal["random"]
-    """Algorithm of the catalogue."""
     actions: ActionParams
     """Actions that it draws from."""
 
@@ -24,14 +23,13 @@ class RandomAgentParams(AgentBlock):
         return 0
 
 
+@settings("open_loop")
 class OpenLoopParams(AgentBlock):
     """The sceptic's baseline: a cycle of commands that ignores the state."""
 
     is_baseline = True
     depends_on_seed = False  # all seeds share the search and its rhythm
 
-    algorithm: Literal["open_loop"]
-    """Algorithm of the catalogue."""
     amplitude: Annotated[float, Field(gt=0, le=1)]
     """[-] Factor on the torques of the commands; the article's have 0.5."""
     commands: Annotated[list[Annotated[int, Field(ge=0, le=10**6)]], Field(min_length=1)]

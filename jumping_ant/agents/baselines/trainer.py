@@ -8,26 +8,26 @@ locomotion tasks", whose oscillators are another agent (`oscillator`).
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
 
 from jumping_ant.agents.baselines.algorithms import OpenLoopParams, RandomAgentParams
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event, Finished, Progress, Snapshot
-from jumping_ant.agents.job import Job, resolve
+from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive_all
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.sim import rollout
-from jumping_ant.sim.vector import RobotVectorEnv
 
 
 def train(job: Job[Any]) -> Iterator[Event]:
     """Yield one snapshot at the end, and no checkpoints: this takes seconds."""
-    yield from resolve(row(job.agent).learner)(job)
+    yield from resolve_name(row(job.agent).learner)(job)
 
 
 def draw(job: Job[RandomAgentParams]) -> Iterator[Event]:
@@ -40,20 +40,16 @@ def draw(job: Job[RandomAgentParams]) -> Iterator[Event]:
 
 def search(job: Job[OpenLoopParams]) -> Iterator[Event]:
     """Try each rhythm on the same start states, and keep the one with the highest mean return."""
-    agent = job.agent
-    envs = RobotVectorEnv(
-        job.world,
-        agent.episodes,
-        job.num_threads,
-        AutoresetMode.DISABLED,
-        episode_steps=np.full(agent.episodes, agent.episode_steps),
-    )
+    agent, env = job.agent, job.world.env
+    task = env.model_copy(update={"max_episode_steps": agent.episode_steps})
+    world = replace(job.world, env=task)
     starts = derive_all(job.seed, "starts", agent.episodes)
     best, best_return, env_steps = b"", -np.inf, 0
     for number, half_period in enumerate(agent.half_periods, start=1):
-        policy = metronome(agent, job.world.env, half_period)
-        returns, steps = _play(envs, policy, starts)
-        env_steps += steps
+        policy = metronome(agent, env, half_period)
+        rewards = [each.rewards for each in rollout.run(world, policy, starts, job.num_threads)]
+        env_steps += sum(map(len, rewards))
+        returns = np.array([np.cumsum(each)[-1] for each in rewards])  # added one by one
         if returns.mean() > best_return:
             best, best_return = policy.to_bytes(), returns.mean()
         yield Progress(
@@ -72,16 +68,3 @@ def metronome(agent: OpenLoopParams, env: EnvParams, half_period: int) -> OpenLo
     """Return the policy that holds each of an agent's commands for `half_period` control steps."""
     table = np.float32(agent.amplitude) * np.array(env.commands, dtype=np.float32)[agent.commands]
     return OpenLoopPolicy(ActionSet(table, hold=half_period))
-
-
-def _play(
-    envs: RobotVectorEnv, policy: OpenLoopPolicy, starts: list[int]
-) -> tuple[np.ndarray, int]:
-    """Run an episode from each start; return the returns, (num_envs,), and the control steps."""
-    observations, _ = envs.reset(seed=starts)
-    policy.start(starts)
-    returns, total = np.zeros(envs.num_envs), 0
-    for step in rollout.steps(envs, observations, policy.act, policy.actions.hold):
-        returns += step.rewards
-        total += int(step.alive.sum())
-    return returns, total

@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm
+from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm, settings
 from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
 from jumping_ant.params.blocks import ActionParams, Count, Fraction, NonNegative, Number, Positive
 
@@ -54,11 +54,10 @@ class GaussianParams(EvolutionParams):
     """[-] Initial width of the distribution."""
 
 
+@settings("pgpe")
 class PGPEParams(GaussianParams):
     """Policy gradients with parameter-based exploration (Sehnke et al. 2010), with ClipUp."""
 
-    algorithm: Literal["pgpe"]
-    """Algorithm of the catalogue."""
     population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
     """[policies] Size of a generation, sampled in mirrored pairs."""
     max_speed: Positive
@@ -67,25 +66,20 @@ class PGPEParams(GaussianParams):
     """[-] Momentum of ClipUp."""
 
 
+@settings("snes")
 class SNESParams(GaussianParams):
     """Separable natural evolution strategies (Schaul, Glasmachers and Schmidhuber 2011)."""
 
-    algorithm: Literal["snes"]
-    """Algorithm of the catalogue."""
 
-
+@settings("xnes")
 class XNESParams(GaussianParams):
     """Exponential natural evolution strategies, full covariance (Glasmachers et al. 2010)."""
 
-    algorithm: Literal["xnes"]
-    """Algorithm of the catalogue."""
 
-
+@settings("cem")
 class CEMParams(EvolutionParams):
     """Cross-entropy method (Rubinstein 1999)."""
 
-    algorithm: Literal["cem"]
-    """Algorithm of the catalogue."""
     parenthood_ratio: Annotated[float, Field(gt=0, lt=1)]
     """[-] Share of a generation that the next distribution is fitted to."""
     stdev_init: Positive
@@ -101,33 +95,30 @@ class CEMParams(EvolutionParams):
         return self
 
 
+@settings("cmaes")
 class CMAESParams(EvolutionParams):
     """Covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001)."""
 
-    algorithm: Literal["cmaes"]
-    """Algorithm of the catalogue."""
     stdev_init: Positive
     """[-] Initial step size."""
     separable: bool = False
     """Whether the covariance matrix is diagonal."""
 
 
+@settings("oscillator")
 class OscillatorParams(CMAESParams):
     """Oscillators that ignore observations, tuned by CMA-ES (Raffin et al. 2024)."""
 
-    algorithm: Literal["oscillator"]  # type: ignore[assignment]
-    """Algorithm of the catalogue."""
     frequency: Positive
     """[Hz] Frequency of the oscillators at the start of the search."""
     observation_normalization: Literal[False] = False
     """Nothing is normalised: oscillators ignore observations."""
 
 
+@settings("ars")
 class ARSParams(EvolutionParams):
     """Augmented random search (Mania, Guy and Recht 2018), named as in SB3-Contrib."""
 
-    algorithm: Literal["ars"]
-    """Algorithm of the catalogue."""
     population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
     """[policies] Size of a generation, in mirrored pairs: twice the number of directions."""
     learning_rate: Positive = 0.02
@@ -147,11 +138,10 @@ class ARSParams(EvolutionParams):
         return self
 
 
+@settings("openai-es")
 class OpenAIESParams(EvolutionParams):
     """OpenAI's evolution strategy (Salimans et al. 2017), with its authors' defaults."""
 
-    algorithm: Literal["openai-es"]
-    """Algorithm of the catalogue."""
     population_size: Annotated[int, Field(ge=2, le=10**6, multiple_of=2)]
     """[policies] Size of a generation, in mirrored pairs."""
     learning_rate: Positive = 0.01

@@ -7,13 +7,9 @@ only, and are those of version 0.6.1.
 from typing import Any
 
 import torch
-from evotorch import Problem, SolutionBatch
-from evotorch.algorithms import CMAES, PGPE
+from evotorch import SolutionBatch
 from evotorch.neuroevolution.net import RunningNorm
-from evotorch.tools.ranking import centered
 from torch import Tensor
-
-__all__ = ["CMAES", "PGPE", "Problem", "SolutionBatch", "centered"]
 
 
 def plain(tensor: Tensor) -> Tensor:

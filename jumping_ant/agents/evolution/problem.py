@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 import torch
+from evotorch import Problem, SolutionBatch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
-from jumping_ant.agents.evolution.library import Normalizer, Problem, SolutionBatch, plain
+from jumping_ant.agents.evolution.library import Normalizer, plain
 from jumping_ant.agents.job import Job
 from jumping_ant.base.seeding import derive, derive_all
 from jumping_ant.policies.actions import ActionSet
@@ -52,11 +53,12 @@ class JumpProblem(Problem):
             seed=derive(job.seed, "search", bits=32),
         )
         self.agent = agent
+        self._step_seconds = job.world.dt * self.actions.hold  # of a decision
         self.normalizer = Normalizer(shape=anatomy.num_observations, dtype=torch.float32)
         self.env_steps = 0
-        self.returns: NDArray[np.float64] = np.zeros(agent.population_size)
-        self.fitness: NDArray[np.float64] = np.zeros(agent.population_size)
-        count, size = min(job.num_threads, agent.population_size), agent.population_size
+        size = agent.population_size
+        self.returns, self.fitness = np.zeros(size), np.zeros(size)
+        count = min(job.num_threads, size)
         self._rows = np.array_split(np.arange(size), count)  # of the policies, by thread
         self._envs = [
             RobotVectorEnv(
@@ -79,18 +81,9 @@ class JumpProblem(Problem):
 
     def policy(self, center: torch.Tensor, spread: torch.Tensor) -> LinearPolicy | OscillatorPolicy:
         """Return the policy at a centre, (solution_length,), with the current normaliser."""
-        weight, bias = self._unflatten(center)
-        mean, stdev = self._moments()
-        weight_spread, bias_spread = self._unflatten(spread)
-        return LinearPolicy(
-            weight.numpy(),
-            bias.numpy(),
-            mean.numpy(),
-            stdev.numpy(),
-            weight_spread.numpy(),
-            bias_spread.numpy(),
-            self.actions,
-        )
+        parts = (*self._unflatten(center), *self._moments(), *self._unflatten(spread))
+        arrays = zip(LinearPolicy.ARRAYS, (part.numpy() for part in parts), strict=True)
+        return LinearPolicy(**dict(arrays), actions=self.actions)
 
     def save_state(self) -> dict[str, Any]:
         """Return the state that later generations depend on: arrays and JSON-compatible values."""
@@ -170,10 +163,6 @@ class OscillatorProblem(JumpProblem):
     A solution is the amplitudes, phases [rad] and offsets of all outputs, and the logarithms to the
     base 2 of the two frequencies [Hz]. Its fitness is that of `JumpProblem`.
     """
-
-    def __init__(self, job: Job[EvolutionParams]) -> None:
-        super().__init__(job)
-        self._step_seconds = job.world.dt * self.actions.hold
 
     def _solution_length(self) -> int:
         return 3 * self._shape[0] + 2

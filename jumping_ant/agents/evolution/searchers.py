@@ -7,24 +7,18 @@ random search and OpenAI's evolution strategy are EvoTorch's.
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
-from typing import Any
+from pkgutil import resolve_name
+from typing import Any, ClassVar
 
 import torch
+from evotorch import Problem, SolutionBatch
+from evotorch.algorithms import CMAES, PGPE
+from evotorch.tools.ranking import centered
 from torch import Tensor
 
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.evolution.algorithms import EvolutionParams
-from jumping_ant.agents.evolution.library import (
-    CMAES,
-    PGPE,
-    CovarianceMatrix,
-    Gaussian,
-    Problem,
-    SolutionBatch,
-    centered,
-    plain,
-)
-from jumping_ant.agents.job import resolve
+from jumping_ant.agents.evolution.library import CovarianceMatrix, Gaussian, plain
 
 MIN_DEVIATION = 1e-6  # of the returns that augmented random search divides by
 ADAM_BETAS, ADAM_EPSILON = (0.9, 0.999), 1e-8
@@ -39,25 +33,23 @@ class MirroredSearch:
     generation: int = field(default=0, init=False)
     center: Tensor = field(init=False)  # that is searched around
 
+    WIDTH: ClassVar[str]  # the setting that is the standard deviation of a solution's numbers
+    TENSORS: ClassVar[tuple[str, ...]] = ("center",)  # that later generations depend on
+
     def __post_init__(self) -> None:
         self.center = torch.zeros(self.problem.solution_length)
 
     @property
-    @abstractmethod
-    def width(self) -> float:
-        """Standard deviation of each number of a solution."""
-
-    @property
     def spread(self) -> Tensor:
         """Standard deviation of each number of a solution, shape (solution_length,)."""
-        return torch.full_like(self.center, self.width)
+        return torch.full_like(self.center, getattr(self, self.WIDTH))
 
     def step(self) -> None:
         """Evaluate mirrored pairs of policies, and move the centre."""
         directions = torch.randn(
             self.popsize // 2, len(self.center), generator=self.problem.generator
         )
-        moves = self.width * directions
+        moves = self.spread * directions
         batch = SolutionBatch(self.problem, popsize=self.popsize, empty=True)
         batch.access_values()[:] = torch.cat([self.center + moves, self.center - moves])
         self.problem.evaluate(batch)
@@ -70,12 +62,14 @@ class MirroredSearch:
 
     def save_state(self) -> dict[str, Any]:
         """Return what later generations depend on; the problem keeps the random generator."""
-        return {"generation": self.generation, "center": self.center.numpy()}
+        arrays = {name: getattr(self, name).numpy() for name in self.TENSORS}
+        return {"generation": self.generation, **arrays}
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Restore a state from `save_state` of a search created with the same settings."""
         self.generation = state["generation"]
-        self.center = torch.from_numpy(state["center"])
+        for name in self.TENSORS:
+            setattr(self, name, torch.from_numpy(state[name]))
 
 
 @dataclass
@@ -90,10 +84,7 @@ class AugmentedRandomSearch(MirroredSearch):
     delta_std: float  # standard deviation of the directions
     n_top: int  # number of the best directions, which a step follows
 
-    @property
-    def width(self) -> float:
-        """Standard deviation of the directions."""
-        return self.delta_std
+    WIDTH = "delta_std"
 
     def _move(self, directions: Tensor, fitness: Tensor) -> None:
         forward, backward = fitness.chunk(2)
@@ -117,39 +108,26 @@ class OpenAIES(MirroredSearch):
     noise_stdev: float  # standard deviation of the policies around the centre
     weight_decay: float  # factor on the centre that is subtracted from the gradient
 
+    WIDTH = "noise_stdev"
+    TENSORS = ("center", "mean", "mean_square")
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._mean, self._mean_square = (torch.zeros_like(self.center) for _ in range(2))
-
-    @property
-    def width(self) -> float:
-        """Standard deviation of the policies around the centre."""
-        return self.noise_stdev
+        self.mean, self.mean_square = (torch.zeros_like(self.center) for _ in range(2))
 
     def _move(self, directions: Tensor, fitness: Tensor) -> None:
         forward, backward = centered(fitness).chunk(2)
         slope = (forward - backward) @ directions / (len(fitness) * self.noise_stdev)
         gradient = slope - self.weight_decay * self.center
         first, second = ADAM_BETAS
-        self._mean = first * self._mean + (1 - first) * gradient
-        self._mean_square = second * self._mean_square + (1 - second) * gradient.square()
-        mean = self._mean / (1 - first**self.generation)
-        root = (self._mean_square / (1 - second**self.generation)).sqrt()
+        self.mean = first * self.mean + (1 - first) * gradient
+        self.mean_square = second * self.mean_square + (1 - second) * gradient.square()
+        mean = self.mean / (1 - first**self.generation)
+        root = (self.mean_square / (1 - second**self.generation)).sqrt()
         self.center = self.center + self.learning_rate * mean / (root + ADAM_EPSILON)
 
-    def save_state(self) -> dict[str, Any]:
-        """Return what later generations depend on; the problem keeps the random generator."""
-        moments = {"mean": self._mean.numpy(), "mean_square": self._mean_square.numpy()}
-        return super().save_state() | moments
 
-    def load_state(self, state: dict[str, Any]) -> None:
-        """Restore a state from `save_state` of a search created with the same settings."""
-        super().load_state(state)
-        self._mean = torch.from_numpy(state["mean"])
-        self._mean_square = torch.from_numpy(state["mean_square"])
-
-
-Searcher = Gaussian | CovarianceMatrix | MirroredSearch
+Searcher = Gaussian | MirroredSearch
 
 
 def pgpe(problem: Problem, *, max_speed: float, momentum: float, **settings: Any) -> PGPE:
@@ -166,11 +144,10 @@ def oscillator(problem: Problem, *, frequency: float, **settings: Any) -> CMAES:
 
 
 def make_searcher(problem: Problem, agent: EvolutionParams) -> Searcher:
-    """Return an agent's searcher at its start; its algorithm's own settings are passed by name."""
-    shared = EvolutionParams.model_fields
-    own = [name for name in type(agent).model_fields if name not in shared]
-    settings = {name: getattr(agent, name) for name in own}
-    search = resolve(row(agent).learner)(problem, popsize=agent.population_size, **settings)
+    """Return an agent's searcher at its start; what its algorithm adds is passed by name."""
+    names = type(agent).model_fields.keys() - EvolutionParams.model_fields.keys()
+    settings = {name: getattr(agent, name) for name in names}
+    search = resolve_name(row(agent).learner)(problem, popsize=agent.population_size, **settings)
     if isinstance(search, CMAES):
         return CovarianceMatrix(search)
     return search if isinstance(search, MirroredSearch) else Gaussian(search)

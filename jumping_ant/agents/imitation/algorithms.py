@@ -1,10 +1,10 @@
 """Imitation of another agent: settings."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm
+from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm, settings
 from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
 from jumping_ant.agents.sb3.settings import Layers, Learning
 from jumping_ant.params.blocks import Count, Fraction, Positive, Steps, TorqueParams
@@ -42,13 +42,12 @@ class ImitationParams(AgentBlock):
         return self.total_steps
 
 
+@settings("bc")
 class BCParams(ImitationParams):
     """Behaviour cloning: all data are demonstrations (Pomerleau 1991)."""
 
-    algorithm: Literal["bc"]
-    """Algorithm of the catalogue."""
 
-
+@settings("dagger")
 class DAggerParams(ImitationParams):
     """Dataset aggregation (Ross, Gordon and Bagnell 2011).
 
@@ -56,8 +55,6 @@ class DAggerParams(ImitationParams):
     demonstrated policy says what it would have done.
     """
 
-    algorithm: Literal["dagger"]
-    """Algorithm of the catalogue."""
     episode_steps: Count
     """[control steps] The agent's own episodes are truncated here."""
     tumbled_starts: Fraction

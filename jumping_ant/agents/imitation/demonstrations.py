@@ -17,6 +17,7 @@ from jumping_ant.sim.world import World
 
 FORMAT = 1
 _HEADER, _EXPERT = "demonstrations.json", "expert.zip"
+_ARRAYS = ("observations.npy", "torques.npy", "returns.npy")
 
 
 @dataclass(frozen=True)
@@ -50,8 +51,8 @@ class Demonstrations:
     def to_bytes(self) -> bytes:
         """Return the file's content; equal demonstrations give equal bytes."""
         header = {_HEADER: json.dumps({"format": FORMAT}).encode(), _EXPERT: self.expert}
-        arrays = {f"{name}.npy": from_array(array) for name, array in vars(self.labelled).items()}
-        return pack(header | arrays)
+        arrays = map(from_array, vars(self.labelled).values())
+        return pack(header | dict(zip(_ARRAYS, arrays, strict=True)))
 
     @classmethod
     def from_bytes(cls, content: bytes) -> "Demonstrations":
@@ -60,10 +61,9 @@ class Demonstrations:
             entries = Archive(content)
             if (found := json.loads(entries[_HEADER])["format"]) != FORMAT:
                 raise ValueError(f"format {found!r} instead of {FORMAT}")
-            observations = to_array(entries["observations.npy"])
-            torques = to_array(entries["torques.npy"])
-            returns = to_array(entries["returns.npy"])
-            if observations.ndim != 2 or torques.ndim != 2 or returns.ndim != 1:
+            labelled = Labelled(*(to_array(entries[name]) for name in _ARRAYS))
+            observations, torques, returns = vars(labelled).values()
+            if not (observations.ndim == torques.ndim == 2 and returns.ndim == 1):
                 raise ValueError("arrays of other dimensions")
             if not len(observations) == len(torques) == len(returns) > 0:
                 raise ValueError("arrays of different lengths, or empty ones")
@@ -71,7 +71,7 @@ class Demonstrations:
                 raise ValueError("numbers that are not finite, or torques above the peak torque")
             if np.isnan(returns[-1]) or np.isinf(returns).any():
                 raise ValueError("an episode without a return")
-            return cls(Labelled(observations, torques, returns), entries[_EXPERT])
+            return cls(labelled, entries[_EXPERT])
         except Exception as error:  # any error here means that the file is damaged
             raise InputError(
                 f"demonstrations: given what are none ({told(error)}); "
@@ -122,14 +122,10 @@ def play(
         labels.append(label.astype(np.float32))
         totals += step.rewards
         lengths += step.alive
-    all_seen, all_labels = np.stack(seen), np.stack(labels)
+    episodes = zip(np.stack(seen, 1), np.stack(labels, 1), lengths, totals, strict=True)
     return concatenated(
         [
-            Labelled(
-                all_seen[:length, i],
-                all_labels[:length, i],
-                np.append(np.full(length - 1, np.nan), totals[i]),
-            )
-            for i, length in enumerate(lengths)
+            Labelled(each[:length], label[:length], np.append(np.full(length - 1, np.nan), total))
+            for each, label, length, total in episodes
         ]
     )

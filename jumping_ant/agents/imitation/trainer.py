@@ -14,12 +14,7 @@ from torch.nn import functional
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.imitation.algorithms import DAggerParams, ImitationParams
-from jumping_ant.agents.imitation.demonstrations import (
-    Demonstrations,
-    Labelled,
-    concatenated,
-    play,
-)
+from jumping_ant.agents.imitation.demonstrations import Demonstrations, Labelled, concatenated, play
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.sb3.model import ScaledObservations
 from jumping_ant.agents.sb3.state import moments
@@ -72,7 +67,7 @@ class _Imitator:
         self._demonstrated = concatenated([episodes[index] for index in order])
         self._data = self._demonstrated[:0]
         torch.manual_seed(derive(job.seed, "learner", bits=32))
-        anatomy, agent = self._anatomy, self._agent
+        anatomy, agent = self._anatomy, job.agent
         seen = spaces.Box(-np.inf, np.inf, (anatomy.num_observations,), np.float32)
         chosen = spaces.Box(-1.0, 1.0, (anatomy.num_motors,), np.float32)
         features = ScaledObservations(seen, agent.velocity_scale, anatomy.num_observed_positions)
@@ -124,9 +119,7 @@ class _Imitator:
     def save_state(self) -> dict[str, Any]:
         """Return the state that later rounds depend on: arrays and JSON-compatible values."""
         return {
-            "round": self.round,
-            "env_steps": self.env_steps,
-            "episodes": self.episodes,
+            "counters": [self.round, self.env_steps, self.episodes],
             "generator": self._generator.bit_generator.state,
             "data": vars(self._data),
             "learner": {name: vector.numpy() for name, vector in self._vectors().items()},
@@ -134,8 +127,7 @@ class _Imitator:
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Restore a state from `save_state`."""
-        self.round, self.env_steps = state["round"], state["env_steps"]
-        self.episodes = state["episodes"]
+        self.round, self.env_steps, self.episodes = state["counters"]
         self._generator.bit_generator.state = state["generator"]
         self._data = Labelled(**state["data"])
         for name, vector in self._vectors().items():

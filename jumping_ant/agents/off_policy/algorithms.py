@@ -10,7 +10,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import TORQUES, Algorithm, defaults
+from jumping_ant.agents.algorithm import TORQUES, Algorithm, settings
 from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
 from jumping_ant.agents.sb3.settings import EPISODE_RANGES, SB3Params
 from jumping_ant.params.blocks import (
@@ -69,7 +69,7 @@ class TargetParams(OffPolicyParams):
     """[-] Weight of the online networks in an update of the target networks."""
 
 
-@defaults(batch_size=32, tau=1.0, train_freq=4)
+@settings(batch_size=32, tau=1.0, train_freq=4)
 class ValueParams(TargetParams):
     """Settings of the algorithms that learn the values of discrete actions."""
 
@@ -85,32 +85,26 @@ class ValueParams(TargetParams):
     """[-] Gradients are clipped to this norm."""
 
 
-@defaults(learning_rate=1e-4)
+@settings("dqn", learning_rate=1e-4)
 class DQNParams(ValueParams):
     """Deep Q-network on discrete commands (Mnih et al. 2015)."""
 
-    algorithm: Literal["dqn"]
-    """Algorithm of the catalogue."""
     actions: CommandParams
     """Actions that the agent chooses from: commands."""
 
 
-@defaults(learning_rate=1e-4)
+@settings("decqn", learning_rate=1e-4)
 class DecQNParams(ValueParams):
     """Decoupled Q-networks on a few levels for each motor (Seyde et al. 2023)."""
 
-    algorithm: Literal["decqn"]
-    """Algorithm of the catalogue."""
     actions: LevelParams
     """Actions that the agent chooses from: levels of each motor."""
 
 
-@defaults(learning_rate=5e-5, exploration_fraction=0.005, exploration_final_eps=0.01)
+@settings("qrdqn", learning_rate=5e-5, exploration_fraction=0.005, exploration_final_eps=0.01)
 class QRDQNParams(ValueParams):
     """Quantile regression deep Q-network on discrete commands (Dabney et al. 2018)."""
 
-    algorithm: Literal["qrdqn"]
-    """Algorithm of the catalogue."""
     actions: CommandParams
     """Actions that the agent chooses from: commands."""
     n_quantiles: Annotated[int, Field(ge=1, le=10_000)] = 200
@@ -119,23 +113,20 @@ class QRDQNParams(ValueParams):
     POLICY_SETTINGS: ClassVar[tuple[str, ...]] = ("net_arch", "n_quantiles")
 
 
-@defaults(net_arch=[256, 256])
+@settings("sac", net_arch=[256, 256])
 class SACParams(TargetParams):
     """Soft actor-critic on continuous torques (Haarnoja et al. 2018)."""
 
-    algorithm: Literal["sac"]
-    """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
     ent_coef: Positive | Literal["auto"] = "auto"
     """[-] Weight of the policy's entropy, or `auto` to learn it."""
 
 
+@settings("tqc")
 class TQCParams(SACParams):
     """Truncated quantile critics on continuous torques (Kuznetsov et al. 2020)."""
 
-    algorithm: Literal["tqc"]  # type: ignore[assignment]
-    """Algorithm of the catalogue."""
     n_quantiles: Annotated[int, Field(ge=1, le=10_000)] = 25
     """[-] Quantiles of each critic."""
     n_critics: Annotated[int, Field(ge=1, le=100)] = 2
@@ -155,12 +146,10 @@ class TQCParams(SACParams):
         return self
 
 
-@defaults(learning_rate=1e-3, net_arch=[256, 256])
+@settings("crossq", learning_rate=1e-3, net_arch=[256, 256])
 class CrossQParams(OffPolicyParams):
     """CrossQ on continuous torques: batch renormalisation, no targets (Bhatt et al. 2024)."""
 
-    algorithm: Literal["crossq"]
-    """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
     ent_coef: Positive | Literal["auto"] = "auto"
@@ -169,28 +158,20 @@ class CrossQParams(OffPolicyParams):
     """[gradient steps] Critic updates per actor update."""
 
 
-@defaults(learning_rate=1e-3, net_arch=[400, 300])
+@settings("ddpg", learning_rate=1e-3, net_arch=[400, 300])
 class DDPGParams(TargetParams):
     """Deep deterministic policy gradients on continuous torques (Lillicrap et al. 2016)."""
 
-    algorithm: Literal["ddpg"]
-    """Algorithm of the catalogue."""
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
     action_noise: NonNegative
     """[-] Standard deviation of the Gaussian exploration noise on the torques."""
 
 
-@defaults(learning_rate=1e-3, net_arch=[400, 300])
-class TD3Params(TargetParams):
+@settings("td3")
+class TD3Params(DDPGParams):
     """Twin delayed deterministic policy gradients on continuous torques (Fujimoto et al. 2018)."""
 
-    algorithm: Literal["td3"]
-    """Algorithm of the catalogue."""
-    actions: TorqueParams
-    """Actions that the agent chooses from: torques."""
-    action_noise: NonNegative
-    """[-] Standard deviation of the Gaussian exploration noise on the torques."""
     policy_delay: Count = 2
     """[gradient steps] Critic updates per actor update."""
     target_policy_noise: NonNegative = 0.2
@@ -244,7 +225,6 @@ _values = partial(
     family="value-based",
     trainer=_TRAINER,
     logged=("train/loss", "rollout/exploration_rate"),
-    counters=("_n_calls", "exploration_rate"),
     ranges=_VALUES,
 )
 _actor_critic = partial(

@@ -1,11 +1,11 @@
 """On-policy algorithms of Stable-Baselines3: their settings and learners."""
 
 from functools import partial
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from jumping_ant.agents.algorithm import TORQUES, Algorithm, defaults
+from jumping_ant.agents.algorithm import TORQUES, Algorithm, settings
 from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
 from jumping_ant.agents.sb3.settings import EPISODE_RANGES, SB3Params
 from jumping_ant.params.blocks import Count, Fraction, NonNegative, Positive
@@ -42,21 +42,18 @@ class OnPolicyParams(SB3Params):
         return self
 
 
-@defaults(learning_rate=7e-4, n_steps=5, gae_lambda=1.0, normalize_advantage=False)
+@settings("a2c", learning_rate=7e-4, n_steps=5, gae_lambda=1.0, normalize_advantage=False)
 class A2CParams(OnPolicyParams):
     """Advantage actor-critic, synchronous, with RMSprop (Mnih et al. 2016)."""
 
-    algorithm: Literal["a2c"]
-    """Algorithm of the catalogue."""
     rms_prop_eps: Positive = 1e-5
     """[-] Added to RMSprop's denominators."""
 
 
+@settings("ppo")
 class PPOParams(OnPolicyParams):
     """Proximal policy optimisation, with clipping (Schulman et al. 2017)."""
 
-    algorithm: Literal["ppo"]
-    """Algorithm of the catalogue."""
     batch_size: Annotated[int, Field(ge=2, le=10**6)] = 64
     """[transitions] Batch size of a gradient step."""
     n_epochs: Count = 10

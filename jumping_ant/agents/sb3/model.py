@@ -3,6 +3,7 @@
 import copyreg
 import io
 import json
+from pkgutil import resolve_name
 from typing import Any, cast
 
 import numpy as np
@@ -16,7 +17,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv
 
 from jumping_ant.agents.catalogue import row
-from jumping_ant.agents.job import Job, resolve
+from jumping_ant.agents.job import Job
 from jumping_ant.agents.sb3.settings import SB3Params
 from jumping_ant.agents.sb3.vec_env import SB3VecEnv
 from jumping_ant.base.archive import Archive, pack
@@ -70,7 +71,7 @@ def make_model(envs: VecEnv, agent: SB3Params, seed: int) -> Any:
     if "action_noise" in settings:
         zeros = np.zeros(cast(spaces.Box, envs.action_space).shape)
         settings["action_noise"] = NormalActionNoise(zeros, zeros + settings["action_noise"])
-    model: BaseAlgorithm = resolve(row(agent).learner)(
+    model: BaseAlgorithm = resolve_name(row(agent).learner)(
         "MlpPolicy",
         envs,
         learning_rate=LinearSchedule(first, first if last is None else last, end_fraction=1.0),
@@ -119,7 +120,11 @@ def policy_bytes(model: BaseAlgorithm, agent: SB3Params, actions: ActionSet) -> 
     model.save(buffer, exclude=RUN_STATE)
     entries = dict(Archive(buffer.getvalue()))
     del entries["system_info.txt"]
-    entries["data"] = json.dumps(_without_addresses(json.loads(entries["data"]))).encode()
+    data = json.loads(entries["data"])
+    for name, value in data.items():
+        if isinstance(value, dict) and ":serialized:" in value:  # beside what shows addresses
+            data[name] = {key: value[key] for key in (":type:", ":serialized:")}
+    entries["data"] = json.dumps(data).encode()
     anatomy = _task(model.env).anatomy
     interface = Interface(actions, anatomy.num_observations, anatomy.num_motors)
     return pack(header_entries(row(agent).policy_kind, interface) | entries)
@@ -129,13 +134,3 @@ def _task(envs: VecEnv | None) -> Task:
     """Return the task of the environments that a model learns in."""
     task: Task = cast(VecEnv, envs).get_attr("task")[0]
     return task
-
-
-def _without_addresses(data: dict[str, Any]) -> dict[str, Any]:
-    """Drop SB3's descriptions of pickled entries, which show memory addresses."""
-    return {
-        key: {":type:": value[":type:"], ":serialized:": value[":serialized:"]}
-        if isinstance(value, dict) and ":serialized:" in value
-        else value
-        for key, value in data.items()
-    }

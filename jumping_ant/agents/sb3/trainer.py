@@ -30,9 +30,8 @@ def train(job: Job[SB3Params]) -> Iterator[Event]:
     budget = -(-agent.total_steps // hold)  # in decisions, as SB3 counts
     _, callback = model._setup_learn(budget, CallbackList([]))
     num_episodes, returns = 0, []  # all episodes so far; the returns since the last row
-    counters = row(agent).counters
     if job.checkpoint is not None:
-        num_episodes, returns = state.restore(model, counters, job.checkpoint)
+        num_episodes, returns = state.restore(model, job.checkpoint)
     while model.num_timesteps < budget:
         before = model.num_timesteps
         _learn_once(model, callback, budget)
@@ -55,7 +54,7 @@ def train(job: Job[SB3Params]) -> Iterator[Event]:
         if is_evaluated:
             yield Snapshot(model.num_timesteps * hold, policy_bytes(model, agent, actions))
         if job.is_checkpoint_due():
-            content = state.capture(model, counters, [num_episodes, returns])
+            content = state.capture(model, [num_episodes, returns])
             yield Checkpoint(model.num_timesteps * hold, content)
     yield Finished(model.num_timesteps * hold, policy_bytes(model, agent, actions))
 

@@ -1,11 +1,10 @@
 """An adapter of the batched environment to Stable-Baselines3's interface."""
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
@@ -13,7 +12,7 @@ from jumping_ant.sim.vector import RobotVectorEnv
 
 
 class SB3VecEnv(VecEnv):
-    """Adapter of a Gymnasium vector environment with SAME_STEP autoreset to SB3's `VecEnv`.
+    """Adapter of environments with SAME_STEP autoreset to SB3's `VecEnv`.
 
     Observations become float32, which the networks compute with; this halves the replay buffer.
     The first reset uses the seeds `starts`: SB3's own seeds, `seed + i`, would be shared with
@@ -21,12 +20,7 @@ class SB3VecEnv(VecEnv):
     episode's return, and no step before.
     """
 
-    def __init__(
-        self,
-        envs: VectorEnv[Any, Any, Any],
-        starts: Sequence[int],
-        sparse_rewards: bool = False,
-    ) -> None:
+    def __init__(self, envs: RobotVectorEnv, starts: Sequence[int], sparse_rewards: bool) -> None:
         self.envs = envs
         shape = envs.single_observation_space.shape
         super().__init__(
@@ -40,19 +34,16 @@ class SB3VecEnv(VecEnv):
 
     def reset(self) -> NDArray[np.float32]:
         """Start an episode in every environment."""
-        observations, _ = self.envs.reset(seed=self._starts)  # type: ignore[arg-type]  # one each
+        observations, _ = self.envs.reset(seed=self._starts)
         self._starts = None
-        self._returns[:] = 0.0
-        self._lengths[:] = 0
+        self._returns[:] = self._lengths[:] = 0
         return observations.astype(np.float32)
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Store the actions for `step_wait`."""
         self._actions = actions
 
-    def step_wait(
-        self,
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], list[dict[str, Any]]]:
         """Step all environments; an info is empty, except at the end of an episode."""
         observations, rewards, terminated, truncated, vector_infos = self.envs.step(self._actions)
         self._returns += rewards
@@ -67,23 +58,18 @@ class SB3VecEnv(VecEnv):
                 "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
                 "episode": {"r": float(self._returns[index]), "l": int(self._lengths[index])},
             }
-            self._returns[index] = 0.0
-            self._lengths[index] = 0
+            self._returns[index] = self._lengths[index] = 0
         return observations.astype(np.float32), rewards.astype(np.float32), dones, infos
 
     def save_state(self) -> dict[str, Any]:
         """Return the state that later steps depend on: arrays and JSON-compatible values."""
-        return {
-            "returns": self._returns.copy(),
-            "lengths": self._lengths.copy(),
-            "envs": cast(RobotVectorEnv, self.envs.unwrapped).save_state(),
-        }
+        state = {"returns": self._returns.copy(), "lengths": self._lengths.copy()}
+        return state | {"envs": self.envs.save_state()}
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Restore a state of the same number of environments."""
-        self._returns[:] = state["returns"]
-        self._lengths[:] = state["lengths"]
-        cast(RobotVectorEnv, self.envs.unwrapped).load_state(state["envs"])
+        self._returns[:], self._lengths[:] = state["returns"], state["lengths"]
+        self.envs.load_state(state["envs"])
 
     def close(self) -> None:
         """Close the environments."""
@@ -95,13 +81,11 @@ class SB3VecEnv(VecEnv):
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Raise an error: the environments are one batch."""
-        raise NotImplementedError(f"{attr_name} of single environments of a batch")
+        raise NotImplementedError
 
-    def env_method(
-        self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any
-    ) -> list[Any]:
+    def env_method(self, method_name: str, *args: Any, **kwargs: Any) -> list[Any]:
         """Raise an error: the environments are one batch."""
-        raise NotImplementedError(f"{method_name} of single environments of a batch")
+        raise NotImplementedError
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
         """Return False for each environment: the batch is never wrapped."""

@@ -9,8 +9,9 @@ parameters and is the same for all of them.
 """
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
@@ -33,31 +34,51 @@ TANH_EPSILON = 1e-6  # SB3's guard against the logarithm of zero
 LOG_SQRT_2PI = 0.5 * math.log(2 * math.pi)
 
 Extraction = Callable[[Tensor], Tensor]
+ActorPasses = tuple[Pass, Pass, Pass]  # of the hidden layers, the mean, the deviation
 
 
-class LeanDQN(DQN):
+class _Lean(OffPolicyAlgorithm):
+    """A learner whose attributes beyond SB3's are not part of policy files."""
+
+    replay_buffer: BatchedReplayBuffer
+
+    def _setup_model(self) -> None:
+        self.replay_buffer = BatchedReplayBuffer(
+            self.buffer_size,
+            self.observation_space,
+            self.action_space,
+            self.device,
+            self.n_envs,
+            n_steps=self.n_steps,
+            gamma=self.gamma,
+        )
+        super()._setup_model()
+        theirs = set(vars(self))
+        self._set_up_passes()
+        self._unsaved = ["_unsaved", *(vars(self).keys() - theirs)]
+
+    @abstractmethod
+    def _set_up_passes(self) -> None:
+        """Set what `train` computes with, from SB3's networks and optimisers."""
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), *self._unsaved]
+
+
+class LeanDQN(_Lean, DQN):
     """DQN (Mnih et al. 2015) that learns as SB3's does.
 
     A choice may have several parts, the values of whose options lie one part after the other in the
     network's outputs. A choice's value is the mean over its parts; a command is a single part.
     """
 
-    replay_buffer: BatchedReplayBuffer
-
-    def _setup_model(self) -> None:
-        self.replay_buffer = _replay_buffer(self)
-        super()._setup_model()
+    def _set_up_passes(self) -> None:
         self._adam = FlatAdam(cast(Adam, self.policy.optimizer))
         self._target_values = flatten(list(self.q_net_target.parameters()))
         self._extract = _extraction(self.q_net)
         self._online = _mlp(self.q_net.q_net)
         self._target = _mlp(self.q_net_target.q_net)
         self._learning_pass, self._target_pass, self._acting_pass = Pass(), Pass(), Pass()
-
-    def _excluded_save_params(self) -> list[str]:
-        passes = ["_learning_pass", "_target_pass", "_acting_pass"]
-        own = ["_extract", "_online", "_target", "_target_values", "_adam"]
-        return [*super()._excluded_save_params(), *own, *passes]
 
     @property
     def vectors(self) -> dict[str, Tensor]:
@@ -66,18 +87,17 @@ class LeanDQN(DQN):
 
     def predict(
         self,
-        observation: NDArray[np.float32] | dict[str, NDArray[Any]],
-        state: tuple[NDArray[Any], ...] | None = None,
-        episode_start: NDArray[Any] | None = None,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
         deterministic: bool = False,
-    ) -> tuple[NDArray[np.int64], tuple[NDArray[Any], ...] | None]:
+    ) -> tuple[NDArray[np.int64], Any]:
         """Choose commands, (n,), or other choices, (n, parts), for observations of n environments.
 
         SB3 decides once for all environments whether to explore; here this is decided for each
         environment, and each part of its choice. With one environment and one part the two choose
         alike.
         """
-        assert isinstance(observation, np.ndarray)
         shape = (len(observation), *cast(tuple[int, ...], self.action_space.shape))
         is_random = np.zeros(shape, dtype=np.bool_)
         if not deterministic:
@@ -128,14 +148,10 @@ class LeanDQN(DQN):
         self.logger.record("train/loss", loss.item())
 
 
-class LeanSAC(SAC):
+class LeanSAC(_Lean, SAC):
     """SAC (Haarnoja et al. 2018) that learns as SB3's does."""
 
-    replay_buffer: BatchedReplayBuffer
-
-    def _setup_model(self) -> None:
-        self.replay_buffer = _replay_buffer(self)
-        super()._setup_model()
+    def _set_up_passes(self) -> None:
         self._actor_adam = FlatAdam(cast(Adam, self.actor.optimizer))
         self._critic_adam = FlatAdam(cast(Adam, self.critic.optimizer))
         learned = self.ent_coef_optimizer
@@ -143,17 +159,9 @@ class LeanSAC(SAC):
         self._target_values = flatten(list(self.critic_target.parameters()))
         self._extract = _extraction(self.actor)
         self._gaussian = _SquashedGaussian(self.actor)
-        self._critics = [_mlp(network) for network in self.critic.q_networks]
-        self._targets = [_mlp(network) for network in self.critic_target.q_networks]
-        self._actor_pass, self._next_actor_pass = ActorPass(), ActorPass()
-        self._critic_passes = [Pass() for _ in self._critics]
-        self._target_passes = [Pass() for _ in self._targets]
-
-    def _excluded_save_params(self) -> list[str]:
-        own = ["_extract", "_gaussian", "_critics", "_targets", "_target_values"]
-        adams = ["_actor_adam", "_critic_adam", "_entropy_adam"]
-        passes = ["_actor_pass", "_next_actor_pass", "_critic_passes", "_target_passes"]
-        return [*super()._excluded_save_params(), *own, *adams, *passes]
+        self._critics = [(_mlp(network), Pass()) for network in self.critic.q_networks]
+        self._targets = [(_mlp(network), Pass()) for network in self.critic_target.q_networks]
+        self._actor_passes, self._next_actor_passes = ((Pass(), Pass(), Pass()) for _ in range(2))
 
     @property
     def vectors(self) -> dict[str, Tensor]:
@@ -180,14 +188,15 @@ class LeanSAC(SAC):
             noise = torch.randn_like(batch.actions)
             next_noise = torch.randn_like(batch.actions)
             next_sample = self._gaussian.sample(
-                batch.next_observations, next_noise, self._next_actor_pass
+                batch.next_observations, next_noise, self._next_actor_passes
             )
-            sample = self._gaussian.sample(batch.observations, noise, self._actor_pass)
+            sample = self._gaussian.sample(batch.observations, noise, self._actor_passes)
             ent_coef = self._entropy_step(sample.log_prob)
 
             next_inputs = torch.cat([batch.next_observations, next_sample.actions], 1)
-            pairs = zip(self._targets, self._target_passes, strict=True)
-            next_values = torch.minimum(*(net.forward(next_inputs, kept) for net, kept in pairs))
+            next_values = torch.minimum(
+                *(target.forward(next_inputs, kept) for target, kept in self._targets)
+            )
             soft_values = next_values - ent_coef * next_sample.log_prob
             targets = batch.rewards + batch.discounts * soft_values
             inputs = torch.cat([batch.observations, batch.actions], 1)
@@ -216,7 +225,7 @@ class LeanSAC(SAC):
     def _critic_step(self, inputs: Tensor, targets: Tensor) -> float:
         """Take a gradient step on half the sum of the mean squared errors, and return that."""
         loss = 0.0
-        for critic, kept in zip(self._critics, self._critic_passes, strict=True):
+        for critic, kept in self._critics:
             errors = critic.forward(inputs, kept) - targets
             loss += 0.5 * errors.square().mean().item()
             critic.backward(errors.div_(len(errors)), kept)
@@ -226,25 +235,15 @@ class LeanSAC(SAC):
     def _actor_step(self, features: Tensor, sample: "Sample", ent_coef: float) -> float:
         """Take a gradient step on the mean of `ent_coef * log_prob - min(Q)`, and return that."""
         inputs = torch.cat([features, sample.actions], 1)
-        critics = list(zip(self._critics, self._critic_passes, strict=True))
-        values = torch.stack([critic.forward(inputs, kept) for critic, kept in critics])
+        values = torch.stack([critic.forward(inputs, kept) for critic, kept in self._critics])
         smallest, index = values.min(0)
         by_actions = torch.zeros_like(sample.actions)
-        for number, (critic, kept) in enumerate(critics):
+        for number, (critic, kept) in enumerate(self._critics):
             by_values = (index == number) / -len(features)
             by_actions += critic.input_gradient(by_values, kept, first=features.shape[1])
         self._gaussian.backward(sample, by_actions, ent_coef / len(features))
         self._actor_adam.step()
         return (ent_coef * sample.log_prob - smallest).mean().item()
-
-
-@dataclass
-class ActorPass:
-    """The passes of an actor's networks."""
-
-    latent: Pass = field(default_factory=Pass)
-    mean: Pass = field(default_factory=Pass)
-    log_std: Pass = field(default_factory=Pass)
 
 
 @dataclass(frozen=True)
@@ -256,7 +255,7 @@ class Sample:
     slope: Tensor  # derivative of tanh at each, shape (n, actions)
     deviation: Tensor  # from the Gaussian's mean, shape (n, actions)
     is_within: Tensor  # whether the log standard deviation was not clipped, shape (n, actions)
-    kept: ActorPass  # the networks' passes
+    passes: ActorPasses
 
 
 class _SquashedGaussian:
@@ -267,17 +266,18 @@ class _SquashedGaussian:
         self._mean = MLP([cast(nn.Linear, actor.mu)])
         self._log_std = MLP([cast(nn.Linear, actor.log_std)])
 
-    def sample(self, features: Tensor, noise: Tensor, kept: ActorPass) -> Sample:
+    def sample(self, features: Tensor, noise: Tensor, passes: ActorPasses) -> Sample:
         """Sample by reparametrisation, from features and standard normal noise, (n, ...) each."""
-        latent = self._latent.forward(features, kept.latent)
-        free = self._log_std.forward(latent, kept.log_std)
+        latent_pass, mean_pass, log_std_pass = passes
+        latent = self._latent.forward(features, latent_pass)
+        free = self._log_std.forward(latent, log_std_pass)
         log_std = free.clamp(LOG_STD_MIN, LOG_STD_MAX)
         deviation = noise * log_std.exp()
-        actions = torch.tanh(self._mean.forward(latent, kept.mean) + deviation)
+        actions = torch.tanh(self._mean.forward(latent, mean_pass) + deviation)
         slope = 1 - actions.square()
         densities = noise.square().mul_(-0.5).sub_(log_std).sub_((slope + TANH_EPSILON).log_())
         log_prob = densities.sum(1, keepdim=True) - LOG_SQRT_2PI * noise.shape[1]
-        return Sample(actions, log_prob, slope, deviation, free == log_std, kept)
+        return Sample(actions, log_prob, slope, deviation, free == log_std, passes)
 
     def backward(self, sample: Sample, by_actions: Tensor, by_log_prob: float) -> None:
         """Write the gradient of a loss with respect to all parameters.
@@ -293,22 +293,10 @@ class _SquashedGaussian:
         correction = 2 * sample.actions * sample.slope / (sample.slope + TANH_EPSILON)
         by_mean = by_actions * sample.slope + by_log_prob * correction
         by_log_std = (by_mean * sample.deviation - by_log_prob) * sample.is_within
-        kept = sample.kept
-        by_latent = self._mean.backward(by_mean, kept.mean, to_inputs=True)
-        by_latent += self._log_std.backward(by_log_std, kept.log_std, to_inputs=True)
-        self._latent.backward(by_latent, kept.latent)
-
-
-def _replay_buffer(model: OffPolicyAlgorithm) -> BatchedReplayBuffer:
-    return BatchedReplayBuffer(
-        model.buffer_size,
-        model.observation_space,
-        model.action_space,
-        model.device,
-        model.n_envs,
-        n_steps=model.n_steps,
-        gamma=model.gamma,
-    )
+        latent_pass, mean_pass, log_std_pass = sample.passes
+        by_latent = self._mean.backward(by_mean, mean_pass, to_inputs=True)
+        by_latent += self._log_std.backward(by_log_std, log_std_pass, to_inputs=True)
+        self._latent.backward(by_latent, latent_pass)
 
 
 def _draw(
