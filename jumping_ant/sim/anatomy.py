@@ -9,11 +9,14 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from mujoco import mjtJoint
 from numpy.typing import NDArray
 
 from jumping_ant.base.errors import InputError
 
 Array = NDArray[np.float64]
+
+_PLANAR = [mjtJoint.mjJNT_SLIDE, mjtJoint.mjJNT_SLIDE, mjtJoint.mjJNT_HINGE]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,19 +38,24 @@ class Anatomy:
 
     @classmethod
     def of(cls, model: mujoco.MjModel) -> "Anatomy":
-        """Return the anatomy of a compiled robot; an InputError says what does not fit."""
+        """Return the anatomy of a compiled robot, or raise an InputError."""
         torso = _torso(model)
-        joints = range(
-            model.body_jntadr[torso], model.body_jntadr[torso] + model.body_jntnum[torso]
-        )
-        kinds = [int(model.jnt_type[joint]) for joint in joints]
-        if kinds == [mujoco.mjtJoint.mjJNT_FREE]:
+        joints = np.flatnonzero(model.jnt_bodyid == torso)
+        kinds = model.jnt_type[joints].tolist()
+        axes = np.abs(model.jnt_axis[joints[:2]]).round(6).tolist()
+        if kinds == [mjtJoint.mjJNT_FREE]:
             horizontal, height, orientation, level, offset = 2, 2, slice(3, 7), 0.0, 0.0
-        else:
-            horizontal, height, orientation = _planar(model, list(joints))
-            level = float(model.qpos0[orientation].sum())
+        elif kinds == _PLANAR and axes == [[1, 0, 0], [0, 0, 1]]:
+            _, height, tilt = model.jnt_qposadr[joints].tolist()
+            horizontal, orientation, level = 1, slice(tilt, tilt + 1), float(model.qpos0[tilt])
             offset = float(model.body_pos[torso, 2] - model.qpos0[height])
-        limits, motor_joints = _motors(model)
+        else:
+            names = ", ".join(model.joint(joint).name or "a nameless one" for joint in joints)
+            raise InputError(
+                f"robot: given a torso on the joints {names}, allowed: a free joint, or slides "
+                "along x and z and a hinge, in this order"
+            )
+        limits = _control_limits(model)
         return cls(
             num_positions=model.nq,
             num_velocities=model.nv,
@@ -60,7 +68,7 @@ class Anatomy:
             level=level,
             control_limits=limits,
             peak_torques=limits * model.actuator_gear[:, 0],
-            motor_joints=motor_joints,
+            motor_joints=model.actuator_trnid[:, 0].astype(np.int64),
         )
 
     @property
@@ -108,39 +116,18 @@ def _torso(model: mujoco.MjModel) -> int:
     return int(moving[0])
 
 
-def _planar(model: mujoco.MjModel, joints: list[int]) -> tuple[int, int, slice]:
-    """Return the number of horizontal coordinates, the height's address, and the tilt's slice."""
-    slides = [joint for joint in joints if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE]
-    axes = [tuple(np.abs(model.jnt_axis[joint]).round(6)) for joint in slides]
-    hinges = joints[len(slides) :]
-    is_planar = (
-        joints[: len(slides)] == slides
-        and axes == [(1, 0, 0), (0, 0, 1)]
-        and [int(model.jnt_type[joint]) for joint in hinges] == [mujoco.mjtJoint.mjJNT_HINGE]
-    )
-    if not is_planar:
-        names = ", ".join(model.joint(joint).name or "a nameless one" for joint in joints)
-        raise InputError(
-            f"robot: given a torso on the joints {names}, allowed: a free joint, or slides along x "
-            "and z and a hinge, in this order"
-        )
-    tilt = int(model.jnt_qposadr[hinges[0]])
-    return 1, int(model.jnt_qposadr[slides[1]]), slice(tilt, tilt + 1)
-
-
-def _motors(model: mujoco.MjModel) -> tuple[Array, NDArray[np.int64]]:
-    """Return each motor's control at peak torque, and its joint."""
+def _control_limits(model: mujoco.MjModel) -> Array:
     if model.nu == 0:
         raise InputError("robot: given no motor, allowed: one or more")
-    limits = np.where(model.actuator_ctrllimited == 1, model.actuator_ctrlrange[:, 1], 1.0)
-    lowest = np.where(model.actuator_ctrllimited == 1, model.actuator_ctrlrange[:, 0], -1.0)
+    is_limited = model.actuator_ctrllimited[:, None] == 1
+    low, high = np.where(is_limited, model.actuator_ctrlrange, [-1.0, 1.0]).T.copy()
     for number in range(model.nu):
         name = model.actuator(number).name
         if model.actuator_trntype[number] != mujoco.mjtTrn.mjTRN_JOINT:
             raise InputError(f"robot: the motor {name} drives no joint; allowed: motors of joints")
-        if limits[number] <= 0 or lowest[number] != -limits[number]:
+        if high[number] <= 0 or low[number] != -high[number]:
             raise InputError(
-                f"robot: the motor {name} has controls in [{lowest[number]:g}, "
-                f"{limits[number]:g}], allowed: a range symmetric about zero"
+                f"robot: the motor {name} has controls in [{low[number]:g}, {high[number]:g}], "
+                "allowed: a range symmetric about zero"
             )
-    return limits, model.actuator_trnid[:, 0].astype(np.int64)
+    return high

@@ -1,8 +1,7 @@
 """Select the OpenGL backend for rendering without a screen, once per process.
 
-MuJoCo reads the environment variable `MUJOCO_GL` when it is imported. If it is not set, MuJoCo uses
-GLFW, which needs a screen. `select_backend` corrects this at any time before the first picture, and
-sets `MUJOCO_GL`, which Gymnasium's renderer and child processes read.
+MuJoCo reads `MUJOCO_GL` when it is imported and, if it is not set, uses GLFW, which needs a screen.
+`select_backend` corrects this before the first picture, also for Gymnasium and child processes.
 
 Mesa's software renderer and triton, which comes with torch's builds for CUDA and is imported by its
 optimisers, each hold an LLVM. Triton's must come first: the other order is a segmentation fault.
@@ -14,6 +13,7 @@ import os
 import subprocess
 import sys
 from contextlib import suppress
+from copy import copy
 from typing import Any
 
 import mujoco
@@ -39,11 +39,10 @@ _PROBE_SECONDS = 60
 
 @functools.cache
 def select_backend() -> str:
-    """Make off-screen rendering work in this process, whatever was imported before.
+    """Make off-screen rendering work in this process; return `MUJOCO_GL`.
 
-    A value of `MUJOCO_GL` is obeyed. Otherwise, on Linux, it becomes the first headless backend
-    that draws a picture in a process of its own; other systems use their OpenGL. The result is the
-    value, empty for the latter. Raises `InputError` if none draws.
+    A value of it is obeyed. Otherwise, on Linux, it becomes the first headless backend that draws a
+    picture in another process, or an `InputError` is raised; other systems use their OpenGL.
     """
     if not os.environ.get("MUJOCO_GL") and sys.platform == "linux":
         os.environ["MUJOCO_GL"] = _first_that_draws()
@@ -64,22 +63,22 @@ def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Rend
         ) from error
 
 
-def gymnasium_renderer(
-    model: mujoco.MjModel, data: mujoco.MjData, width: int, height: int, off_screen: bool = True
-) -> Any:
-    """Return Gymnasium's renderer, off screen or a window, on a camera named `track`, if any."""
+def gymnasium_renderer(model: mujoco.MjModel, width: int, height: int, off_screen: bool) -> Any:
+    """Return Gymnasium's renderer of a copy of a robot, on a camera named `track`, if any."""
     # Imported here because films do not need it.
     from gymnasium.envs.mujoco.mujoco_rendering import MujocoRenderer
 
     if off_screen:
         select_backend()
+    model = copy(model)
     _prepare(model, width, height)
     camera = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, "track")
+    data = mujoco.MjData(model)
     return MujocoRenderer(model, data, width=width, height=height, camera_id=camera)
 
 
 def _prepare(model: mujoco.MjModel, width: int, height: int) -> None:
-    """Import triton, where it is installed, before OpenGL (0.3 s); make room for pictures."""
+    """Import triton, where it is installed, before OpenGL; make room for pictures."""
     with suppress(ImportError):
         importlib.import_module("triton")
     visual = model.vis.global_
@@ -95,8 +94,8 @@ def _first_that_draws() -> str:
         probe = subprocess.run(command, env=environment, capture_output=True, encoding="utf-8")
         if probe.returncode == 0:
             return backend
-        *_, fault = ["", *probe.stderr.strip().splitlines()]
-        faults.append(f"{backend}: {fault or f'exit status {probe.returncode}'}")
+        fault = probe.stderr.strip() or f"exit status {probe.returncode}"
+        faults.append(f"{backend}: {fault.splitlines()[-1]}")
     raise InputError(
         "rendering: no OpenGL backend works without a screen here. Install one, on Debian and "
         "Ubuntu with `apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri libopengl0`; everything "

@@ -1,9 +1,9 @@
 """MJCF that someone else may have written, read so that it can neither open files nor fill memory.
 
 MuJoCo opens any file that MJCF names, reserves any memory that it asks for, and has an XML parser
-of its own, which may understand a text otherwise than a check does. Therefore MuJoCo never gets a
-text or a path from outside: this module parses it, inserts what it includes, checks every element,
-and gives MuJoCo the text that it writes from the result.
+that may understand a text otherwise than a check does. Therefore it never gets a text or a path
+from outside: this module parses it, inserts what it includes, checks every element, and gives
+MuJoCo the text that it writes from the result.
 """
 
 import errno
@@ -14,6 +14,7 @@ import stat
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from fnmatch import fnmatchcase
 from pathlib import Path
 from xml.parsers import expat
 
@@ -32,18 +33,11 @@ LARGEST = {  # whole numbers that size anything, or repeat work, by element and 
     "* nsample": 100,
     "camera resolution": 8192,
     "contact num": 10,
-    "global offheight": 8192,
-    "global offwidth": 8192,
+    "global off*": 8192,
     "numeric size": 1000,
-    "option ccd_iterations": 200,
-    "option iterations": 200,
-    "option ls_iterations": 200,
-    "option noslip_iterations": 200,
+    "option *iterations": 200,
     "option sdf_initpoints": 200,
-    "option sdf_iterations": 200,
-    "quality numquads": 100,
-    "quality numslices": 100,
-    "quality numstacks": 100,
+    "quality num*": 100,
     "quality offsamples": 16,
     "quality shadowsize": 8192,
     "replicate count": MOST_ELEMENTS,
@@ -52,14 +46,7 @@ LARGEST = {  # whole numbers that size anything, or repeat work, by element and 
     "size njmax": 2000,  # the memory grows with its square
     "size nkey": 100,
     "size nstack": 2**24,
-    "size nuser_actuator": 100,
-    "size nuser_body": 100,
-    "size nuser_cam": 100,
-    "size nuser_geom": 100,
-    "size nuser_jnt": 100,
-    "size nuser_sensor": 100,
-    "size nuser_site": 100,
-    "size nuser_tendon": 100,
+    "size nuser_*": 100,
     "size nuserdata": 10_000,
     "texture gridsize": 12,
     "texture height": 8192,
@@ -85,7 +72,7 @@ _NAMES = """
     e_potential e_kinetic clock
 """
 ELEMENTS = frozenset(_NAMES.split())
-_UNITS = {"": 1, "k": 2**10, "m": 2**20, "g": 2**30, "t": 2**40, "p": 2**50, "e": 2**60}
+_MUJOCO_ERRORS = (mujoco.FatalError, mujoco.UnexpectedError)
 
 
 def read(path: Path, folder: Path) -> mujoco.MjSpec:
@@ -109,10 +96,9 @@ def compiled(spec: mujoco.MjSpec, where: str = "robot XML: not valid MJCF") -> m
         raise InputError(f"{where}: given {pixels:,} pixels of texture, allowed: {MOST_PIXELS:,}")
     with answered(where):
         model = spec.compile()
-    if model.nbuffer + model.narena > MOST_MEMORY:
+    if (size := model.nbuffer + model.narena) > MOST_MEMORY:
         raise InputError(
-            f"{where}: given a robot of {model.nbuffer + model.narena:,} bytes in memory, allowed: "
-            f"{MOST_MEMORY:,}"
+            f"{where}: given a robot of {size:,} bytes in memory, allowed: {MOST_MEMORY:,}"
         )
     return model
 
@@ -122,18 +108,12 @@ def answered(where: str) -> Iterator[None]:
     """Raise whatever MuJoCo raises about a robot as an `InputError` of one line."""
     try:
         yield
-    except (
-        ValueError,
-        RuntimeError,
-        MemoryError,
-        mujoco.FatalError,
-        mujoco.UnexpectedError,
-    ) as error:
+    except (ValueError, RuntimeError, MemoryError, *_MUJOCO_ERRORS) as error:
         raise InputError(f"{where}: {' '.join(str(error).split())[:1000]}") from error
 
 
 def content(path: Path) -> bytes:
-    """Return a regular file's content, or one byte more than a robot may have, or raise OSError."""
+    """Return a regular file's content, at most a byte more than allowed, or raise OSError."""
     with open(path, "rb", opener=_without_waiting) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, "Not a regular file")
@@ -145,11 +125,11 @@ def _without_waiting(path: str, flags: int) -> int:
 
 
 class _Reading:
-    """One robot being read, from one file or several."""
+    """One robot being read: a text, or files in a folder."""
 
     def __init__(self, beside: Path = Path(), folder: Path | None = None) -> None:
         self._beside = beside  # the first file's folder, where MuJoCo looks for includes first
-        self._folder = folder  # that all files must be in; None if there is only a text
+        self._folder = folder
         self._seen: set[Path] = set()
         self._num_bytes = 0
 
@@ -191,7 +171,7 @@ class _Reading:
         return tree
 
     def _included(self, include: ET.Element, where: str, beside: Path) -> list[ET.Element]:
-        """Return the elements of an included file, all on the line of the include."""
+        """Return the elements of an included file, all on the include's line."""
         name = include.get("file", "")
         if self._folder is None:
             raise InputError(f"{where}: given an include of {name[:60]!r}, allowed: none")
@@ -208,10 +188,7 @@ class _Reading:
 
 
 def _tree(text: bytes, where: str) -> ET.Element:
-    """Return an XML text as a tree, its elements on the lines of the text, for MuJoCo's messages.
-
-    Text outside of tags is left out, because MJCF has none.
-    """
+    """Return XML as a tree without text, its elements on their lines, for messages of MuJoCo."""
     parser = expat.ParserCreate()
     builder = ET.TreeBuilder()
     line = 0
@@ -249,9 +226,10 @@ def _check_element(tag: str, attributes: Mapping[str, str], where: str) -> None:
             raise InputError(f"{given}, allowed: text of one line")
         if name in ("gaintype", "biastype") and value.strip() == "muscle":
             raise InputError(f"{given}, allowed: actuators without muscles")
-        limit = LARGEST.get(f"{tag} {name}", LARGEST.get(f"* {name}"))
-        if limit and not all(_size(word) <= limit for word in value.split(" ")):
-            raise InputError(f"{given}, allowed: whole numbers up to {limit:,}")
+        for pattern, limit in LARGEST.items():
+            is_limited = fnmatchcase(f"{tag} {name}", pattern)
+            if is_limited and not all(_size(word) <= limit for word in value.split(" ")):
+                raise InputError(f"{given}, allowed: whole numbers up to {limit:,}")
     if tag not in ELEMENTS:
         raise InputError(
             f"{where}: given <{tag[:40]}>, allowed: the elements listed in docs/how-it-works.md"
@@ -259,10 +237,9 @@ def _check_element(tag: str, attributes: Mapping[str, str], where: str) -> None:
 
 
 def _size(text: str) -> float:
-    """Return a size such as 5, 5M or -1 (MuJoCo's own choice); infinity for any other text."""
-    match = re.fullmatch(r"([0-9]{1,15})([KMGTPEkmgtpe]?)", text)
-    if match:
-        return int(match[1]) * _UNITS[match[2].lower()]
+    """Return a size such as 5, 5M or -1 (MuJoCo chooses); infinity for any other text."""
+    if match := re.fullmatch(r"([0-9]{1,15})([kmgtpe]?)", text.lower()):
+        return int(match[1]) * 1024 ** " kmgtpe".index(match[2] or " ")
     return -1 if text == "-1" else math.inf
 
 

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 NAMES = tuple(LEVELS)
-# Those of what passes between robot and policy; all others are of the world.
+# What passes between robot and policy; all others are of the world.
 SENSING = ("observation_noise", "lost_sensors", "observation_delay", "action_delay")
 
 VELOCITY_NOISE = 10.0  # [1/s] times that of positions: velocities reach 30 rad/s, angles 3 rad
@@ -69,14 +69,7 @@ class Perturbed:
 def environments(
     world: World, conditions: Sequence[Condition], starts: Sequence[int], num_threads: int = 1
 ) -> RobotVectorEnv:
-    """Return environments for one episode each, to be reset with the seeds of the starts.
-
-    Args:
-        world: The robot and the task.
-        conditions: What perturbs each episode.
-        starts: Seed of the start of each.
-        num_threads: Threads that step them; results do not depend on it.
-    """
+    """Return environments for an episode each, of these conditions and seeds of starts."""
     envs = RobotVectorEnv(world, len(starts), num_threads, AutoresetMode.DISABLED)
     for number, name in enumerate(NAMES):
         rows = [row for row, one in enumerate(conditions) if one.perturbation == name]
@@ -92,7 +85,7 @@ def environments(
 
 @contextmanager
 def silence() -> Iterator[None]:
-    """Let simulations fall apart: numbers overflow, and MuJoCo warns in MUJOCO_LOG.TXT alone."""
+    """Let numbers overflow, and MuJoCo warn in MUJOCO_LOG.TXT alone."""
     usual, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
     quiet.logto_console = False
     quiet.set()
@@ -101,19 +94,6 @@ def silence() -> Iterator[None]:
             yield
     finally:
         usual.set()
-
-
-def direction(generator: np.random.Generator, anatomy: Anatomy) -> Array:
-    """Return a horizontal unit vector, (2,); along x for a robot that moves in a plane."""
-    angle = generator.uniform(0, 2 * np.pi)
-    if not anatomy.is_free:
-        angle = np.pi * (angle > np.pi)
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
-def chosen(share: float, count: int, generator: np.random.Generator) -> Rows:
-    """Return a share of `count` indices, rounded, at least one; larger shares hold smaller ones."""
-    return generator.permutation(count)[: max(1, round(share * count))]
 
 
 def torso_mass(group: Perturbed) -> None:
@@ -134,7 +114,7 @@ def push(group: Perturbed) -> None:
         forces[group.rows] = 0.0
         if number % period == 0:
             for row, strength, generator in group.each():
-                forces[row] = strength * direction(generator, group.anatomy)
+                forces[row] = strength * _direction(generator, group.anatomy)
         number += 1
         return torques
 
@@ -156,7 +136,7 @@ def slope(group: Perturbed) -> None:
     vectors = group.model("opt.gravity")
     for row, level, generator in group.each():
         angle, strength = np.deg2rad(level), np.linalg.norm(vectors[row])
-        across = np.sin(angle) * direction(generator, group.anatomy)
+        across = np.sin(angle) * _direction(generator, group.anatomy)
         vectors[row] = strength * np.array([*across, -np.cos(angle)])
 
 
@@ -174,14 +154,13 @@ def dead_motors(group: Perturbed) -> None:
     """Leave a share of the motors without torque."""
     gears = group.model("actuator_gear")
     for row, share, generator in group.each():
-        gears[row, chosen(share, group.anatomy.num_motors, generator)] = 0.0
+        gears[row, _chosen(share, group.anatomy.num_motors, generator)] = 0.0
 
 
 def integration(group: Perturbed) -> None:
     """Take as many steps of implicitfast in a control step as the level says."""
     group.model("opt.integrator")[group.rows] = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
     group.model("opt.timestep")[group.rows] = group.envs.dt / group.levels
-    group.envs.substeps = np.full(group.envs.num_envs, group.envs.world.env.frame_skip)
     group.envs.substeps[group.rows] = group.levels
 
 
@@ -201,7 +180,7 @@ def observation_noise(group: Perturbed) -> None:
 def lost_sensors(group: Perturbed) -> None:
     """Let a share of the observed values read 0."""
     count = group.anatomy.num_observations
-    lost = [(row, chosen(share, count, generator)) for row, share, generator in group.each()]
+    lost = [(row, _chosen(share, count, generator)) for row, share, generator in group.each()]
 
     def without(observations: Array) -> Array:
         for row, places in lost:
@@ -226,12 +205,12 @@ def action_delay(group: Perturbed) -> None:
 
 
 def tilt(group: Perturbed) -> None:
-    """Turn robots about a horizontal axis [degrees] at the start, as high as tumbled starts."""
+    """Turn robots about a horizontal axis [degrees] at the start, at `env.drop_height`."""
     envs, anatomy = group.envs, group.anatomy
 
     def turn() -> None:
         for row, level, generator in group.each():
-            angle, axis = np.deg2rad(level), direction(generator, anatomy)
+            angle, axis = np.deg2rad(level), _direction(generator, anatomy)
             turned = envs.qpos[row, anatomy.orientation]
             if anatomy.is_free:
                 half = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis), 0.0])
@@ -246,18 +225,30 @@ def tilt(group: Perturbed) -> None:
     envs.on_reset.append(turn)
 
 
+def _direction(generator: np.random.Generator, anatomy: Anatomy) -> Array:
+    """Return a horizontal unit vector, (2,); along x for a robot that moves in a plane."""
+    angle = generator.uniform(0, 2 * np.pi)
+    if not anatomy.is_free:
+        angle = np.pi * (angle > np.pi)
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _chosen(share: float, count: int, generator: np.random.Generator) -> Rows:
+    """Return a share of `count` indices, rounded, at least one; larger shares hold smaller ones."""
+    return generator.permutation(count)[: max(1, round(share * count))]
+
+
 PERTURBATIONS: dict[str, Callable[[Perturbed], None]] = {
     function.__name__: function
     for function in (
-        *(torso_mass, push),  # of one robot: levels in kg and N
-        *(friction, gravity, slope, damping, motor_strength, dead_motors, integration),
-        *(observation_noise, lost_sensors, observation_delay, action_delay, tilt),
+        *(torso_mass, push, friction, gravity, slope, damping, motor_strength, dead_motors),
+        *(integration, observation_noise, lost_sensors, observation_delay, action_delay, tilt),
     )
 }
 
 
 def _late(group: Perturbed, history: deque[Array], values: Array) -> Array:
-    """Replace the values of perturbed environments by those as many steps before as levels say."""
+    """Replace the values of perturbed environments by those `levels` steps before."""
     history.append(values[group.rows])
     last = len(history) - 1
     steps = last - np.minimum(group.levels.astype(np.int64), last)

@@ -1,8 +1,8 @@
 """The terms of the reward: what each of them measures in a control step.
 
-A term is a function of the step and of its settings, which are the block of the same name in
-`env.reward`; it adds its value times its weight. To add a term, write its function here,
-its settings in `jumping_ant.params.blocks.RewardParams`, and a test.
+A term is a function of the step and of its settings, the block of the same name in `env.reward`; it
+adds its value times its weight. To add one, write its function here, its settings in
+`jumping_ant.params.blocks.RewardParams`, and a test.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,27 +20,16 @@ PREFIX = "reward_"  # of term names in `info`, in tables and in recorded episode
 
 
 class ControlStep(NamedTuple):
-    """A control step of n simulations, as the terms see it.
-
-    Attributes:
-        anatomy: Anatomy of the robot.
-        qpos: Positions after the step, shape (n, num_positions).
-        qvel: Velocities after the step, shape (n, num_velocities).
-        heights: Heights of the torsos after the step [m], shape (n,).
-        velocities: Mean velocities of the torsos along x [m/s], shape (n,).
-        torques: Torques over peak torques held during the step, shape (n, num_motors).
-        contacts: Number of contacts of each robot in the last simulation step, shape (n,).
-        terminated: Whether the episode ends with the step, shape (n,).
-    """
+    """A control step of n simulations, as the terms see it."""
 
     anatomy: Anatomy
-    qpos: Array
-    qvel: Array
-    heights: Array
-    velocities: Array
-    torques: Array
-    contacts: NDArray[np.int32]
-    terminated: NDArray[np.bool_]
+    qpos: Array  # after the step, (n, num_positions)
+    qvel: Array  # after the step, (n, num_velocities)
+    heights: Array  # of the torsos after the step [m], (n,)
+    velocities: Array  # of the torsos along x, means of the step [m/s], (n,)
+    torques: Array  # over peak torques, held during the step, (n, num_motors)
+    contacts: NDArray[np.int32]  # of each robot in the last simulation step, (n,)
+    terminated: NDArray[np.bool_]  # whether the episode ends with the step, (n,)
 
 
 def torso_height(step: ControlStep, settings: TorsoHeightParams) -> Array:

@@ -34,10 +34,10 @@ def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
     folder = GYMNASIUM_ASSETS if source in GYMNASIUM_ROBOTS else root
     path = folder / (f"{source}.xml" if source in GYMNASIUM_ROBOTS else source)
     if not os.path.isfile(path):  # also false for a name that is too long
-        found = sorted(str(file.relative_to(root)) for file in (root / "robots").glob("*.xml"))
+        files = sorted(str(file.relative_to(root)) for file in (root / "robots").glob("*.xml"))
         raise InputError(
             f"robot.source: given {source!r}, which is not a file, allowed: "
-            f"{', '.join([*GYMNASIUM_ROBOTS, *found])}"
+            f"{', '.join([*GYMNASIUM_ROBOTS, *files])}"
         )
     return path
 
@@ -46,19 +46,14 @@ def build(params: RobotParams, root: Path = PROJECT_ROOT) -> str:
     """Return the edited robot as MJCF; actuators without a name are named after their joints."""
     spec = _read(params.source, root)
     spec.modelname = f"jumping_{Path(params.source).stem}"
-    if params.density is not None:
-        _set_density(spec, params.density)
+    _set_geoms(spec, params)
     _set_gear(spec, params.gear, params.joint_gear)
-    if params.torso_radius is not None:
-        _set_torso_radius(spec, params.torso_radius)
+    limbs = [body for body in spec.bodies if body.parent and body.parent.parent]  # not the torso
     if params.leg_length is not None:
-        _scale_legs(spec, params.leg_length)
-    if params.damping is not None:
-        _set_damping(spec, params.damping)
-    if params.friction is not None:
-        _set_friction(spec, params.friction)
-    if params.contact_margin is not None:
-        _set_contact_margin(spec, params.contact_margin)
+        _scale(limbs, params.leg_length)
+    for joint in (joint for body in limbs for joint in body.joints):
+        if params.damping is not None and joint.type == mujoco.mjtJoint.mjJNT_HINGE:
+            joint.damping[0] = params.damping
     mjcf.compiled(spec, "robot: these edits do not compile")
     return _edit(spec.to_xml(), params.edits)
 
@@ -75,21 +70,17 @@ def read(root: Path, kind: Literal["edited", "unedited"] = "edited") -> str:
     path = Paths(root).assets / FILES[kind]
     try:
         return mjcf.content(path).decode()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; `dvc repro build` writes it") from error
-    except ValueError as error:
-        raise InputError(f"robot XML: {path}: {error}; `dvc repro build` writes it") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", error)
+        raise InputError(f"robot XML: {path}: {reason}; `dvc repro build` writes it") from error
 
 
 def load(xml: str) -> mujoco.MjModel:
-    """Compile a robot for simulation.
-
-    MuJoCo's automatic reset of diverged states is switched off: a state that is not finite ends
-    its episode instead of silently starting a new one. The search for constraint islands is also
-    switched off: one robot is one island, and the same states take 5 % less time without it.
-    """
+    """Compile a robot for simulation."""
     model = mjcf.compiled(mjcf.parse(xml))
+    # A state that is not finite ends its episode, and MuJoCo does not silently start another one.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    # One robot is one island: without a search for them, the same states take 5 % less time.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     with mjcf.answered("robot XML: cannot be simulated"):
         mujoco.mj_step(model, mujoco.MjData(model))
@@ -130,11 +121,11 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
         return xml
     tree = ET.fromstring(xml)
     for element, patterns in edits.items():
-        found = list(tree.iter(element))
-        if not found:
+        elements = list(tree.iter(element))
+        if not elements:
             kinds = ", ".join(sorted({each.tag for each in tree.iter()}))
             raise InputError(f"robot.edits.{element}: no such element; allowed: {kinds}")
-        names = [each.get("name", each.get("class", "")) for each in found]
+        names = [each.get("name", each.get("class", "")) for each in elements]
         for pattern, attributes in patterns.items():
             key = f"robot.edits.{element}.{pattern}"
             matching = fnmatch.filter(names, pattern)
@@ -143,7 +134,7 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
                 raise InputError(f"{key}: matches no name; allowed: {allowed}")
             with mjcf.answered(key):  # Python writes no integer of more than 4300 digits
                 texts = {name: _text(value) for name, value in attributes.items()}
-            for each, name in zip(found, names, strict=True):
+            for each, name in zip(elements, names, strict=True):
                 if name in matching:
                     each.attrib |= texts
             # One at a time, so that the message can name the edit.
@@ -153,7 +144,6 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
 
 
 def _text(value: Any) -> str:
-    """Format a value as MJCF."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list):
@@ -187,21 +177,32 @@ def _physique(spec: mujoco.MjSpec) -> dict[str, Any]:
     }
 
 
-def _limbs(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
-    """Return all bodies except the torso: those whose parent is not the world."""
-    return [body for body in spec.bodies if body.parent and body.parent.parent]
+def _set_geoms(spec: mujoco.MjSpec, params: RobotParams) -> None:
+    """Set density, friction and margin of all geoms, and the radius of the torso's.
 
-
-def _set_density(spec: mujoco.MjSpec, density: float) -> None:
-    """Set the density of every part [kg/m^3]."""
-    spec.compiler.settotalmass = -1.0  # a total mass would override the density
-    spec.default.geom.density = density
+    For two geoms in contact, MuJoCo uses the larger friction, and the sum of the margins (until
+    version 3.3 the larger one).
+    """
+    if params.density is not None:
+        spec.compiler.settotalmass = -1.0  # it would override the density
+        spec.default.geom.density = params.density
+    margin = params.contact_margin
+    values = {"density": params.density, "friction": params.friction, "margin": margin}
     for geom in spec.geoms:
-        geom.density = density
+        for name, value in values.items():
+            if value is not None:
+                setattr(geom, name, value)
+    if params.torso_radius is not None:
+        if (sphere := spec.geom("torso_geom")) is None:
+            raise InputError(
+                "robot.torso_radius: this robot has no geom named torso_geom; allowed: null; "
+                "use robot.edits for other geoms"
+            )
+        sphere.size[0] = params.torso_radius
 
 
 def _set_gear(spec: mujoco.MjSpec, gear: float | None, joint_gear: Mapping[str, float]) -> None:
-    """Set the peak torque of every motor [N m]; a joint's own entry overrides that of its kind."""
+    """Set the peak torque of every motor [N m]; a joint's entry overrides that of its kind."""
     joints = [actuator.target for actuator in spec.actuators]
     kinds = dict.fromkeys(joint.partition("_")[0] for joint in joints)
     allowed = dict.fromkeys([*kinds, *sorted(joints)])
@@ -212,59 +213,22 @@ def _set_gear(spec: mujoco.MjSpec, gear: float | None, joint_gear: Mapping[str, 
             )
     for actuator in spec.actuators:
         kind = actuator.target.partition("_")[0]
-        own = joint_gear.get(actuator.target, joint_gear.get(kind, gear))
-        if own is not None:
-            actuator.gear[0] = own / _control_limit(actuator)
+        torque = joint_gear.get(actuator.target, joint_gear.get(kind, gear))
+        if torque is not None:
+            actuator.gear[0] = torque / _control_limit(actuator)
 
 
 def _control_limit(actuator: mujoco.MjsActuator) -> float:
-    """Return the largest control of a motor, 1 if it has no limit."""
+    """Return a motor's largest control, 1 if it has no limit."""
     return float(max(abs(actuator.ctrlrange))) or 1.0
 
 
-def _set_torso_radius(spec: mujoco.MjSpec, radius: float) -> None:
-    """Set the radius of the torso's geom [m]."""
-    geom = spec.geom("torso_geom")
-    if geom is None:
-        raise InputError(
-            "robot.torso_radius: this robot has no geom named torso_geom; allowed: null; "
-            "use robot.edits for other geoms"
-        )
-    geom.size[0] = radius
-
-
-def _scale_legs(spec: mujoco.MjSpec, factor: float) -> None:
-    """Scale every segment except the torso, and the start of the next one, about its joint."""
-    for body in _limbs(spec):
+def _scale(limbs: list[mujoco.MjsBody], factor: float) -> None:
+    """Scale segments, and the start of the next one, about their joints."""
+    for body in limbs:
         body.pos = body.pos * factor
         for geom in body.geoms:
             if geom.fromto[0] == geom.fromto[0]:  # not NaN
                 geom.fromto = geom.fromto * factor
             else:
                 geom.pos, geom.size[1] = geom.pos * factor, geom.size[1] * factor
-
-
-def _set_damping(spec: mujoco.MjSpec, damping: float) -> None:
-    """Set the damping of every hinge except the torso's [N m s/rad]."""
-    for body in _limbs(spec):
-        for joint in body.joints:
-            if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
-                joint.damping[0] = damping
-
-
-def _set_friction(spec: mujoco.MjSpec, friction: list[float]) -> None:
-    """Set sliding, torsional and rolling friction of every part and of the floor.
-
-    For two geoms in contact, MuJoCo uses the larger value.
-    """
-    for geom in spec.geoms:
-        geom.friction = friction
-
-
-def _set_contact_margin(spec: mujoco.MjSpec, margin: float) -> None:
-    """Set the distance of every part and of the floor within which contacts begin [m].
-
-    For two geoms in contact, MuJoCo uses the sum; until version 3.3 it used the larger value.
-    """
-    for geom in spec.geoms:
-        geom.margin = margin

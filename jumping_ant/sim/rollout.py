@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LARGEST_BATCH = 256  # episodes; a step of more is no faster for each
-LARGEST_RECORD = 2**25  # numbers that are kept of the episodes of a batch: 256 MiB
+LARGEST_RECORD = 2**25  # numbers kept of the episodes of a batch: 256 MiB, at its end twice
 
 
 class Play(NamedTuple):
@@ -46,10 +46,10 @@ class Transition(NamedTuple):
 def steps(
     envs: RobotVectorEnv, observations: Array, act: Callable[[Array], NDArray[Any]], hold: int = 1
 ) -> Iterator[Transition]:
-    """Step environments without autoreset until the episodes of all have ended.
+    """Step environments without autoreset, just reset, until the episodes of all have ended.
 
-    They were just reset, which returned the observations. `act` chooses actions for observations
-    every `hold` steps. At each yield, the environments are in the state after the step.
+    `act` chooses actions every `hold` steps. At each yield, the environments are in the state after
+    the step.
     """
     alive, number = np.ones(envs.num_envs, dtype=np.bool_), 0
     while alive.any():
@@ -64,29 +64,17 @@ def steps(
 
 @dataclass(frozen=True)
 class Episode:
-    """One episode, a row per control step (T rows).
+    """One episode, a row per control step (T rows)."""
 
-    Attributes:
-        start_qpos: Positions at the start, shape (num_positions,).
-        start_qvel: Velocities at the start, shape (num_velocities,).
-        qpos: Positions after each step, shape (T, num_positions).
-        qvel: Velocities after each step, shape (T, num_velocities).
-        torques: The actions, torque over peak torque, shape (T, num_motors).
-        rewards: Shape (T,).
-        terms: Contribution of each term to the reward, shape (T,) each.
-        airborne: Whether the robot touches nothing, shape (T,).
-        terminated: Whether the episode ended early.
-    """
-
-    start_qpos: Array
-    start_qvel: Array
-    qpos: Array
-    qvel: Array
-    torques: Array
-    rewards: Array
-    terms: dict[str, Array]
-    airborne: Mask
-    terminated: bool
+    start_qpos: Array  # (num_positions,)
+    start_qvel: Array  # (num_velocities,)
+    qpos: Array  # after each step, (T, num_positions)
+    qvel: Array  # after each step, (T, num_velocities)
+    torques: Array  # over peak torques, (T, num_motors)
+    rewards: Array  # (T,)
+    terms: dict[str, Array]  # contribution of each term to the reward, (T,) each
+    airborne: Mask  # whether the robot touches nothing, (T,)
+    terminated: bool  # whether the episode ended early
 
     def total(self) -> float:
         """Return the sum of the rewards."""
@@ -102,8 +90,7 @@ def play(world: World, plays: Sequence[Play], num_threads: int = 1) -> Iterator[
     """Run episodes and yield them in their order.
 
     They run side by side, as many as `LARGEST_RECORD` allows; no episode depends on those beside
-    it. The policies hold their choices for equally long. An episode that is kept keeps those that
-    ran beside it.
+    it. All policies hold their choices equally long.
     """
     numbers = world.anatomy.num_positions + world.anatomy.num_velocities + world.anatomy.num_motors
     numbers_each = world.env.max_episode_steps * (numbers + 2 + len(active(world.env.reward)))
@@ -117,54 +104,44 @@ def returns(world: World, plays: Sequence[Play], num_threads: int = 1) -> Array:
     return np.array([episode.total() for episode in play(world, plays, num_threads)])
 
 
-class SideBySide:
-    """Policies of the episodes of a batch, each of which acts in its own."""
+def _start(plays: Sequence[Play], num_motors: int) -> tuple[Callable[[Array], Array], int]:
+    """Start policies, each in its episodes; return what chooses all torques, and their hold."""
+    rows = defaultdict(list)
+    for row, play in enumerate(plays):
+        rows[id(play.policy)].append(row)
+    parts = [(plays[places[0]].policy, np.array(places)) for places in rows.values()]
+    for policy, places in parts:
+        policy.start([plays[row].start for row in places])
+    (hold,) = {policy.actions.hold for policy, _ in parts}
 
-    def __init__(self, plays: Sequence[Play]) -> None:
-        rows = defaultdict(list)
-        for row, play in enumerate(plays):
-            rows[id(play.policy)].append(row)
-        self._parts = [(plays[own[0]].policy, np.array(own)) for own in rows.values()]
-        for policy, own in self._parts:
-            policy.start([plays[row].start for row in own])
-        holds = {policy.actions.hold for policy, _ in self._parts}
-        if len(holds) > 1:
-            raise ValueError(f"given choices held for {sorted(holds)} control steps, allowed: one")
-        (self.hold,) = holds
-
-    def act(self, observations: Array) -> Array:
-        """Return torques, (n, num_motors), for the observations of all episodes."""
-        parts = [policy.act(observations[rows]) for policy, rows in self._parts]
-        torques = np.empty((len(observations), parts[0].shape[1]))
-        for (_, rows), own in zip(self._parts, parts, strict=True):
-            torques[rows] = own
+    def act(observations: Array) -> Array:
+        torques = np.empty((len(observations), num_motors))
+        for policy, places in parts:
+            torques[places] = policy.act(observations[places])
         return torques
+
+    return act, hold
 
 
 def _together(world: World, plays: Sequence[Play], num_threads: int) -> list[Episode]:
-    count, horizon, anatomy = len(plays), world.env.max_episode_steps, world.anatomy
     starts = [play.start for play in plays]
     conditions = [play.condition for play in plays]
     envs = perturbations.environments(world, conditions, starts, num_threads)
     observations, _ = envs.reset(seed=starts)
-    policies = SideBySide(plays)
+    act, hold = _start(plays, world.anatomy.num_motors)
     start_qpos, start_qvel = envs.qpos.copy(), envs.qvel.copy()
-    qpos = np.empty((horizon, count, anatomy.num_positions))
-    qvel = np.empty((horizon, count, anatomy.num_velocities))
-    torques, rewards = np.empty((horizon, count, anatomy.num_motors)), np.empty((horizon, count))
-    terms = {name: np.empty((horizon, count)) for name in active(world.env.reward)}
-    airborne = np.empty((horizon, count), dtype=np.bool_)
-    lengths = np.zeros(count, dtype=np.int64)
-    fell = np.zeros(count, dtype=np.bool_)
+    names = list(active(world.env.reward))
+    lengths, fell = np.zeros(len(plays), np.int64), np.zeros(len(plays), np.bool_)
+    moments: list[tuple[NDArray[Any], ...]] = []
     is_usual = all(condition == NONE for condition in conditions)
     with nullcontext() if is_usual else perturbations.silence():
-        for number, step in enumerate(steps(envs, observations, policies.act, policies.hold)):
-            torques[number], rewards[number] = step.actions, step.rewards
-            for name, values in terms.items():
-                values[number] = step.infos[PREFIX + name]
-            qpos[number], qvel[number], airborne[number] = envs.qpos, envs.qvel, envs.airborne
+        for step in steps(envs, observations, act, hold):
+            state = (envs.qpos.copy(), envs.qvel.copy(), envs.airborne)
+            earned = [step.rewards, *(step.infos[PREFIX + name] for name in names)]
+            moments.append((*state, step.actions, *earned))
             lengths += step.alive
             fell |= step.terminated
+    qpos, qvel, airborne, torques, rewards, *terms = map(np.array, zip(*moments, strict=True))
     return [
         Episode(
             start_qpos[i],
@@ -173,7 +150,7 @@ def _together(world: World, plays: Sequence[Play], num_threads: int) -> list[Epi
             qvel[:length, i],
             torques[:length, i],
             rewards[:length, i],
-            {name: values[:length, i] for name, values in terms.items()},
+            {name: values[:length, i] for name, values in zip(names, terms, strict=True)},
             airborne[:length, i],
             bool(fell[i]),
         )

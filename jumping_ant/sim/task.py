@@ -1,7 +1,5 @@
 """The task: a robot's observations, actions, start states, ends of episodes, and rewards.
 
-One object computes all of it from arrays, for both the single and the batched environment.
-
 Observation, float64: the positions except the torso's horizontal ones, then the velocities. For
 the Ant, `Box(27,)`:
 
@@ -25,9 +23,9 @@ the two front legs, 4-7 the two back legs, where x is forward:
 | 4, 5 | `front_right_leg` | -0.2, 0.2 |
 | 6, 7 | `back_leg` | -0.2, -0.2 |
 
-The source's names of two legs do not match this; their hip positions do. A positive torque on an
-ankle pushes a front foot down and lifts a back one. So command 3 of the article pushes all four
-feet down, command 4 lifts them, and commands 1 and 2, the same torque on all, tilt the body.
+The names of two legs do not match their places. A positive torque on an ankle pushes a front foot
+down and lifts a back one. So command 3 of the article pushes all four feet down, command 4 lifts
+them, and commands 1 and 2, the same torque on all, tilt the body.
 
 Noise of the start state, observation and the lower limit of height are those of Gymnasium's Ant-v5
 without contact forces.
@@ -56,17 +54,11 @@ class Outcome(NamedTuple):
 
 
 class Task:
-    """The task of a robot.
-
-    Args:
-        world: The robot, and the task's parameters.
+    """The task of a robot, computed from arrays; an InputError if they do not fit.
 
     Attributes:
         anatomy: Sizes and coordinates of the robot.
         dt: Duration of a control step [s].
-
-    Raises:
-        InputError: The parameters do not fit the robot.
     """
 
     def __init__(self, world: World) -> None:
@@ -102,12 +94,11 @@ class Task:
             qvel: Velocities, shape (n, num_velocities).
 
         Returns:
-            Observations, shape (n, num_observations). Entries that are not finite are set to zero:
-            such a state ends its episode, and learners must not receive its values.
+            Shape (n, num_observations). Entries that are not finite, which end an episode, are set
+            to zero for learners.
         """
         observations = np.concatenate([qpos[:, self.anatomy.num_horizontal :], qvel], axis=1)
-        if not np.isfinite(observations).all():
-            observations[~np.isfinite(observations)] = 0.0
+        observations[~np.isfinite(observations)] = 0.0
         return observations
 
     def start_state(
@@ -118,7 +109,7 @@ class Task:
         Args:
             generator: Source of the noise; it is advanced by one episode.
             tumbled: Chance that the robot starts in the air in any orientation, all of them equally
-                likely, so that it lands on its back as often as on its feet.
+                likely.
 
         Returns:
             Positions, shape (num_positions,), and velocities, shape (num_velocities,).
@@ -141,9 +132,7 @@ class Task:
         """Return the reward of a control step and whether it ended the episode.
 
         An episode ends if the torso is too low, too high or tilted too far, or the state is not
-        finite.
-
-        A state that is not finite gets zero reward.
+        finite, which earns nothing.
 
         Args:
             qpos: Positions after the step, shape (n, num_positions).
@@ -166,8 +155,7 @@ class Task:
             self.anatomy, qpos, qvel, heights, travel / self.dt, torques, contacts, terminated
         )
         terms = rewards.terms(step, self._terms)
-        if not finite.all():
-            for values in terms.values():
-                values[~finite] = 0.0
+        for values in terms.values():
+            values[~finite] = 0.0
         total = sum(terms.values(), start=np.zeros(len(qpos)))
         return Outcome(total, terms, terminated)

@@ -1,6 +1,6 @@
 """One recorded episode: every simulation step's state, every control step's torques and reward."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +11,6 @@ from numpy.typing import NDArray
 from jumping_ant.base.archive import Archive, from_array, pack, to_array
 from jumping_ant.base.errors import InputError
 from jumping_ant.sim.rewards import PREFIX
-
-SCALARS = {
-    "agent": str,
-    "seed": int,
-    "episode": int,
-    "episode_return": float,
-    "timestep": float,
-    "frame_skip": int,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,20 +87,17 @@ def frame_stride(timestep: float, fps: int) -> int:
 
 
 def load(path: Path) -> Trajectory:
-    """Read a trajectory."""
+    """Read a trajectory; anything wrong with it is an InputError."""
     try:
         archive = Archive(path.read_bytes())
         values = {name.removesuffix(".npy"): to_array(archive[name]) for name in archive}
-        scalars = {name: kind(values.pop(name)) for name, kind in SCALARS.items()}
-        arrays: dict[str, Any] = {
-            name: array.astype(np.float64, copy=False) for name, array in values.items()
-        }
-        terms = {
-            name.removeprefix(PREFIX): arrays.pop(name)
-            for name in list(arrays)
-            if name.startswith(PREFIX)
-        }
-        return Trajectory(**arrays, terms=terms, **scalars)
-    except Exception as error:  # any error here means that the file is missing or damaged
+        kinds: dict[str, Any] = {field.name: field.type for field in fields(Trajectory)}
+        scalars = [name for name, kind in kinds.items() if kind in (str, int, float)]
+        given: dict[str, Any] = {name: kinds[name](values.pop(name)) for name in scalars}
+        given |= {name: array.astype(np.float64, copy=False) for name, array in values.items()}
+        names = [name for name in given if name.startswith(PREFIX)]
+        terms = {name.removeprefix(PREFIX): given.pop(name) for name in names}
+        return Trajectory(**given, terms=terms)
+    except Exception as error:  # the file is missing or damaged
         reason = " ".join(str(error).split())
         raise InputError(f"trajectory: cannot read {path}: {reason}") from error

@@ -1,8 +1,8 @@
 """Many robots stepped together on MuJoCo's native thread pool.
 
-This is the only simulator core: training, populations and evaluation all use it. Environment `i`
-draws its episodes' noise from its own generator, seeded with the `i`-th given seed, so results do
-not depend on the number of environments that run together or on the number of threads.
+Training, populations and evaluation all use it. Environment `i` draws its episodes' noise from a
+generator seeded with the `i`-th seed, so results depend neither on the number of environments that
+run together nor on the number of threads.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,33 +31,21 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
     The contents of `infos` and its masks `_<key>` are those of `SyncVectorEnv` in each autoreset
     mode:
 
-    - SAME_STEP, the default: an episode that ends is replaced in the same step; its last
-      observation is in `infos["final_obs"]` and its last info in `infos["final_info"]`.
+    - SAME_STEP: an episode that ends is replaced in the same step; its last observation is in
+      `infos["final_obs"]` and its last info in `infos["final_info"]`.
     - NEXT_STEP: the step after an end ignores the action and starts an episode instead.
-    - DISABLED: `reset(options={"reset_mask": ...})` restarts the environments in a mask; until
-      then, ended environments stand still.
+    - DISABLED: ended environments stand still until `reset(options={"reset_mask": ...})`.
 
     Args:
         world: The robot and the task.
         num_envs: Number of environments.
         num_threads: Threads that step them; results do not depend on it.
         autoreset_mode: What happens after the end of an episode.
-        actions: The set that a step's actions are from, and how many control steps they are held.
+        actions: The set that actions are from, and how many control steps they are held; by default
+            torques over peak torques, held for one.
         episode_steps: Control steps after which each environment's episodes are truncated, shape
             (num_envs,), infinite for never; by default `env.max_episode_steps`.
         tumbled_starts: Share of the episodes that start tumbled (see `Task.start_state`).
-
-    Attributes:
-        task: The task, with the robot's anatomy.
-        batch: MuJoCo's batch of simulations.
-        generators: Generator of each environment's noise.
-        substeps: Simulation steps of each environment in a control step, (num_envs,); None if all
-            take `env.frame_skip`.
-        on_reset: Hooks of perturbations (see `jumping_ant.sim.perturbations`), which need a batch
-            without autoreset that is always reset as a whole: what they do to start states.
-        before_step: What they make of the torques over peak torques of each control step,
-            (num_envs, num_motors).
-        on_observe: What they make of the observations, (num_envs, num_observations).
 
     Raises:
         InputError: The XML is not a robot, or the task does not fit it.
@@ -83,18 +71,20 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._autoreset = autoreset_mode
+        self.generators = [np.random.default_rng() for _ in range(num_envs)]  # of start states
         self.batch = Batch(world.model, num_envs, num_threads)
         self.qpos = self.batch.bind("qpos")
         self.qvel = self.batch.bind("qvel")
         self._ctrl = self.batch.bind("ctrl")
         self._contacts = self.batch.bind("ncon")
         self._torso_x = self.batch.bind("xpos")[:, self.task.anatomy.torso, 0]
-        self.substeps: NDArray[np.int64] | None = None
+        self.substeps = np.full(num_envs, world.env.frame_skip)  # in a control step
+        # Perturbations change start states, torques over peak torques (num_envs, num_motors), and
+        # observations. They need a batch without autoreset that is always reset as a whole.
         self.on_reset: list[Callable[[], None]] = []
         self.before_step: list[Callable[[Array], Array]] = []
         self.on_observe: list[Callable[[Array], Array]] = []
         self._last_x = self._torso_x.copy()  # saved separately: MuJoCo's `xpos` is a substep late
-        self.generators = [np.random.default_rng() for _ in range(num_envs)]
         self._num_steps = np.zeros(num_envs, dtype=np.int64)
         self._has_ended = np.zeros(num_envs, dtype=np.bool_)
         self._tumbled_starts = tumbled_starts
@@ -126,16 +116,11 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
 
         Returns:
             Observations, shape (num_envs, num_observations), and infos with `torso_height` [m].
-
-        Raises:
-            ValueError: The number of seeds is not the number of environments.
         """
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
+        seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
         mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
         if seeds is not None:
-            if len(seeds) != self.num_envs:
-                raise ValueError(f"seed: given {len(seeds)} seeds, allowed: {self.num_envs}")
-            for index, start in enumerate(seeds):
+            for index, start in zip(range(self.num_envs), seeds, strict=True):
                 if mask[index] and start is not None:
                     self.generators[index], _ = gym.utils.seeding.np_random(start)
         self._start_episodes(np.flatnonzero(mask))
@@ -158,52 +143,49 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
             (num_envs,), and infos with `reward_<term>` and `torso_height` [m], (num_envs,) each.
             Rewards are sums over the control steps.
         """
-        everywhere = stepped = np.ones(self.num_envs, dtype=np.bool_)
-        resting = self._has_ended.copy() if self._has_ended.any() else None
-        restarts = self._autoreset is AutoresetMode.NEXT_STEP
-        if resting is not None and restarts:
+        everywhere = continued = np.ones(self.num_envs, dtype=np.bool_)
+        resting = self._has_ended.copy()
+        if self._autoreset is AutoresetMode.NEXT_STEP:
+            continued = ~resting
             self._start_episodes(np.flatnonzero(resting))
         observations, outcome, truncations, heights = self.advance(actions, resting)
-        if resting is not None and restarts:
-            outcome.rewards[resting] = 0.0
-            outcome.terminated[resting] = truncations[resting] = False
-            stepped = ~resting
+        outcome.rewards[~continued] = 0.0
+        outcome.terminated[~continued] = truncations[~continued] = False
         done = outcome.terminated | truncations
         self._has_ended |= done
-        infos = _masked(_reward_infos(outcome), stepped)
-        infos |= _masked({"torso_height": heights}, everywhere)
+        terms = {f"{rewards.PREFIX}{name}": values for name, values in outcome.terms.items()}
+        infos: dict[str, Any] = {}
         if self._autoreset is AutoresetMode.SAME_STEP and done.any():
             final = np.full(self.num_envs, None, dtype=object)
             for index in np.flatnonzero(done):
                 final[index] = observations[index].copy()
-            last = _masked(_reward_infos(outcome) | {"torso_height": heights}, done)
+            infos = {"final_obs": final, "_final_obs": done, "_final_info": done}
+            infos["final_info"] = _masked(terms | {"torso_height": heights}, done)
             self._start_episodes(np.flatnonzero(done))
             observations[done] = self.task.observe(self.qpos[done], self.qvel[done])
-            infos = _masked(_reward_infos(outcome), ~done)
-            infos |= _masked({"torso_height": np.where(done, self._heights(), heights)}, everywhere)
-            infos |= {"final_obs": final, "_final_obs": done.copy()}
-            infos |= {"final_info": last, "_final_info": done.copy()}
+            heights[done] = self._heights()[done]
+            continued = ~done
+        infos |= _masked(terms, continued) | _masked({"torso_height": heights}, everywhere)
         return observations, outcome.rewards, outcome.terminated, truncations, infos
 
     def advance(
         self, actions: NDArray[Any], resting: Mask | None = None
     ) -> tuple[Array, Outcome, Mask, Array]:
-        """Hold each row's action as `step` does, but go on after the ends of episodes.
+        """Hold each row's action as `step` does, but start no episodes.
 
         Args:
             actions: As in `step`.
-            resting: Environments that stand still, shape (num_envs,); None for none.
+            resting: Environments that stand still, shape (num_envs,); by default none.
 
         Returns:
             Observations, the outcome, truncations, and heights of the torsos [m].
         """
+        resting = np.zeros(self.num_envs, dtype=np.bool_) if resting is None else resting
         torques = np.asarray(self.actions.torques(actions), dtype=np.float64)
         observations, outcome, truncations = self._control_step(torques, resting)
         heights = self._heights()
         for _ in range(self.actions.hold - 1):
-            alive = ~(outcome.terminated | truncations)
-            if resting is not None:
-                alive &= ~resting
+            alive = ~(outcome.terminated | truncations | resting)
             if not alive.any():
                 break
             after, then, truncated = self._control_step(torques, ~alive)
@@ -215,29 +197,23 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
             truncations[alive] = truncated[alive]
         return observations, outcome, truncations, heights
 
-    def _control_step(self, torques: Array, resting: Mask | None) -> tuple[Array, Outcome, Mask]:
-        """Simulate one control step; return observations, the outcome and truncations."""
+    def _control_step(self, torques: Array, resting: Mask) -> tuple[Array, Outcome, Mask]:
         for change in self.before_step:
             torques = change(torques)
         self._ctrl[:] = torques * self.task.anatomy.control_limits
         before = self._last_x
         self._simulate(resting)
-        self._num_steps += 1 if resting is None else ~resting
+        self._num_steps += ~resting
         self._last_x = self._torso_x.copy()
         travel = self._last_x - before
         outcome = self.task.judge(self.qpos, self.qvel, torques, travel, self._contacts)
         truncations = ~outcome.terminated & (self._num_steps >= self._episode_steps)
         return self._observe(), outcome, truncations
 
-    def _simulate(self, resting: Mask | None) -> None:
+    def _simulate(self, resting: Mask) -> None:
         """Advance the other simulations; positions of those that MuJoCo gives up become NaN."""
-        moving = None if resting is None else np.flatnonzero(~resting)
-        parts = [(self.world.env.frame_skip, moving)]
-        if self.substeps is not None:
-            moving = np.arange(self.num_envs) if moving is None else moving
-            counts = self.substeps[moving]
-            parts = [(count, moving[counts == count]) for count in set(counts.tolist())]
-        for count, rows in parts:
+        for count in set(self.substeps[~resting].tolist()):
+            rows = np.flatnonzero(~resting & (self.substeps == count))
             try:
                 self.batch.step(rows, nstep=count)
             except SimulationError as error:
@@ -260,10 +236,7 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Resume from a state of the same number of environments.
-
-        `airborne` reports the contacts of the last step, so it is meaningless until the next.
-        """
+        """Resume from a state of as many environments; `airborne` is known after a step."""
         self.batch.state[:] = state["physics"]
         self._last_x = state["torso_x"].copy()
         self._num_steps[:] = state["num_steps"]
@@ -272,7 +245,7 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
             generator.bit_generator.state = saved
 
     def _heights(self) -> Array:
-        return np.array(self.task.anatomy.heights(self.qpos))
+        return self.task.anatomy.heights(self.qpos)
 
     def _start_episodes(self, indices: NDArray[np.int64]) -> None:
         if len(indices) == 0:
@@ -288,13 +261,9 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         self._has_ended[indices] = False
 
 
-def _reward_infos(outcome: Outcome) -> dict[str, Array]:
-    return {f"{rewards.PREFIX}{name}": values.copy() for name, values in outcome.terms.items()}
-
-
 def _masked(infos: dict[str, Array], mask: Mask) -> dict[str, Any]:
     """Return infos as Gymnasium does: zero outside the mask, and the mask; none if it is empty."""
     masked: dict[str, Any] = {}
     for key, values in infos.items() if mask.any() else ():
-        masked |= {key: np.where(mask, values, 0.0), f"_{key}": mask.copy()}
+        masked |= {key: np.where(mask, values, 0.0), f"_{key}": mask}
     return masked

@@ -12,14 +12,9 @@ from jumping_ant.sim.anatomy import Anatomy
 
 @dataclass(frozen=True)
 class World:
-    """A robot and its task; worlds of equal text and parameters are equal.
+    """A robot and its task; an InputError is raised where they are first used and do not fit."""
 
-    Attributes:
-        xml: The robot as MJCF text.
-        env: The task.
-    """
-
-    xml: str
+    xml: str  # the robot as MJCF
     env: EnvParams
 
     def __reduce__(self) -> tuple[type["World"], tuple[str, EnvParams]]:
@@ -27,20 +22,12 @@ class World:
 
     @cached_property
     def model(self) -> mujoco.MjModel:
-        """The compiled robot, which all users share: it must not be changed.
-
-        Raises:
-            InputError: The text is not a robot that can be simulated.
-        """
+        """The compiled robot, which all users share: it must not be changed."""
         return robot.load(self.xml)
 
     @cached_property
     def anatomy(self) -> Anatomy:
-        """The robot's anatomy.
-
-        Raises:
-            InputError: The text is not a robot that can be simulated, or one built differently.
-        """
+        """The robot's sizes and coordinates."""
         return Anatomy.of(self.model)
 
     @property
