@@ -11,7 +11,7 @@ from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import summaries
+from jumping_ant.comparison.results import deciding_p
 from jumping_ant.media import style
 from jumping_ant.params import params_file
 from jumping_ant.training import curves
@@ -63,7 +63,7 @@ def replication_table(first: dict[str, Any], again: dict[str, Any]) -> str:
 
 
 def _verdict(claim: dict[str, Any]) -> list[str]:
-    return [claim["verdict"], style.p_value(summaries.deciding_p(claim))]
+    return [claim["verdict"], style.p_value(deciding_p(claim))]
 
 
 def printed_table(printed: dict[str, Any]) -> str:

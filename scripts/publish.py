@@ -16,7 +16,7 @@ from jumping_ant.base import command_line
 from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT, read_json, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import summaries
+from jumping_ant.comparison.results import merged
 from jumping_ant.tracking import descriptions
 from scripts import animation, markdown
 from scripts.preset import folder_of
@@ -61,7 +61,7 @@ def main() -> None:
 def results(root: Path) -> dict[str, Any]:
     """Return the comparison in a project's folder, with what it took in seconds."""
     paths = Paths(root)
-    return summaries.merged(_read(paths.comparison), _read(paths.speed))
+    return merged(_read(paths.comparison), _read(paths.speed))
 
 
 def everything(root: Path) -> dict[str, Any]:

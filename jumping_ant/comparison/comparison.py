@@ -9,11 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.agents.families import Family
-from jumping_ant.comparison.estimates import (
-    Estimate,
-    estimate_iqm,
-    probability_of_improvement,
-)
+from jumping_ant.comparison.estimates import Estimate, estimate_iqm, probability_of_improvement
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.media.style import looks
 from jumping_ant.params.blocks import CompareParams
@@ -21,14 +17,12 @@ from jumping_ant.training.curves import Unit, evaluations
 
 Array = NDArray[np.float64]
 
-# Keys of a summary by the unit of training: an agent's cost, its return at the smallest budget, and
-# the learners on the Pareto front.
+# Keys of an agent in a summary: its cost, and its return at the smallest budget.
 COSTS: dict[Unit, str] = {"env_steps": "env_steps", "seconds": "train_seconds"}
 EARLY: dict[Unit, str] = {
     "env_steps": "return_at_equal_steps",
     "seconds": "return_at_equal_seconds",
 }
-FRONTS: dict[Unit, str] = {"env_steps": "pareto_steps", "seconds": "pareto_seconds"}
 
 
 @dataclass(frozen=True)
@@ -46,7 +40,6 @@ def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dic
     for one, other in combinations(returns, 2):
         won = probability_of_improvement(returns[one], returns[other], params)
         pairs[one, other] = won.as_dict("p")
-        # The reverse comparison reads the same table from the other side; it is no new experiment.
         pairs[other, one] = Estimate(1 - won.value, 1 - won.high, 1 - won.low).as_dict("p")
     equal, early = at_equal_budgets(results, "env_steps", params.confidence)
     agents = {
@@ -81,10 +74,7 @@ def front(results: Mapping[str, AgentResults], agents: Mapping[str, Any], unit: 
 
 
 def pareto_front(costs: Mapping[str, float], gains: Mapping[str, float]) -> list[str]:
-    """Return the agents that gain more than all others that cost no more, in the order of cost.
-
-    Of agents equal in both, the first one is returned.
-    """
+    """Return who gains more than all that cost no more, by cost; of equals the first."""
     front: list[str] = []
     for name in sorted(costs, key=lambda name: (costs[name], -gains[name])):
         if not front or gains[name] > gains[front[-1]]:
@@ -109,7 +99,7 @@ def learning_curves(
     learned = [curve for name, curve in curves.items() if not results[name].is_baseline]
     if not learned:
         return curves
-    ends = [min(own.trained[0] for own in learned), max(own.trained[-1] for own in learned)]
+    ends = [min(one.trained[0] for one in learned), max(one.trained[-1] for one in learned)]
     for name, curve in curves.items():
         if results[name].is_baseline:
             level = [np.repeat(part[-1], 2) for part in vars(curve.returns).values()]
@@ -124,31 +114,21 @@ def curve_rows(
 
     Each row holds its agent's colour and line style, which the plots' template takes as they are.
     """
+    columns = ("env_steps", "return_iqm", "low", "high")
     drawn = looks(families)
     return [
-        {
-            "agent": name,
-            "env_steps": float(curve.trained[i]),
-            "return_iqm": float(curve.returns.value[i]),
-            "low": float(curve.returns.low[i]),
-            "high": float(curve.returns.high[i]),
-            "colour": drawn[name].colour,
-            "line": drawn[name].line,
-        }
+        {"agent": name}
+        | dict(zip(columns, map(float, point), strict=True))
+        | {"colour": drawn[name].colour, "line": drawn[name].line}
         for name, curve in curves.items()
-        for i in range(len(curve.trained))
+        for point in zip(curve.trained, *vars(curve.returns).values(), strict=True)
     ]
 
 
 def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
     """Return every seed's evaluations as a tidy table, one row per evaluation."""
     return [
-        {
-            "agent": name,
-            "seed": seed,
-            "env_steps": int(steps),
-            "evaluation_return": float(value),
-        }
+        {"agent": name, "seed": seed, "env_steps": int(steps), "evaluation_return": float(value)}
         for name, agent in results.items()
         for seed, curve in agent.curves.items()
         for steps, value in zip(*evaluations(curve), strict=True)
@@ -156,15 +136,15 @@ def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
 
 
 def _common_grid(positions: Sequence[Array]) -> Array:
-    """Return where to compare curves that have points at increasing positions, (num_points,) each.
+    """Return where to compare curves with points at increasing positions, (num_points,) each.
 
-    Where they have them if all agree. Otherwise as many places as the longest curve has, evenly
+    That is at these positions if all agree. Otherwise at as many as the longest curve has, evenly
     spaced from where the last curve starts to where the last one ends.
     """
-    if all(np.array_equal(own, positions[0]) for own in positions):
+    if all(np.array_equal(one, positions[0]) for one in positions):
         return positions[0]
-    start, end = max(own[0] for own in positions), max(own[-1] for own in positions)
-    return np.linspace(start, end, max(len(own) for own in positions))
+    start, end = max(one[0] for one in positions), max(one[-1] for one in positions)
+    return np.linspace(start, end, max(map(len, positions)))
 
 
 def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
@@ -183,7 +163,6 @@ def at_equal_budgets(
     """Return the smallest budget of a learner's seeds, and an entry of each learner's return there.
 
     Returns are read off the seeds' learning curves; None if a seed was first evaluated later.
-    Without learners there is no budget.
     """
     learners = {name: agent for name, agent in results.items() if not agent.is_baseline}
     if not learners:

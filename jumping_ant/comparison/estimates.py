@@ -47,13 +47,12 @@ def estimate_iqm(samples: Array, confidence: float) -> Estimate:
     """Return the interquartile mean with a t interval on its exact bootstrap standard error.
 
     Whole observations are left out, `n // 4` at each end, as in the reference implementation of
-    Agarwal et al. 2021: of four seeds the best and the worst, of one to three seeds none.
+    Agarwal et al. 2021.
 
     The interval is `iqm -+ t * se` (Efron and Tibshirani 1993, chapter 12): t is the quantile of
     Student's distribution with n - 1 degrees of freedom, and se the standard deviation of the
-    interquartile mean over all n^n resamples (Hutson and Ernst 2000). Of two or three observations
-    this is Student's interval of a mean; of one, or of equal ones, it is the value.
-    docs/measures-and-claims.md has its coverage.
+    interquartile mean over all n^n resamples (Hutson and Ernst 2000). Of one observation, or of
+    equal ones, it is the value. docs/measures-and-claims.md has its coverage.
 
     Args:
         samples: Observations along the last axis, shape (..., n).
@@ -66,7 +65,7 @@ def estimate_iqm(samples: Array, confidence: float) -> Estimate:
 
 
 def estimate_mean(samples: Array, confidence: float) -> Estimate:
-    """Return the mean with Student's t interval, as `estimate_iqm` does without leaving out any."""
+    """Return the mean with Student's t interval; shapes are those of `estimate_iqm`."""
     return _t_interval(samples, 0, confidence)
 
 
@@ -90,7 +89,7 @@ def _gap_weights(num: int, cut: int) -> Array:
 
     The trimmed mean of a resample is the largest observation minus each gap between neighbours in
     the sample times the share of kept observations below that gap. That share depends on how many
-    of the resample's observations are among the i smallest of the sample. This count is binomial,
+    of the resample's observations are among the i smallest of the sample, a count that is binomial
     and a Markov chain in i (Hutson and Ernst 2000). W holds the covariances of the shares.
     """
     counts = np.arange(num + 1)
@@ -110,17 +109,10 @@ def _gap_weights(num: int, cut: int) -> Array:
 
 
 def pair_scores(x: Array, y: Array) -> Array:
-    """Return 1 where x beats y, 0.5 where they tie and 0 where y beats x (Mann and Whitney 1947).
+    """Return 1 where x beats y, 0.5 where they tie and 0 where y beats x, (num_x, num_y).
 
-    Samples may hold bounds instead of values: `low` < value <= `high`. Then a pair that the bounds
-    leave undecided ties (Mantel 1967).
-
-    Args:
-        x: First sample, shape (num_x,), or its bounds, (num_x, 2).
-        y: Second sample, shape (num_y,) or (num_y, 2).
-
-    Returns:
-        The scores of all pairs, shape (num_x, num_y).
+    Samples are values, (num_x,) and (num_y,) (Mann and Whitney 1947), or bounds, (num_x, 2) and
+    (num_y, 2), with `low` < value <= `high`; a pair that these leave undecided ties (Mantel 1967).
     """
     if x.ndim == 1:
         wins, losses = np.greater.outer(x, y), np.less.outer(x, y)
@@ -133,13 +125,10 @@ def pair_scores(x: Array, y: Array) -> Array:
 def relative_deviations(samples: Array) -> Array:
     """Return |x - m| / |m| of observations along the last axis, m their median; NaN where m is 0.
 
-    These are the deviations of Brown and Forsythe 1974, here relative to the median.
+    Brown and Forsythe 1974 have |x - m|.
     """
     median = np.median(samples, axis=-1, keepdims=True)
-    distance = np.abs(samples - median)
-    return np.divide(
-        distance, np.abs(median), out=np.full_like(distance, np.nan), where=median != 0
-    )
+    return np.abs(samples - median) / np.where(median == 0, np.nan, np.abs(median))
 
 
 def relative_spread(samples: Array) -> Array:
@@ -154,13 +143,13 @@ def estimate(
 
     For statistics without an interval formula (Efron and Tibshirani 1993, chapter 13). With few
     observations the interval is too narrow (docs/measures-and-claims.md); no verdict depends on it.
-    Each sample is resampled independently. The order of the observations does not matter. With one
-    observation each, the interval is the value.
+    The order of the observations does not matter.
 
     Args:
         statistic: Takes the samples and reduces their last axis. It must not change when all
             observations of a sample are duplicated.
-        samples: Observations along the last axis, shapes (..., num_observations).
+        samples: Observations along the last axis, shapes (..., num_observations); each sample is
+            resampled independently.
         params: Confidence, number of resamples and seed.
 
     Returns:
@@ -194,7 +183,7 @@ def probability_of_improvement(x: Array, y: Array, params: CompareParams) -> Est
     As in section 4 of Agarwal et al. 2021, with a percentile bootstrap interval. Shapes and bounds
     are those of `pair_scores`.
     """
-    scores = pair_scores(*(np.sort(own) if own.ndim == 1 else own for own in (x, y)))
+    scores = pair_scores(*(np.sort(one) if one.ndim == 1 else one for one in (x, y)))
 
     def mean(rows: Array, columns: Array) -> Array:
         rows, columns = rows.astype(np.intp), columns.astype(np.intp)

@@ -39,7 +39,7 @@ def rank_test(x: Array, y: Array, seed: int, side: Side = "two-sided") -> float:
     """Return the p value of two independent samples that win half of the pairs each.
 
     Null: both come from one distribution. The statistic is proportional to Mann and Whitney's U
-    less its mean; a pair that bounds leave undecided is a tie (Mantel 1967).
+    less its mean.
 
     Args:
         x: First sample, shape (num_x,), or (num_x, 2) with bounds as in `pair_scores`.
@@ -56,14 +56,10 @@ def rank_test(x: Array, y: Array, seed: int, side: Side = "two-sided") -> float:
 def spread_test(x: Array, y: Array, seed: int) -> float:
     """Return the two-sided p value of two samples that spread equally, relative to their medians.
 
-    Null: divided by their medians, both come from one distribution. So they are divided by their
-    medians and permuted; the statistic is the difference in `relative_spread` (Levene 1960; Brown
-    and Forsythe 1974). As medians are estimates, the test is not quite exact (docs/tables.md).
-
-    Args:
-        x: First sample, shape (num_x,).
-        y: Second sample, shape (num_y,).
-        seed: Seed of the random arrangements, if there are too many to enumerate.
+    Null: divided by their medians, both come from one distribution. The statistic is the difference
+    in `relative_spread` (Levene 1960; Brown and Forsythe 1974). As medians are estimates, the test
+    is not quite exact (docs/tables.md). Shapes are (num_x,) and (num_y,); `seed` is as in
+    `rank_test`.
     """
     medians = np.median(x), np.median(y)
     if 0 in medians:
@@ -76,8 +72,8 @@ def excess_spread_test(x: Array, y: Array, bound: float, side: OneSide) -> float
     """Return the p value of a relative spread of x that exceeds that of y by a bound.
 
     Welch's test of the deviations from the medians (Welch 1947; Brown and Forsythe 1974). As they
-    are neither normal nor independent, it finds too much at small levels, so its p value is doubled
-    (docs/tables.md). Samples without any spread prove nothing.
+    are neither normal nor independent, it rejects too often at small levels, so its p value is
+    doubled (docs/tables.md). Samples without any spread prove nothing.
 
     Args:
         x: First sample, shape (num_x,).
@@ -87,12 +83,12 @@ def excess_spread_test(x: Array, y: Array, bound: float, side: OneSide) -> float
     """
     if min(len(x), len(y)) < 2:
         return 1.0
-    own, other = relative_deviations(x), relative_deviations(y)
-    errors = np.array([sample.var(ddof=1) / len(sample) for sample in (own, other)])
+    of_x, of_y = relative_deviations(x), relative_deviations(y)
+    errors = np.array([sample.var(ddof=1) / len(sample) for sample in (of_x, of_y)])
     if not errors.sum() > 0:
         return 1.0
     freedom = errors.sum() ** 2 / (errors**2 / [len(x) - 1, len(y) - 1]).sum()
-    t = (own.mean() - other.mean() - bound) / np.sqrt(errors.sum())
+    t = (of_x.mean() - of_y.mean() - bound) / np.sqrt(errors.sum())
     return min(1.0, 2 * float(stats.t.sf(t if side == "greater" else -t, freedom)))
 
 
@@ -100,12 +96,8 @@ def sign_test(differences: Array, seed: int, side: Side = "two-sided") -> float:
     """Return the p value of paired differences with a mean of 0.
 
     Null: they are distributed symmetrically around 0, so every sign is equally likely (Fisher 1935,
-    section 21). The statistic is their sum.
-
-    Args:
-        differences: Shape (num,).
-        seed: Seed of the random signs, if there are too many to enumerate.
-        side: Whether the mean is greater or less than 0, or either.
+    section 21). The statistic is their sum. Their shape is (num,); `seed` and `side` are as in
+    `rank_test`.
     """
     num = len(differences)
     if 2**num <= MOST:
@@ -119,8 +111,7 @@ def sign_test(differences: Array, seed: int, side: Side = "two-sided") -> float:
 def equivalence(test: Callable[[float, OneSide], float], low: float, high: float) -> float:
     """Return the p value of an effect outside a margin from `low` to `high` (Schuirmann 1987).
 
-    It is the larger one of two one-sided tests; `test` returns the p value of an effect that equals
-    a bound, against one on a side of it.
+    It is the larger one of two one-sided tests: `test` takes a bound and the side of it.
     """
     return max(test(low, "greater"), test(high, "less"))
 
@@ -128,10 +119,7 @@ def equivalence(test: Callable[[float, OneSide], float], low: float, high: float
 def _two_samples(
     pooled: Array, num_x: int, statistic: Callable[[Array], Array], seed: int, side: Side
 ) -> float:
-    """Test the difference in a statistic against all ways to assign the data to two samples.
-
-    `pooled` has the samples, x first; `statistic` reduces the last axis.
-    """
+    """Test the difference in a statistic; `pooled` has both samples, x first."""
     dealt = pooled[_deals(len(pooled), num_x, seed, MOST)]
     return _share_as_far(statistic(dealt[:, :num_x]) - statistic(dealt[:, num_x:]), side)
 
@@ -143,16 +131,15 @@ def _deals(num: int, num_x: int, seed: int, most: int) -> NDArray[np.uint16]:
         deals = np.tile(np.arange(num, dtype=np.uint16), (most, 1))
         np.random.default_rng(seed).permuted(deals[1:], axis=1, out=deals[1:])
         return deals
-    chosen = np.array(list(combinations(range(num), num_x)), dtype=np.uint16)
-    is_left = np.ones((len(chosen), num), dtype=bool)
-    np.put_along_axis(is_left, chosen.astype(np.intp), False, axis=1)
-    left = np.nonzero(is_left)[1].reshape(len(chosen), -1).astype(np.uint16)
-    return np.concatenate([chosen, left], axis=1)
+    # The complements of combinations in lexicographic order are in the reverse order.
+    left = reversed(list(combinations(range(num), num - num_x)))
+    chosen = combinations(range(num), num_x)
+    return np.array([x + y for x, y in zip(chosen, left, strict=True)], dtype=np.uint16)
 
 
-def _share_as_far(found: Array, side: Side) -> float:
+def _share_as_far(values: Array, side: Side) -> float:
     """Return the share of arrangements that lie at least as far on a side as the first one."""
-    distance = np.abs(found) if side == "two-sided" else found if side == "greater" else -found
-    largest = np.max(np.abs(found), where=np.isfinite(found), initial=0.0)
+    distance = np.abs(values) if side == "two-sided" else values if side == "greater" else -values
+    largest = np.max(np.abs(values), where=np.isfinite(values), initial=0.0)
     # An arrangement whose statistic is NaN counts as at least as far: it is no evidence.
     return float(np.mean(~(distance < distance[0] - ROUNDING * largest)))

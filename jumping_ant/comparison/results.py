@@ -1,8 +1,9 @@
-"""The measurements of every agent, read from the project folder: one number per seed."""
+"""The measurements of every agent, one number per seed, and what stages have computed of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +24,11 @@ QUANTITIES = ("return", "peak_height", "torque_change")  # first in a summary
 
 @dataclass(frozen=True)
 class AgentResults:
-    """Everything measured of one agent."""
+    """All measurements of one agent."""
 
     name: str
     block: AgentBlock
-    # Means over each seed's episodes, by column, (num_seeds,); NaN for a seed without a value.
+    # Means over each seed's episodes, (num_seeds,); NaN for a seed without a value.
     quantities: dict[str, Array]
     curves: dict[int, Table]  # as `curves.read_all` returns it, seeds in the same order
     episodes: Table = field(default_factory=dict)  # as `episodes.read` returns it
@@ -37,7 +38,7 @@ class AgentResults:
 
     @property
     def algorithm(self) -> str:
-        """The agent's algorithm."""
+        """Return the agent's algorithm."""
         return self.block.algorithm
 
     @property
@@ -67,7 +68,7 @@ def load(
 ) -> dict[str, AgentResults]:
     """Read the results of all agents, in the order of `params.yaml`.
 
-    With `curves.read_timed`, curves tell `seconds` as well, which differ from machine to machine.
+    With `curves.read_timed`, curves have `seconds`, too, which differ from machine to machine.
     """
     results = {}
     for name, block in params.agents.items():
@@ -82,6 +83,20 @@ def load(
             demonstrator=params.demonstrator(block),
         )
     return results
+
+
+def merged(compared: Mapping[str, Any], timed: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the summaries `comparison.json` and `speed.json` as one; either may be empty."""
+    agents, costs = compared.get("agents", {}), timed.get("agents", {})
+    claims = [*compared.get("claims", []), *timed.get("claims", [])]
+    together = {name: own | costs.get(name, {}) for name, own in agents.items()}
+    return {**compared, **timed, "agents": together, "claims": claims} if compared else {}
+
+
+def deciding_p(claim: Mapping[str, Any]) -> float:
+    """Return the adjusted p value by which a claim of a summary is decided, or is not."""
+    decides = "p_equivalence_adjusted" if claim["verdict"] == "equivalent" else "p_adjusted"
+    return float(claim[decides])
 
 
 def _seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:

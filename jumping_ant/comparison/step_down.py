@@ -33,8 +33,8 @@ def adjust(p_values: Sequence[tuple[float, float | None]]) -> list[Adjusted]:
     """
     hypotheses = sorted(
         (p, claim, kind)
-        for claim, own in enumerate(p_values)
-        for kind, p in enumerate(own)
+        for claim, pair in enumerate(p_values)
+        for kind, p in enumerate(pair)
         if p is not None
     )
     left = Counter(claim for _, claim, _ in hypotheses)

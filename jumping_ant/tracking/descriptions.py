@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jumping_ant.comparison import summaries
+from jumping_ant.comparison.results import deciding_p
 from jumping_ant.media.style import estimate, number, p_value
 
 LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
@@ -49,7 +49,7 @@ def policy(
 
 
 def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the lines of a table of a summary's `agents` (`summaries.merged`)."""
+    """Yield the lines of a table of a summary's `agents` (`results.merged`)."""
     if not agents:
         return
     headings = ("agent", "return", "mean", "worst seed", *QUANTITIES.values(), "training [s]")
@@ -92,5 +92,5 @@ def _number(value: float | None) -> str:
 
 def _claims(claims: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     for claim in claims:
-        p = p_value(summaries.deciding_p(claim))
+        p = p_value(deciding_p(claim))
         yield f"- **{claim['verdict']}** (adjusted p = {p}): {claim['text']}"

@@ -18,7 +18,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
-from jumping_ant.comparison import summaries
+from jumping_ant.comparison.results import merged
 from jumping_ant.evaluation import variant_names
 from jumping_ant.media.style import looks, remark
 from jumping_ant.params.model import Params
@@ -163,7 +163,7 @@ class ComparisonRecord:
     def results(self) -> dict[str, Any]:
         """`results/comparison.json` with `results/speed.json`, empty if there is no comparison."""
         paths = Paths(self.root)
-        return summaries.merged(_json(paths.comparison, "compare"), _json(paths.speed, "timing"))
+        return merged(_json(paths.comparison, "compare"), _json(paths.speed, "timing"))
 
     @cached_property
     def summary(self) -> dict[str, float]:

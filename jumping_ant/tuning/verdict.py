@@ -118,10 +118,9 @@ class Fresh:
         difference = estimates.estimate(estimates.pairwise_median(np.subtract), pair, compare)
         p_equivalence = finding.margin.p if finding.margin else None
         (adjusted,) = adjust([(finding.p, p_equivalence)])
-        level = verdicts.LEVEL + verdicts.ROUNDING
         return {
             **dict(zip((BEFORE, AFTER), map(float, middles), strict=True)),
-            "verdict": WORDS.get(verdicts.verdict(finding.side, adjusted, level), OPEN),
+            "verdict": WORDS.get(verdicts.verdict(finding.side, adjusted), OPEN),
             "p": finding.p,
             "p_equivalence": p_equivalence,
             **difference.as_dict("difference"),

@@ -36,7 +36,7 @@ from small_field import (
 )
 
 from jumping_ant.base.files import PROJECT_ROOT
-from jumping_ant.comparison.claims import timing
+from jumping_ant.comparison import timing
 from jumping_ant.comparison.claims.field import Field, out_of_luck
 from jumping_ant.comparison.claims.statements import CLAIMS, STATEMENTS
 from jumping_ant.training import curves

@@ -11,7 +11,6 @@ from small_project import make_params, play_only, write_perturbed, write_project
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import retention
-from jumping_ant.comparison.claims import robustness
 from jumping_ant.comparison.results import load
 from jumping_ant.evaluation import perturbed, perturbed_table
 from jumping_ant.params.model import Params
@@ -120,7 +119,7 @@ def test_a_metronome_crosses_by_more_than_the_margin_only() -> None:
 
 def test_the_margin_is_in_proportion_to_the_length_of_episodes(params: Params) -> None:
     assert params.env.max_episode_steps == 1000
-    assert robustness.margin(params) == pytest.approx(0.2 * 10)
+    assert retention.margin(params) == pytest.approx(0.2 * 10)
 
 
 @pytest.mark.parametrize(("usual", "share"), [([1000.0, -5.0], 0.5), ([0.0, -5.0], None)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_field import HEAVY, HIGH, PARALLEL, RANDOM, SLOW, agent, check, one_verdict, the_claim
 
-from jumping_ant.comparison.claims import timing as claims
+from jumping_ant.comparison import timing as claims
 from jumping_ant.params import presets
 
 UNTIMED = dict.fromkeys(("pgpe", "sac", "dqn"), {})

@@ -103,15 +103,15 @@ def test_p_values_are_adjusted_together():
 @pytest.mark.parametrize(
     ("side", "difference", "equivalence", "verdict"),
     [
-        (0.4, 0.05, None, "supported"),
-        (-0.4, 0.05, 1.0, "refuted"),
-        (0.4, 0.051, None, "inconclusive"),
-        (-0.4, 0.051, 0.051, "inconclusive"),
-        (0.4, 0.051, 0.05, "equivalent"),
+        (0.4, 0.04, None, "supported"),
+        (-0.4, 0.04, 1.0, "refuted"),
+        (0.4, 0.041, None, "inconclusive"),
+        (-0.4, 0.041, 0.041, "inconclusive"),
+        (0.4, 0.041, 0.04, "equivalent"),
         (-0.4, 0.04, 0.04, "refuted"),
         (0.0, 0.0, None, "inconclusive"),
     ],
 )
 def test_the_rule_of_verdicts(side, difference, equivalence, verdict):
     adjusted = Adjusted(difference, equivalence)
-    assert verdicts.verdict(side, adjusted, 0.05) == verdict
+    assert verdicts.verdict(side, adjusted) == verdict

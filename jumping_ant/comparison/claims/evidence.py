@@ -10,6 +10,7 @@ from jumping_ant.comparison.claims import findings
 from jumping_ant.comparison.claims.field import Field, settings
 from jumping_ant.comparison.claims.findings import Efforts, Finding, Range, Sample
 from jumping_ant.comparison.results import AgentResults
+from jumping_ant.evaluation.variant_names import PUBLISHED
 from jumping_ant.media.style import number
 from jumping_ant.params.blocks import CompareParams
 from jumping_ant.training import curves
@@ -20,7 +21,6 @@ AXES = {
     "apex": "Apex of a jump [m]",
     "fluidity": "Fluidity (closer to 0 is more fluid)",
 }
-PUBLISHED = "published"
 VERSIONS = {  # of policies: what their labels add
     PUBLISHED: "",
     "signed": ", two levels",
@@ -47,35 +47,32 @@ class Case:
 
 
 Compare = Callable[[Case], Finding | None]  # None where the run lacks what it needs
-Key = Literal["returns", "fluidity"]  # of margins, for differences
+Key = Literal["returns", "fluidity", "relative_spread"]  # of margins, for differences
 
 
 def more(*quantities: str, factor: float = 1.0, margin: Key | None = None) -> Compare:
-    """Ask whether the first agent exceeds the second, times a factor, in each quantity.
+    """Ask whether the first agent exceeds the second, times a factor, in every quantity."""
 
-    All of them must hold (`findings.both`, of `findings.independent`).
-    """
-    return lambda case: findings.both(
-        [
-            findings.independent(
-                AXES[name],
-                *case.samples(_mean(name)),
-                case.params,
-                factor,
-                _ends(case.params, margin),
-            )
-            for name in quantities
-        ]
-    )
+    def compare(case: Case) -> Finding:
+        ends = _ends(case.params, margin) if margin else None
+        return findings.both(
+            [
+                findings.independent(
+                    AXES[name], *case.samples(_mean(name)), case.params, factor, ends
+                )
+                for name in quantities
+            ]
+        )
+
+    return compare
 
 
 def more_in_version(
-    quantity: str, one: str, other: str, margin: Key | None = None, *, or_equal: bool = False
+    quantity: str, one: str, other: str, margin: Key, *, or_equal: bool = False
 ) -> Compare:
-    """Ask whether one version of an agent's policies exceeds the other, seed by seed.
+    """Ask whether one of `VERSIONS` of an agent's policies exceeds another, seed by seed.
 
-    The versions are keys of `VERSIONS`; there is no finding if the agent lacks one. With `or_equal`
-    the claim is only that the first one is not smaller by the margin (non-inferiority).
+    With `or_equal` the claim is only that it is not smaller by the margin (non-inferiority).
     """
 
     def compare(case: Case) -> Finding | None:
@@ -84,7 +81,7 @@ def more_in_version(
             return None
         samples = _mean(quantity, one)(agent), _mean(quantity, other)(agent)
         ends = _ends(case.params, margin)
-        if ends and or_equal:
+        if or_equal:
             return findings.paired(AXES[quantity], *samples, case.params, not_less_by=ends[1])
         return findings.paired(AXES[quantity], *samples, case.params, ends)
 
@@ -100,16 +97,15 @@ def at_full_torque(compare: Compare) -> Compare:
 
 def less_spread(case: Case) -> Finding:
     """Ask whether the first agent's return varies less over seeds than the second's."""
-    margin = case.params.margins.relative_spread
-    samples = case.samples(_mean("return"))
-    return findings.less_spread(AXES["return"], *samples, case.params, (-margin, margin))
+    samples, ends = case.samples(_mean("return")), _ends(case.params, "relative_spread")
+    return findings.less_spread(AXES["return"], *samples, case.params, ends)
 
 
 def more_effort(unit: curves.Unit, *, margin: bool = False) -> Compare:
     """Ask whether the first agent needs more than the second to learn anything, for good.
 
     A seed's effort lies between the last evaluation that does not exceed `Field.threshold` and the
-    next one. There is no finding without a random agent, which gives the threshold.
+    next one.
     """
 
     def compare(case: Case) -> Finding | None:
@@ -130,10 +126,7 @@ def fewer_steps(case: Case) -> Finding | None:
     return more_effort("env_steps")(replace(case, agents=case.agents[::-1]))
 
 
-def _ends(params: CompareParams, margin: Key | None) -> Range | None:
-    """Return the ends of a margin of differences."""
-    if margin is None:
-        return None
+def _ends(params: CompareParams, margin: Key) -> Range:
     size: float = getattr(params.margins, margin)
     return -size, size
 

@@ -33,10 +33,7 @@ TWINS = {  # by what one of them has, and the other lacks
         "pgpe", "actions.kind", lambda *kinds: kinds == ("torques", "commands")
     ),
     "torques instead of two levels": Twins(
-        "pgpe",
-        "actions.levels",
-        lambda own, other: own is None and other == 2,
-        free=("actions.kind",),
+        "pgpe", "actions.levels", lambda *levels: levels == (None, 2), free=("actions.kind",)
     ),
     "full torque": Twins("dqn pgpe", "actions.amplitude", lambda own, other: other == own / 2),
     "edits": Twins(
@@ -70,7 +67,7 @@ class Field:
         )
 
     def of(self, algorithms: str) -> list[AgentResults]:
-        """Return the agents that represent algorithms, which are given as "sac dqn"."""
+        """Return the agents that represent algorithms, as in "sac dqn"."""
         return _of(self._representing, algorithms)
 
     def beside_random(self) -> Iterable[Pair]:
@@ -96,9 +93,9 @@ class Field:
     def metronome(self, agent: AgentResults) -> AgentResults | None:
         """Return the best metronome on an agent's robot, of no more torque, if there is one."""
         limit, robot = settings(agent)["actions"]["amplitude"], agent.block.robot
-        alike = [own for own in self._rhythms if own.block.robot == robot]
-        weak = [own for own in alike if settings(own)["amplitude"] <= limit]
-        return max(weak, key=lambda own: own.quantities["return"].mean(), default=None)
+        alike = [one for one in self._rhythms if one.block.robot == robot]
+        weak = [one for one in alike if settings(one)["amplitude"] <= limit]
+        return max(weak, key=lambda one: one.quantities["return"].mean(), default=None)
 
     def beside_sparse_rewards(self) -> Iterable[Pair]:
         """Return each PGPE with those that learned from the returns of whole episodes alone."""
@@ -113,7 +110,7 @@ class Field:
     def imitators(self) -> Iterable[Pair]:
         """Return each agent with the one that it imitates."""
         pairs = permutations(self._edited, 2)
-        return ((agent, other) for agent, other in pairs if agent.demonstrator == other.name)
+        return (pair for pair in pairs if pair[0].demonstrator == pair[1].name)
 
 
 def each(algorithms: str) -> Select:
@@ -153,16 +150,16 @@ def _twins(kind: Twins, agents: Sequence[AgentResults]) -> Iterator[Pair]:
     """Yield each agent with each of the others that differs in one setting, and lacks it."""
     ignored = dict.fromkeys((kind.key, *kind.free))
     for agent, other in permutations(_of(agents, kind.algorithms), 2):
-        own, its = _flat(agent), _flat(other)
-        if own | ignored == its | ignored and kind.lacks(own.get(kind.key), its.get(kind.key)):
+        one, two = _flat(agent), _flat(other)
+        if one | ignored == two | ignored and kind.lacks(one.get(kind.key), two.get(kind.key)):
             yield agent, other
 
 
 def _differ_in_actions(agents: Sequence[AgentResults]) -> Iterator[Pair]:
     """Yield each learner with the later ones that differ from it in nothing but their actions."""
     for agent, other in combinations([one for one in agents if not one.is_baseline], 2):
-        own, its = settings(agent), settings(other)
-        if own != its and own | {"actions": None} == its | {"actions": None}:
+        one, two = settings(agent), settings(other)
+        if one != two and one | {"actions": None} == two | {"actions": None}:
             yield agent, other
 
 

@@ -1,8 +1,7 @@
 """The evidence on one claim, before the correction for the number of claims.
 
-Each function here makes one kind of comparison and describes it in words: of two agents, a policy
-and its variant, two spreads, two efforts of which only bounds are known, or several of these at
-once. With a margin it is also tested whether the difference is smaller than the margin.
+Each function makes one kind of comparison and describes it in words. With a margin it also tests
+whether the difference is smaller than the margin.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -36,7 +35,6 @@ from jumping_ant.params.blocks import CompareParams
 Array = NDArray[np.float64]
 NO_PREFERENCE = 0.5  # a probability of improvement that favours neither side
 
-
 Range = tuple[float, float]
 
 
@@ -64,7 +62,7 @@ class Finding:
 
     @property
     def side(self) -> float:
-        """Return a value above 0 if the effect lies on the claimed side, below 0 if opposite."""
+        """Return a value above 0 if the effect lies on the claimed side, below 0 on the other."""
         return float(self.effect.value - self.no_effect) if self.effect else 0.0
 
 
@@ -110,7 +108,7 @@ def independent(
 ) -> Finding:
     """Compare two agents: does a seed of the first exceed `factor` times one of the second?
 
-    The ends of a margin are differences. For a factor the evidence has the ratio.
+    The ends of a margin are differences.
     """
     x, y = first.known, factor * second.known
     plot = _plot(quantity, first, second)
@@ -153,19 +151,15 @@ def paired(
 
     With `not_less_by` the claim is only that the first one is not smaller by so much.
     """
-    differences = first.values - second.values
-    differences = differences[~np.isnan(differences)]
+    differences = Sample("", first.values - second.values).known
     plot = {**_plot(quantity, first, second), "paired": True}
     if not len(differences):
         return _nothing(quantity, plot, ends)
     effect = estimate_mean(differences, params.confidence)
     bound = f", tested against {number(-not_less_by)}" if not_less_by else ""
-    evidence = (
-        f"{quantity}: {_iqm(first, params)}, {_iqm(second, params)}; mean difference of the same "
-        f"seeds {_show(effect, len(differences))}{bound}{_left_out(first, second)}"
-    )
     return Finding(
-        evidence,
+        f"{quantity}: {_iqm(first, params)}, {_iqm(second, params)}; mean difference of the same "
+        f"seeds {_show(effect, len(differences))}{bound}{_left_out(first, second)}",
         f"mean of {first.label} less {second.label}, seed by seed",
         effect,
         -not_less_by,
@@ -182,7 +176,6 @@ def less_spread(
 ) -> Finding:
     """Compare the spread over seeds, relative to the median: does the first one have less?"""
     x, y = first.values, second.values
-
     plot = _plot(quantity, first, second)
     if 0 in (np.median(x), np.median(y)):
         return _nothing(quantity, plot, ends)
@@ -240,9 +233,8 @@ def more_effort(
 def both(findings: Sequence[Finding]) -> Finding:
     """Return the finding on a claim that holds only if all of several findings do.
 
-    Its p value is the largest (Berger, "Multiparameter hypothesis testing and acceptance
-    sampling", Technometrics 24, 1982), and its effect that of the finding with this p value.
-    Effects on different sides decide nothing.
+    It is the one with the largest p value (Berger, "Multiparameter hypothesis testing and
+    acceptance sampling", Technometrics 24, 1982). Effects on different sides decide nothing.
     """
     decisive = max(findings, key=lambda finding: finding.p)
     if len({np.sign(finding.side) for finding in findings}) > 1:
@@ -262,7 +254,7 @@ def _nothing(quantity: str, plot: Mapping[str, Any], ends: Range | None) -> Find
 
 
 def _plot(axis: str, *samples: Sample) -> dict[str, Any]:
-    """Return the plot data; a seed without a value is None, so that seeds keep their positions."""
+    """Return the plot data, None for a seed without a value."""
     values = {
         sample.label: [None if np.isnan(value) else float(value) for value in sample.values]
         for sample in samples
@@ -271,12 +263,9 @@ def _plot(axis: str, *samples: Sample) -> dict[str, Any]:
 
 
 def _left_out(*samples: Sample) -> str:
-    missing = [
-        f"{np.isnan(sample.values).sum()} of {sample.label}"
-        for sample in samples
-        if np.isnan(sample.values).any()
-    ]
-    return f"; seeds without a value are left out: {', '.join(missing)}" if missing else ""
+    counts = [(len(sample.values) - len(sample.known), sample.label) for sample in samples]
+    missing = ", ".join(f"{count} of {label}" for count, label in counts if count)
+    return f"; seeds without a value are left out: {missing}" if missing else ""
 
 
 def _iqm(sample: Sample, params: CompareParams) -> str:

@@ -3,16 +3,13 @@
 docs/measures-and-claims.md fixed them before the run that they judge.
 
 An agent represents its algorithm, whatever its name: with two SAC agents there are two claims on
-SAC and DQN. A claim whose agents or measurements are missing is left out.
-Those on perturbed episodes and on seconds are in the modules `robustness` and `timing`.
+SAC and DQN. A claim whose agents or measurements are missing is left out. The claims on perturbed
+episodes and on seconds are in `jumping_ant.comparison.retention` and `.timing`.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from jumping_ant.comparison.claims.evidence import (
-    PUBLISHED,
-    Case,
     Compare,
     at_full_torque,
     fewer_steps,
@@ -22,8 +19,7 @@ from jumping_ant.comparison.claims.evidence import (
     more_in_version,
 )
 from jumping_ant.comparison.claims.field import Field, Select, each, pairs, twins
-from jumping_ant.comparison.claims.findings import Finding
-from jumping_ant.params.blocks import CompareParams
+from jumping_ant.evaluation.variant_names import PUBLISHED
 
 STATEMENTS = {  # the article's, in our words
     1: "DQN finds out that jumping is best",
@@ -53,16 +49,6 @@ class Row:
     statement: int | None
     text: str
     compare: Compare
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A claim on certain agents, and what was found."""
-
-    text: str
-    statement: int | None
-    agents: tuple[str, ...]
-    finding: Finding
 
 
 # Which agents, in the order of their labels in the texts, and the claims on them.
@@ -153,14 +139,3 @@ CLAIMS: Table = (
             "robot is unedited.", more("apex")),
     )),
 )  # fmt: skip
-
-
-def claims(table: Table, field: Field, params: CompareParams) -> Iterator[Claim]:
-    """Yield the claims of a table that the available agents can test."""
-    for select, rows in table:
-        for agents in select(field):
-            names = tuple(agent.name for agent in agents)
-            labels = [agent.label for agent in agents]
-            for row in rows:
-                if finding := row.compare(Case(agents, field, params)):
-                    yield Claim(row.text.format(*labels), row.statement, names, finding)

@@ -8,12 +8,13 @@ effect lies on the claimed side, *refuted* where it lies on the other side, *equ
 the claims.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from jumping_ant.comparison.claims.evidence import Case
 from jumping_ant.comparison.claims.field import Field
 from jumping_ant.comparison.claims.findings import Finding
-from jumping_ant.comparison.claims.statements import CLAIMS, Claim, Table, claims
+from jumping_ant.comparison.claims.statements import CLAIMS, Row, Table
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.comparison.step_down import Adjusted, adjust
 from jumping_ant.media.style import capitalized, number, p_value
@@ -31,38 +32,45 @@ def check(
 ) -> list[dict[str, Any]]:
     """Return a verdict on each claim of a family, with the keys of docs/measures-and-claims.md.
 
-    `evaluation_episodes` are those per evaluation during training, `table` is the family.
+    `evaluation_episodes` are those per evaluation during training.
     """
     field = Field(list(results.values()), evaluation_episodes)
-    judged = list(claims(table, field, params))
-    adjusted = adjust([(claim.finding.p, _p_outside(claim.finding)) for claim in judged])
-    level = LEVEL + ROUNDING
-    return [
-        _entry(claim, own, level, len(judged)) for claim, own in zip(judged, adjusted, strict=True)
+    claims = [
+        (row, agents, finding)
+        for select, rows in table
+        for agents in select(field)
+        for row in rows
+        if (finding := row.compare(Case(agents, field, params)))
     ]
+    adjusted = adjust([(finding.p, _p_outside(finding)) for _, _, finding in claims])
+    return [_entry(*claim, own, len(claims)) for claim, own in zip(claims, adjusted, strict=True)]
 
 
-def verdict(side: float, adjusted: Adjusted, level: float) -> str:
+def verdict(side: float, adjusted: Adjusted) -> str:
     """Return the verdict on an effect above 0 (as claimed) or below, from its adjusted p values."""
-    if adjusted.difference <= level and side != 0:
+    if _is_rejected(adjusted.difference) and side != 0:
         return "supported" if side > 0 else "refuted"
-    return "equivalent" if _is_small(adjusted, level) else "inconclusive"
+    return "equivalent" if _is_rejected(adjusted.equivalence) else "inconclusive"
 
 
-def _is_small(adjusted: Adjusted, level: float) -> bool:
-    """Return whether the effect lies within the margin."""
-    return adjusted.equivalence is not None and adjusted.equivalence <= level
+def _is_rejected(p: float | None) -> bool:
+    return p is not None and p <= LEVEL + ROUNDING
 
 
 def _p_outside(finding: Finding) -> float | None:
     return finding.margin.p if finding.margin else None
 
 
-def _entry(claim: Claim, adjusted: Adjusted, level: float, num_claims: int) -> dict[str, Any]:
-    finding = claim.finding
+def _entry(
+    row: Row,
+    agents: Sequence[AgentResults],
+    finding: Finding,
+    adjusted: Adjusted,
+    num_claims: int,
+) -> dict[str, Any]:
     unknown = dict.fromkeys(("value", "low", "high"))
     effect = finding.effect.as_dict("value") if finding.effect else unknown
-    outcome = verdict(finding.side, adjusted, level)
+    outcome = verdict(finding.side, adjusted)
     seeds = "1 seed" if finding.num_seeds == 1 else f"{finding.num_seeds} seeds"
     p_values = f"p = {p_value(finding.p)}, {p_value(adjusted.difference)} among {num_claims} claims"
     basis = f"{finding.test}, {seeds}: {p_values}"
@@ -73,12 +81,12 @@ def _entry(claim: Claim, adjusted: Adjusted, level: float, num_claims: int) -> d
             f"; margin {number(margin.ends[0])} to {number(margin.ends[1])}: "
             f"p = {p_value(margin.p)}, {p_value(adjusted.equivalence)}"
         )
-        if outcome in ("supported", "refuted") and _is_small(adjusted, level):
+        if outcome in ("supported", "refuted") and _is_rejected(adjusted.equivalence):
             basis += "; the difference is below practical size"
     return {
-        "text": claim.text,
-        "statement": claim.statement,
-        "agents": list(claim.agents),
+        "text": row.text.format(*(agent.label for agent in agents)),
+        "statement": row.statement,
+        "agents": [agent.name for agent in agents],
         "verdict": outcome,
         "evidence": f"{capitalized(finding.evidence)} ({basis}).",
         "effect": {"name": finding.name, **effect},
