@@ -12,6 +12,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison, results, retention
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.report import figures
+from jumping_ant.report.outcome import Outcome
 
 from . import parse, run
 
@@ -20,19 +21,17 @@ def main() -> None:
     """Run the stage."""
     settings = parse(__doc__)
     agents = results.load(PROJECT_ROOT, settings)
-    summary = comparison.summarize(agents, settings.compare)
-    curves = comparison.learning_curves(agents, settings.compare)
+    outcome = Outcome(settings, agents, comparison.summarize(agents, settings.compare))
     claims = verdicts.check(agents, settings.compare, settings.training.evaluation_episodes)
     withstood = retention.summarize(PROJECT_ROOT, settings, agents)
 
-    files = figures.draw(agents, curves, summary["agents"], settings.compare.confidence)
+    files = figures.draw(outcome)
 
     paths = Paths()
-    families = {name: agent.family for name, agent in agents.items()}
-    curve_table = tables.to_csv(comparison.curve_rows(curves, families))
+    curve_table = tables.to_csv(comparison.curve_rows(outcome.curves, outcome.families))
     write_all(
         {
-            paths.comparison: to_json(summary | {"claims": claims}),
+            paths.comparison: to_json({**outcome.summary, "claims": claims}),
             paths.robustness: to_json(withstood),
             paths.plots / "learning_curves.csv": curve_table,
             paths.plots / "seeds.csv": tables.to_csv(comparison.seed_rows(agents)),

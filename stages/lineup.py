@@ -2,7 +2,7 @@
 
 Usage: python -m stages.lineup
 Reads: params `seeds`, `env`, `evaluate`, `agents`; the robots in assets/, and for each agent
-    results/agents/AGENT/ (trajectory.npz, episodes.csv), models/AGENT/seed-N/curve.csv.
+    results/agents/AGENT/ (trajectory.npz, episodes.csv).
 Writes: media/lineup.rrd; media/digests/lineup.json, the digest of what is recorded.
 """
 

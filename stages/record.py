@@ -2,7 +2,7 @@
 
 Usage: python -m stages.record AGENT (DVC names it in the environment)
 Reads: params `record`, `seeds`, `env`, `evaluate`, `agents.AGENT`; the robot in assets/,
-    results/agents/AGENT/ (trajectory.npz, episodes.csv), models/AGENT/seed-N/curve.csv.
+    results/agents/AGENT/ (trajectory.npz, episodes.csv).
 Writes: media/AGENT.mp4, media/AGENT.rrd; media/digests/AGENT.json, the digest of what is recorded.
 """
 

@@ -37,7 +37,7 @@ env.reset(seed=0)
 env.step(env.action_space.sample())
 assert params_file.load(params_file.DEFAULTS).agents["sac"].algorithm == "sac"
 report = files("jumping_ant") / "report"
-pages = ("frame.html", "pieces.html", "template.html", "style.css", "charts.js", "films.js")
+pages = ("template.html", "style.css", "charts.js", "films.js")
 assert all((report / name).is_file() for name in pages)
 assert "site-packages" in jumping_ant.__file__
 assert not {"torch", "mlflow", "dvc", "ray", "pandas"} & set(sys.modules)

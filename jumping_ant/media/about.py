@@ -13,11 +13,10 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.evaluation import episodes
 from jumping_ant.media import style
 from jumping_ant.media.scene import METRES_PER_NEWTON
-from jumping_ant.media.states import LEG_COLORS, Array, limbs
+from jumping_ant.media.states import LEG_COLORS, limbs
 from jumping_ant.params.model import Params
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
-from jumping_ant.training import curves
 
 MEASURES = ("return", "peak_height", "jumps", "airborne_seconds")
 
@@ -37,7 +36,6 @@ class Story:
     robot: str  # `edited` or `unedited`
     measures: Mapping[str, float]  # the episode's `MEASURES`
     mean_return: float  # over all of the agent's held-out episodes
-    curves: Mapping[int, tuple[Array, Array]]  # control steps and returns of evaluations, by seed
 
     @property
     def label(self) -> str:
@@ -57,10 +55,6 @@ def read(root: Path, params: Params, agent: str, trajectory: Trajectory) -> Stor
         robot=block.robot,
         measures={name: shown[name] for name in MEASURES},
         mean_return=float(table["return"].mean()),
-        curves={
-            seed: curves.evaluations(curves.read(root, params, agent, seed))
-            for seed in params.seeds
-        },
     )
 
 
@@ -101,7 +95,6 @@ The recording loops over the highest jump of the {end / 1e9:g} s that are filmed
 **What to look at.** Arrows are the forces of the ground on each limb ({arrow}): long when the
 robot pushes off and lands, absent while it flies. The blue trail is the torso's path.
 {reward}
-The blue learning curve is this seed's, the grey ones are the other seeds'.
 
 **Colours.** {colors}; the same for shapes, arrows, torques and forces.
 
@@ -119,12 +112,15 @@ def lineup_page(
     ranked = sorted(stories.items(), key=lambda item: -item[1].mean_return)
     is_crowded = style.is_crowded({agent: story.family for agent, story in ranked})
     tabs = "\nThe tabs show the best agent of each family, and each family." if is_crowded else ""
-    rows = "\n".join(
-        f"| **{story.label}**{_remark(story)} | {trajectories[agent].seed} | "
-        f"{story.measures['return']:,.0f} | {story.mean_return:,.0f} | "
-        f"{story.measures['peak_height']:.2f} m | {story.measures['jumps']:.0f} |"
-        for agent, story in ranked
-    )
+    rows = []
+    for agent, story in ranked:
+        remark = style.remark(story.family == BASELINE, story.robot)
+        rows.append(
+            f"| **{story.label}**{f' ({remark})' if remark else ''} | {trajectories[agent].seed} | "
+            f"{story.measures['return']:,.0f} | {story.mean_return:,.0f} | "
+            f"{story.measures['peak_height']:.2f} m | {story.measures['jumps']:.0f} |"
+        )
+    table = "\n".join(rows)
     return f"""\
 ## The agents side by side
 
@@ -132,7 +128,7 @@ Each agent's median held-out episode, all started at the same time.{tabs}
 
 | agent | seed | return | mean return | peak | jumps |
 |---|---|---|---|---|---|
-{rows}
+{table}
 
 A baseline learns nothing. The mean is over all seeds and held-out episodes. Each agent has one
 colour, for its torso, its trail and its height in the plot; baselines are grey.
@@ -141,9 +137,3 @@ highest jump of the first {end / 1e9:g} s, at {peak / 1e9:.1f} s.
 
 {NAVIGATION}
 """
-
-
-def _remark(story: Story) -> str:
-    """Return what sets an agent apart from learners on the edited robot, in brackets."""
-    remark = style.remark(story.family == BASELINE, story.robot)
-    return f" ({remark})" if remark else ""

@@ -1,9 +1,8 @@
 """Pictures of a robot's states, in order, rendered by as many processes as pay off.
 
-MuJoCo renders while holding the GIL, and a software renderer gains little from threads. Each
-process is a small program that writes its share to a pipe. It starts faster than a
-`multiprocessing` process, which would import the caller's program too, and blocks until its
-pictures are read.
+MuJoCo renders while holding the GIL. Each process is a small program that writes its share to a
+pipe: it starts faster than a `multiprocessing` process, which would import the caller's program
+too, and blocks until its pictures are read.
 """
 
 import contextlib
@@ -25,13 +24,12 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.sim import gl
 
 Picture = NDArray[np.uint8]
-Process = subprocess.Popen[bytes]
 
 PICTURES_PER_PROCESS = 100  # fewer are drawn before another process has started
 PIPE_BYTES = 2**20  # Linux's limit for all users; a picture of 480 x 480 takes two thirds
 MAX_PROCESSES = 4  # the encoder takes pictures one by one and cannot keep up with more
 
-_PROGRAM = "from jumping_ant.looks import drawing; drawing.serve()"
+_PROGRAM = "from jumping_ant.media import drawing; drawing.serve()"
 # Each process fills a core, so llvmpipe, Mesa's software renderer, needs no extra threads.
 _ENVIRONMENT = {"LP_NUM_THREADS": "0"}
 
@@ -53,7 +51,7 @@ class Shots:
 def draw(shots: Shots, processes: int = 0) -> Iterator[Picture]:
     """Draw shots as pictures of shape (height, width, 3), which do not depend on `processes`.
 
-    With 1, this process draws; 0 means as many as pay off. Raises `InputError` if this machine
+    With 1, this process draws; 0 means as many as pay off. Raise `InputError` if this machine
     cannot render.
     """
     useful = min(machine.num_cores(), MAX_PROCESSES, len(shots.qpos) // PICTURES_PER_PROCESS)
@@ -62,9 +60,9 @@ def draw(shots: Shots, processes: int = 0) -> Iterator[Picture]:
 
 
 def serve() -> None:
-    """Draw the shots that arrive pickled on standard input, for `_draw_apart`.
+    """Draw the shots pickled on standard input; pickled pictures go to standard output.
 
-    Pickled pictures go to standard output. If the reader has gone, the work ends silently.
+    If the reader has gone, the work ends silently.
     """
     with contextlib.suppress(BrokenPipeError), os.fdopen(os.dup(1), "wb") as pipe:
         os.dup2(2, 1)  # what libraries print goes to standard error
@@ -92,9 +90,8 @@ def _draw_here(shots: Shots) -> Iterator[Picture]:
 def _finish(scene: mujoco.MjvScene) -> None:
     """Lay haze over the horizon of the ground z = 0, and let planes cast no shadow.
 
-    MuJoCo draws haze only for infinite planes; the one added here has size zero and is itself
-    invisible. Decoration casts no shadows. The shadow of a plane would fall only on the plane
-    itself, through rounding errors.
+    MuJoCo draws haze only for infinite planes; the one added here has size zero and is invisible.
+    A plane would cast a shadow only on itself, through rounding errors; decoration casts none.
     """
     mujoco.mjv_initGeom(
         scene.geoms[scene.ngeom],
@@ -116,6 +113,7 @@ def _draw_apart(shots: Shots, processes: int) -> Iterator[Picture]:
     with contextlib.ExitStack() as stack:
         artists = [stack.enter_context(_start()) for _ in range(processes)]
         for number, artist in enumerate(artists):
+            stack.callback(artist.kill)
             share = slice(number, None, processes)
             part = replace(shots, qpos=shots.qpos[share], lookat=shots.lookat[share])
             # A process that has died sends no picture.
@@ -132,21 +130,16 @@ def _draw_apart(shots: Shots, processes: int) -> Iterator[Picture]:
                 ) from error
 
 
-@contextlib.contextmanager
-def _start() -> Iterator[Process]:
-    with subprocess.Popen(
+def _start() -> subprocess.Popen[bytes]:
+    process = subprocess.Popen(
         [sys.executable, "-c", _PROGRAM],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env=os.environ | _ENVIRONMENT,
         start_new_session=True,  # Ctrl-C reaches only this process, which ends them
-    ) as process:
-        # With room for a picture in the pipe, the next is drawn before the last is read. Systems
-        # without this call, or with a lower limit, only wait longer.
-        with contextlib.suppress(AttributeError, OSError):
-            fcntl.fcntl(cast(IO[bytes], process.stdout), fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-        try:
-            yield process
-        except BaseException:
-            process.kill()
-            raise
+    )
+    # With room for a picture in the pipe, the next is drawn before the last is read. Systems
+    # without this call, or with a lower limit, only wait longer.
+    with contextlib.suppress(AttributeError, OSError):
+        fcntl.fcntl(cast(IO[bytes], process.stdout), fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+    return process

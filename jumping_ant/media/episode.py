@@ -15,17 +15,14 @@ Entities, over `sim_time` [s] and, except for the film, `control_step`:
 | /contacts | number of contacts | |
 | /phase | `grounded`, or `airborne` without any contact | |
 | /film/frames | the frames of the film | |
-| /learning/curves/seed-<n> | returns of a seed's policy while it learned; always there | |
 | /about | a page of text; always there | |
 """
 
 import numpy as np
 import rerun as rr
 
-from jumping_ant.base.errors import InputError
-from jumping_ant.media import about, curves, layout, rerun_file, series, states
+from jumping_ant.media import about, layout, rerun_file, scene, states
 from jumping_ant.media.about import Story
-from jumping_ant.media.scene import log_scene
 from jumping_ant.media.states import Indices, time_columns
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
@@ -37,20 +34,16 @@ def record(world: World, trajectory: Trajectory, story: Story, mp4: bytes) -> re
     The film, `mp4`, starts with the episode and may end before it.
     """
     video = rr.AssetVideo(contents=mp4, media_type="video/mp4")
-    try:
-        frames: Indices = video.read_frame_timestamps_nanos()
-    except RuntimeError as error:
-        raise InputError(f"film: given {len(mp4)} bytes that are not MP4: {error}") from error
-    found = states.derive(world, trajectory)
-    end = min(int(frames[-1]), int(found.times[-1]))
-    _, peak = found.peak(end)
+    frames: Indices = video.read_frame_timestamps_nanos()
+    motion = states.derive(world, trajectory)
+    end = min(int(frames[-1]), int(motion.times[-1]))
+    _, peak = motion.peak(end)
 
     def log(stream: rr.RecordingStream) -> None:
-        log_scene(stream, world, found)
-        series.log_states(stream, world, found)
-        series.log_control(stream, world, trajectory, found)
+        scene.log_scene(stream, world, motion)
+        scene.log_state_series(stream, world, motion)
+        scene.log_control_series(stream, world, trajectory, motion)
         _log_film(stream, video, frames)
-        curves.log_curves(stream, story.curves, trajectory.seed)
         about.log_page(stream, about.episode_page(world, trajectory, story, peak, end))
 
     name = f"{story.agent}-seed-{trajectory.seed}-episode-{trajectory.episode}"

@@ -6,7 +6,6 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from jumping_ant.media import curves
 from jumping_ant.media.scene import camera_path
 from jumping_ant.media.states import TIMELINE, motor_names
 from jumping_ant.sim.world import World
@@ -24,12 +23,10 @@ ABOUT = rrb.TextDocumentView(origin="about", name="About")
 def episode_layout(world: World, peak: int, end: int) -> rrb.Blueprint:
     """Arrange an episode, filmed up to `end` [ns]; it plays what is around `peak` [ns]."""
     film = rrb.Spatial2DView(origin="film", name=f"Film of the first {end / 1e9:g} s")
-    left = rrb.Vertical(
-        _scene(world, "Robot"),
-        rrb.Horizontal(film, curves.view(), column_shares=[2, 5]),
-        row_shares=[7, 3],
-    )
-    right = rrb.Vertical(ABOUT, *_plots(world), row_shares=[10, 4, 3, 3, 7])
+    height, *plots = _plots(world)
+    beside_film = rrb.Horizontal(film, height, column_shares=[2, 5])
+    left = rrb.Vertical(_scene(world, "Robot"), beside_film, row_shares=[7, 3])
+    right = rrb.Vertical(ABOUT, *plots, row_shares=[10, 3, 3, 7])
     whole = rrb.Horizontal(left, right, column_shares=[3, 2])
     return rrb.Blueprint(whole, _repeat(peak, end), collapse_panels=True)
 
@@ -41,14 +38,9 @@ def lineup_layout(
     peak: int,
     end: int,
 ) -> rrb.Blueprint:
-    """Arrange agents side by side, with their heights and text.
+    """Arrange agents side by side, with their heights and text, in `groups`: tabs by title.
 
-    Args:
-        worlds: Each agent's robot.
-        labels: Each agent's display name.
-        groups: The agents of each tab, by its title.
-        peak: What is around this time [ns] plays in a loop.
-        end: The loop ends here at the latest [ns].
+    What is around `peak` [ns] plays in a loop, which ends at `end` [ns] at the latest.
     """
     tabs = []
     for title, agents in groups.items():
@@ -71,9 +63,7 @@ def _scene(world: World, name: str, root: str = "") -> rrb.Spatial3DView:
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(spacing=1.0, color=GRID_COLOR, stroke_width=1.0),
         eye_controls=rrb.EyeControls3D(
-            position=EYE,
-            look_target=LOOK_TARGET,
-            tracking_entity=f"/{root}{camera_path(world)}",
+            position=EYE, look_target=LOOK_TARGET, tracking_entity=f"/{root}{camera_path(world)}"
         ),
         overrides={f"/{root}trail": trail},
     )
@@ -100,7 +90,6 @@ def _plots(world: World) -> list[rrb.View | rrb.Container]:
 
 
 def _close_up(name: str, paths: list[str], before: float, after: float) -> rrb.TimeSeriesView:
-    """Plot series around the current time only [s]."""
     return rrb.TimeSeriesView(
         origin="/",
         contents=paths,

@@ -1,4 +1,4 @@
-"""All agents side by side as one recording: each one's robot in 3-D, and their heights together.
+"""All agents side by side as one recording: each robot in 3-D, and their heights together.
 
 Entities, over `sim_time` [s] and `control_step`:
 
@@ -17,8 +17,7 @@ import rerun as rr
 from jumping_ant.agents.families import by_family
 from jumping_ant.media import about, layout, rerun_file, states, style
 from jumping_ant.media.about import Story
-from jumping_ant.media.scene import log_scene
-from jumping_ant.media.series import log_series
+from jumping_ant.media.scene import log_scene, log_series
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
@@ -32,20 +31,20 @@ def record(
     stories: Mapping[str, Story],
 ) -> rerun_file.Recording:
     """Record each agent's episode, looping over the highest jump of their opening."""
-    found = {
+    motions = {
         agent: states.derive(worlds[agent], trajectory, STRIDE)
         for agent, trajectory in trajectories.items()
     }
-    end = min(OPENING, max(int(moves.times[-1]) for moves in found.values()))
-    _, peak = max(moves.peak(end) for moves in found.values())
+    end = min(OPENING, max(int(motion.times[-1]) for motion in motions.values()))
+    _, peak = max(motion.peak(end) for motion in motions.values())
     drawn = style.looks({agent: story.family for agent, story in stories.items()})
 
     def log(stream: rr.RecordingStream) -> None:
-        for agent, moves in found.items():
+        for agent, motion in motions.items():
             color = tuple(bytes.fromhex(drawn[agent].colour[1:]))
-            log_scene(stream, worlds[agent], moves, f"{agent}/", color)
+            log_scene(stream, worlds[agent], motion, f"{agent}/", color)
             path, label = f"height/{agent}", stories[agent].label
-            log_series(stream, path, label, color, moves.columns, moves.heights)
+            log_series(stream, path, label, color, motion.columns, motion.heights)
         about.log_page(stream, about.lineup_page(stories, trajectories, peak, end))
 
     labels = {agent: story.label for agent, story in stories.items()}

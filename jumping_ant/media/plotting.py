@@ -25,7 +25,7 @@ STYLE: Any = {  # matplotlib types it by each key's name
     "savefig.dpi": 150,
     "svg.hashsalt": "jumping-ant",  # the SVG's element names are random without it
 }
-STYLES = ["default", STYLE]  # whatever the reader's own matplotlibrc says
+STYLES = ["default", STYLE]  # whatever the reader's matplotlibrc says
 
 
 def entitle(figure: Figure, title: str) -> Figure:

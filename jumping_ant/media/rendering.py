@@ -40,15 +40,13 @@ CAMERA_SMOOTHING = 0.25
 CAMERA_HEIGHT = 0.22
 CAMERA_SLACK = 0.2
 
-# Corners of round parts: around, and from pole to pole. At the size of the films, MuJoCo's 28 and
-# 16 look the same, and every corner is computed three times per frame.
+# Corners of round parts: around, and from pole to pole. In films, MuJoCo's 28 and 16 look the same.
 SLICES, STACKS = 16, 10
 LIGHT_HEIGHT = 8.0  # [m] height of the lamp above the torso
 SHADOW_REACH = 2.0  # [m] largest distance of a shadow from the point below the torso
 TILE = 2.0  # [m] side of the floor's squares
-# [m] from the origin to the edge of the floor, farther than episodes go. MuJoCo cuts an infinite
-# floor into 40,000 pieces, which took longer to draw than everything else. The number of tiles is
-# odd, which puts corners of tiles at the origin.
+# [m] from the origin to the edge of the floor, farther than episodes go: MuJoCo draws an infinite
+# floor slowly. The number of tiles is odd, which puts corners of tiles at the origin.
 FLOOR_REACH = 501 * TILE
 DARK_TILE = (0.30, 0.37, 0.45)
 LIGHT_TILE = (0.36, 0.44, 0.53)

@@ -29,21 +29,17 @@ def write(
 
     A viewer merges recordings that share a `name`; `title` is what it calls them.
     """
-    was_strict = rr.strict_mode()
     rr.set_strict_mode(True)  # otherwise Rerun skips invalid data with a warning
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "recording.rrd"
-            with rr.RecordingStream(
-                APPLICATION_ID, recording_id=name, send_properties=False, batcher_config=_BATCHING
-            ) as stream:
-                stream.set_log_time_enabled(False)
-                stream.save(path, default_blueprint=layout)
-                stream.send_recording_name(title)
-                log(stream)
-            return Recording(path.read_bytes(), digest(path))
-    finally:
-        rr.set_strict_mode(was_strict)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "recording.rrd"
+        with rr.RecordingStream(
+            APPLICATION_ID, recording_id=name, send_properties=False, batcher_config=_BATCHING
+        ) as stream:
+            stream.set_log_time_enabled(False)
+            stream.save(path, default_blueprint=layout)
+            stream.send_recording_name(title)
+            log(stream)
+        return Recording(path.read_bytes(), digest(path))
 
 
 def digest(path: Path) -> str:

@@ -125,7 +125,6 @@ def derive(world: World, trajectory: Trajectory, stride: int = 1) -> States:
 def _add_contacts(
     model: mujoco.MjModel, data: mujoco.MjData, limbs: Indices, states: States, index: int
 ) -> None:
-    """Sum up a state's contacts per limb, including the contact points."""
     force = np.empty(6)
     for number, contact in enumerate(data.contact):
         mujoco.mj_contactForce(model, data, number, force)

@@ -30,12 +30,6 @@ DASHES = ("--", ":", "-.")
 INK = "#333333"
 PAIR = "#B0B0B0"  # of the lines between values of the same seed
 CHANCES = ("#F4A582", "#F7F7F7", "#7FB6E0")  # of winning: from never to always
-VERDICTS = {
-    "supported": "#00795A",
-    "refuted": "#B4461B",
-    "equivalent": "#2B5F9E",
-    "inconclusive": "#6B7280",
-}
 MOST_IN_A_PANEL = 6  # learners whose curves one panel can show
 
 
@@ -55,17 +49,14 @@ def looks(families: Mapping[str, Family]) -> dict[str, Look]:
         name: Look(GREYS[i // len(DASHES) % len(GREYS)], "x", DASHES[i % len(DASHES)])
         for i, name in enumerate(grouped.pop(BASELINE, []))
     }
-    learners = [(name, family, i) for family, own in grouped.items() for i, name in enumerate(own)]
+    learners = [
+        (name, family, i) for family, names in grouped.items() for i, name in enumerate(names)
+    ]
     for number, (name, family, place) in enumerate(learners):
         line = LINES[place // SHADES_PER_LINE % len(LINES)]
         colour = _mixed(COLOURS[family], SHADES[place % len(SHADES)])
         drawn[name] = Look(colour, MARKERS[number % len(MARKERS)], line)
     return {name: drawn[name] for name in families}
-
-
-def of_sample(label: str, drawn: Mapping[str, Look]) -> Look:
-    """Return the look of a claim's sample, `SAC` or `SAC, rounded`, from those by agent label."""
-    return drawn[label.partition(", ")[0]]
 
 
 def is_crowded(families: Mapping[str, Family]) -> bool:

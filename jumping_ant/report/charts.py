@@ -4,17 +4,16 @@ They are Plotly figures, in which agents keep the colours and markers of all oth
 `jumping_ant.media.style`). Charts show exactly what `results/` holds: nothing is smoothed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 
 from jumping_ant.comparison.comparison import LearningCurve
-from jumping_ant.comparison.results import AgentResults
 from jumping_ant.evaluation import measures
 from jumping_ant.media.style import CHANCES, INK, Look
-from jumping_ant.report import charting
+from jumping_ant.report.outcome import BUDGET, LEARNING, Outcome, log_ends
 
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', sans-serif"
 GRID = "#E6E8EC"
@@ -47,32 +46,24 @@ ROW = 28  # [pixels] height of an agent's row
 MENU = 460  # [pixels] height of the menu of measures, open
 
 
-def learning(
-    results: Mapping[str, AgentResults],
-    curves: Mapping[str, LearningCurve],
-    drawn: Mapping[str, Look],
-    reference: str | None = None,
-) -> go.Figure:
-    """Draw the return while learning, with its interval.
+def learning(outcome: Outcome, names: Iterable[str]) -> go.Figure:
+    """Draw some agents' return while learning, with its interval; all agents give the axes.
 
-    All `curves` give the axes, which charts thus share.
-    With a `reference`, baselines are thin lines, of which only this one is named.
+    Of many agents, baselines are thin lines, of which only the best is named.
     """
     figure = go.Figure()
-    for name, agent in results.items():
-        curve, look = curves[name], drawn[name]
+    for name in names:
+        agent, curve, look = outcome.results[name], outcome.curves[name], outcome.looks[name]
         line: dict[str, Any] = {
             "x": curve.trained.tolist(),
             "y": curve.returns.value.tolist(),
             "name": agent.label,
             "hovertemplate": "%{y:,.0f}",
         }
-        if agent.is_baseline and reference:
+        if agent.is_baseline and outcome.is_crowded:
             line |= {"mode": "lines", "line": {"color": look.colour, "width": 1}}
-            line |= {"showlegend": name == reference}
-            if name != reference:
-                del line["hovertemplate"]
-                line["hoverinfo"] = "skip"
+            if name != outcome.best_baseline:
+                line |= {"showlegend": False, "hovertemplate": None, "hoverinfo": "skip"}
         else:
             _add_band(figure, curve, look, name)
             line |= {
@@ -82,19 +73,18 @@ def learning(
                 "marker": {"symbol": SYMBOLS[look.marker], "size": 7},
             }
         figure.add_scatter(**line)
-    places = [curve.trained for curve in curves.values()]
-    highest = max(curve.returns.high.max() for curve in curves.values())
-    lowest = min(curve.returns.low.min() for curve in curves.values())
-    ends = charting.log_ends(places)
-    budget = max(float(times[-1]) for times in places)
+    curves = outcome.curves.values()
+    highest = max(curve.returns.high.max() for curve in curves)
+    lowest = min(curve.returns.low.min() for curve in curves)
+    ends = log_ends([curve.trained for curve in curves])
+    budget = max(float(curve.trained[-1]) for curve in curves)
     axis = LOG_AXIS | {"range": np.log10(ends).tolist()} if ends else linear_axis(budget, 0.03)
-    figure.update_xaxes(title=charting.BUDGET, hoverformat=",.3~s", **axis)
-    figure.update_yaxes(title=charting.LEARNING, range=[min(0, lowest), 1.05 * highest])
+    figure.update_xaxes(title=BUDGET, hoverformat=",.3~s", **axis)
+    figure.update_yaxes(title=LEARNING, range=[min(0, lowest), 1.05 * highest])
     return finish(figure, 380, hovermode="x unified")
 
 
 def _add_band(figure: go.Figure, curve: LearningCurve, look: Look, group: str) -> None:
-    """Add the interval of a learning curve."""
     x, low, high = (
         part.tolist() for part in (curve.trained, curve.returns.low, curve.returns.high)
     )
@@ -112,9 +102,10 @@ def _add_band(figure: go.Figure, curve: LearningCurve, look: Look, group: str) -
     )
 
 
-def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> go.Figure:
+def episodes(outcome: Outcome) -> go.Figure:
     """Draw every held-out episode, one measure at a time, chosen from a menu."""
     figure = go.Figure()
+    results = outcome.results
     first, *others = (agent.episodes for agent in results.values())
     columns = [name for name in first if all(name in table for table in others)]
     shown = {name: about for name in columns if (about := measures.of_column(name))}
@@ -124,7 +115,7 @@ def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> 
             figure.add_box(
                 x=agent.episodes[measure].tolist(),
                 name=agent.label,
-                marker={"color": drawn[name].colour, "size": 5, "opacity": 0.65},
+                marker={"color": outcome.looks[name].colour, "size": 5, "opacity": 0.65},
                 boxpoints="all",
                 jitter=0.5,
                 pointpos=0,
@@ -134,22 +125,27 @@ def episodes(results: Mapping[str, AgentResults], drawn: Mapping[str, Look]) -> 
                 visible=measure == "return",
                 showlegend=False,
             )
-    buttons = [
-        {
-            "label": shown[measure].label,
-            "method": "update",
-            "args": [
-                {"visible": [other == measure for other in shown for _ in results]},
-                {"xaxis.title.text": shown[measure].axis},
-            ],
-        }
-        for measure in shown
-    ]
-    menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom"}
-    figure.update_layout(updatemenus=[menu | {"pad": {"b": 10}}])
+    add_menu(figure, {about.label: about.axis for about in shown.values()}, len(results))
     figure.update_xaxes(title=shown["return"].axis, rangemode="tozero")
     figure.update_yaxes(autorange="reversed")
     return finish(figure, max(MENU, 130 + ROW * len(results)), top=70)
+
+
+def add_menu(figure: go.Figure, axes: Mapping[str, str], num_traces: int) -> None:
+    """Add a menu of the titles of the x axis, by label; each shows the next `num_traces` traces."""
+    buttons = [
+        {
+            "label": label,
+            "method": "update",
+            "args": [
+                {"visible": [other == label for other in axes for _ in range(num_traces)]},
+                {"xaxis.title.text": title},
+            ],
+        }
+        for label, title in axes.items()
+    ]
+    menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1, "yanchor": "bottom"}
+    figure.update_layout(updatemenus=[menu | {"pad": {"b": 10}}])
 
 
 def linear_axis(most: float, room: float) -> dict[str, Any]:

@@ -15,12 +15,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import EngFormatter
 
 from jumping_ant.agents.families import by_family
-from jumping_ant.comparison import comparison
 from jumping_ant.comparison.comparison import LearningCurve
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.media.plotting import STYLES, entitle, render
-from jumping_ant.media.style import COLOURS, INK, Look, looks, number, panels
-from jumping_ant.report import charting
+from jumping_ant.media.style import COLOURS, INK, Look, number, panels
+from jumping_ant.report.outcome import BUDGET, LEARNING, RETURN, Outcome, log_ends
 
 KINDS: tuple[Literal["png", "svg"], ...] = ("png", "svg")
 # Marks in a row of seeds, as matplotlib's keywords.
@@ -30,50 +29,36 @@ MEAN: Any = {"linestyle": "", "marker": "D", "markersize": 5, "markerfacecolor":
 RING: Any = {"linestyle": "", "marker": "o", "markersize": 10, "markerfacecolor": "none"}
 
 
-def draw(
-    results: Mapping[str, AgentResults],
-    curves: Mapping[str, LearningCurve],
-    agents: Mapping[str, Any],
-    confidence: float,
-) -> dict[str, bytes]:
-    """Return each figure's files, PNG and SVG, by name; `agents` are those of a summary."""
-    interval = (
-        f"{100 * confidence:g} % interval (Student's t on the exact bootstrap standard error)"
-    )
+def draw(outcome: Outcome) -> dict[str, bytes]:
+    """Return each figure's files, PNG and SVG, by name."""
+    level = f"{100 * outcome.params.compare.confidence:g} %"
+    interval = f"{level} interval (Student's t on the exact bootstrap standard error)"
+    final = f"Return of the published policies, {interval}"
+    learning = f"Return while learning: interquartile mean over seeds,\n{interval}"
     with style.context(STYLES):
         figures = {
-            "learning_curves": entitle(
-                learning_curves(results, curves, agents),
-                f"Return while learning: interquartile mean over seeds,\n{interval}",
-            ),
-            "final_return": entitle(
-                final_return(results, agents), f"Return of the published policies, {interval}"
-            ),
+            "learning_curves": entitle(learning_curves(outcome), learning),
+            "final_return": entitle(final_return(outcome), final),
         }
     return {
         f"{name}.{kind}": render(figure, kind) for name, figure in figures.items() for kind in KINDS
     }
 
 
-def learning_curves(
-    results: Mapping[str, AgentResults],
-    curves: Mapping[str, LearningCurve],
-    agents: Mapping[str, Any],
-) -> Figure:
+def learning_curves(outcome: Outcome) -> Figure:
     """Draw the returns while learning: one panel, or with many learners one for each family.
 
     In families' panels, baselines are thin lines, of which the best is named.
     """
-    drawn = looks(charting.families(results))
-    best = comparison.best_baseline(results, agents)
-    grouped = panels({name: results[name].family for name in curves})
+    results, curves, drawn = outcome.results, outcome.curves, outcome.looks
+    grouped = panels(outcome.families)
     height = 4 if len(grouped) == 1 else 0.9 + 2.2 * len(grouped)
     figure = Figure(figsize=(9, height), layout="constrained")
     rows = figure.subplots(len(grouped), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for axes, (family, names) in zip(rows, grouped.items(), strict=True):
         for name in names:
             if family and results[name].is_baseline:
-                label = results[name].label if name == best else "_"
+                label = results[name].label if name == outcome.best_baseline else "_"
                 level = curves[name].returns.value[-1]
                 axes.axhline(level, color=drawn[name].colour, linewidth=0.8, label=label)
             else:
@@ -81,43 +66,43 @@ def learning_curves(
         if family:
             axes.set_title(family.capitalize())
             axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9)
-        axes.set_ylabel("Return" if family else charting.LEARNING)
+        axes.set_ylabel("Return" if family else LEARNING)
     if "" in grouped:
         handles, labels = rows[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=min(5, len(labels)))
-    ends = charting.log_ends([curve.trained for curve in curves.values()])
+    ends = log_ends([curve.trained for curve in curves.values()])
     if ends:
         rows[-1].set_xscale("log", nonpositive="clip")
         rows[-1].set_xlim(ends)
     rows[-1].xaxis.set_major_formatter(EngFormatter(sep=""))
-    rows[-1].set_xlabel(charting.BUDGET)
+    rows[-1].set_xlabel(BUDGET)
     rows[-1].set_ylim(bottom=0)
     return figure
 
 
 def _draw_curve(axes: Axes, agent: AgentResults, curve: LearningCurve, look: Look) -> None:
-    """Draw a curve with its interval."""
     x, returns = curve.trained, curve.returns
     axes.fill_between(x, returns.low, returns.high, color=look.colour, alpha=0.15, linewidth=0)
     marks: Any = {"marker": "" if agent.is_baseline else look.marker, "markersize": 4}
     axes.plot(x, returns.value, look.line, color=look.colour, label=agent.label, **marks)
 
 
-def final_return(results: Mapping[str, AgentResults], agents: Mapping[str, Any]) -> Figure:
+def final_return(outcome: Outcome) -> Figure:
     """Draw a row per agent, the best on top, with its seeds' returns and what sums them up."""
-    ranked = comparison.ranking(agents)
+    ranked = outcome.ranked
+    returns = {name: outcome.results[name].quantities["return"] for name in ranked}
     figure = Figure(figsize=(9, 0.9 + (0.7 + 0.4 * len(ranked))), layout="constrained")
     axes = figure.subplots()
-    families = charting.families(results)
-    drawn = looks(families)
-    for row, name in enumerate(ranked):
-        _draw_row(
-            axes, row, results[name].quantities["return"], agents[name]["return"], drawn[name]
-        )
-    axes.set_xlabel(charting.RETURN)
+    for row, (name, seeds) in enumerate(returns.items()):
+        _draw_row(axes, row, seeds, outcome.agents[name]["return"], outcome.looks[name])
+    axes.set_xlabel(RETURN)
     axes.grid(False, axis="y")
-    _anchor_at_zero(axes, np.concatenate([results[name].quantities["return"] for name in ranked]))
-    axes.set_yticks(range(len(ranked)), [results[name].label for name in ranked])
+    values = np.concatenate([*returns.values()])
+    if (values >= 0).all():  # the axis ends at zero where all returns lie on one side of it
+        axes.set_xlim(left=0)
+    elif (values <= 0).all():
+        axes.set_xlim(right=0)
+    axes.set_yticks(range(len(ranked)), [outcome.results[name].label for name in ranked])
     axes.set_ylim(len(ranked) - 0.5, -0.6)  # the first row on top
     handles = [
         Line2D([], [], label="seed", color=INK, linestyle="", marker="o", alpha=0.6),
@@ -127,7 +112,7 @@ def final_return(results: Mapping[str, AgentResults], agents: Mapping[str, Any])
         Line2D([], [], label="worst seed", color=INK, **RING),
         *(
             Line2D([], [], label=family, color=COLOURS[family], linewidth=4)
-            for family in by_family(families)
+            for family in by_family(outcome.families)
         ),
     ]
     figure.legend(handles=handles, loc="outside lower left", ncols=5, fontsize=9)
@@ -146,11 +131,3 @@ def _draw_row(
     axes.plot(statistics["mean"], row, color=look.colour, **MEAN)
     axes.annotate(number(iqm), (iqm, row), (0, 10), **text)
     axes.plot(statistics["worst"], row, color=INK, **RING)
-
-
-def _anchor_at_zero(axes: Axes, values: np.ndarray) -> None:
-    """End the x axis at zero where all values lie on one side of it."""
-    if (values >= 0).all():
-        axes.set_xlim(left=0)
-    elif (values <= 0).all():
-        axes.set_xlim(right=0)

@@ -2,7 +2,7 @@
 
 import base64
 import io
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,11 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison.results import AgentResults
 from jumping_ant.evaluation import episodes
-from jumping_ant.media import drawing, rendering, style
+from jumping_ant.media import drawing, rendering
 from jumping_ant.media.drawing import Shots
-from jumping_ant.media.style import Look
 from jumping_ant.params.model import Params
-from jumping_ant.report import charting, charts
+from jumping_ant.report import charts
+from jumping_ant.report.outcome import Outcome
 from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.anatomy import Anatomy
 from jumping_ant.sim.trajectory import Trajectory
@@ -58,35 +58,24 @@ def read(root: Path, params: Params, agent: AgentResults) -> Film:
     return Film(episode, times, anatomy.heights(episode.qpos[rows]), torques)
 
 
-def figures(
-    root: Path,
-    results: Mapping[str, AgentResults],
-    films: Mapping[str, Film],
-    drawn: Mapping[str, Look],
-) -> dict[str, go.Figure]:
-    """Return the charts of films by their places: the heights in all, the torques of each.
-
-    Of many agents only each family's best, which comes first, has its height shown at first.
-    """
-    families = charting.families(results)
-    best = [names[0] for names in by_family(families).values()]
-    shown = best if style.is_crowded(families) else [*results]
+def figures(root: Path, outcome: Outcome, films: Mapping[str, Film]) -> dict[str, go.Figure]:
+    """Return the charts of films by their places: the heights in all, the torques of each."""
     model = robot.load(robot.read(root))
     motors = [model.actuator(index).name for index in range(model.nu)]
     by_place = {f"torques_{name}": _torques(film, motors) for name, film in films.items()}
-    return by_place | {"heights": _heights(results, films, drawn, shown)}
+    return by_place | {"heights": _heights(outcome, films)}
 
 
-def _heights(
-    results: Mapping[str, AgentResults],
-    films: Mapping[str, Film],
-    drawn: Mapping[str, Look],
-    shown: Collection[str],
-) -> go.Figure:
-    """Draw the torso's height in each film; lines of agents not in `shown` are a click away."""
+def _heights(outcome: Outcome, films: Mapping[str, Film]) -> go.Figure:
+    """Draw the torso's height in each film.
+
+    Of many agents each family's best, which comes first, is shown; a click shows the others.
+    """
+    best = [names[0] for names in by_family(outcome.families).values()]
+    shown = best if outcome.is_crowded else [*outcome.results]
     figure = go.Figure()
-    for name, agent in results.items():
-        film, look = films[name], drawn[name]
+    for name, agent in outcome.results.items():
+        film, look = films[name], outcome.looks[name]
         figure.add_scatter(
             x=np.round(film.times, 3).tolist(),
             y=np.round(film.heights, 3).tolist(),
@@ -98,9 +87,9 @@ def _heights(
         )
     figure.update_xaxes(title="time in the film [s]", hoverformat=".2f")
     figure.update_yaxes(title="height of the torso [m]", rangemode="tozero")
-    are_few = len(shown) == len(results)
-    charts.finish(figure, 360 if are_few else 540, hovermode="x unified")
-    if not are_few:
+    is_partial = len(shown) < len(outcome.results)
+    charts.finish(figure, 540 if is_partial else 360, hovermode="x unified")
+    if is_partial:
         figure.update_layout(legend={"y": -0.25, "entrywidth": 110, "font": {"size": 11}})
     return figure
 

@@ -8,13 +8,11 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from jumping_ant.comparison import comparison
 from jumping_ant.comparison.claims.statements import STATEMENTS
-from jumping_ant.comparison.results import AgentResults
 from jumping_ant.media import style
-from jumping_ant.media.style import Look, capitalized, estimate, number, p_value, percent, percents
-from jumping_ant.report import charting
+from jumping_ant.media.style import capitalized, estimate, number, p_value, percent, percents
 from jumping_ant.report.charts import LOG_AXIS, SHARES, SYMBOLS, finish
+from jumping_ant.report.outcome import Outcome, is_long
 
 MOST_IN_A_WIDE_MATRIX = 8  # agents whose pairs have room for their intervals
 NARROW = 27  # [pixels] side of a cell that shows no interval
@@ -23,13 +21,12 @@ SIGNS = {"supported": "\u2713", "refuted": "\u2717", "equivalent": "\u2248", "in
 SCEPTIC = "A sceptic's questions"  # claims that test no statement of the article
 
 
-def improvement(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> go.Figure:
+def improvement(outcome: Outcome) -> go.Figure:
     """Draw the probability that a seed of one agent returns more than one of another."""
-    ranked = comparison.ranking(summary["agents"])
-    pairs = summary["probability_of_improvement"]
+    ranked, pairs = outcome.ranked, outcome.summary["probability_of_improvement"]
     chances = [[pairs.get(f"{one}>{other}") for other in ranked] for one in ranked]
     has_room = len(ranked) <= MOST_IN_A_WIDE_MATRIX
-    labels = [results[name].label for name in ranked]
+    labels = [outcome.results[name].label for name in ranked]
     figure = go.Figure()
     figure.add_heatmap(
         x=labels,
@@ -59,9 +56,9 @@ def _chance(chance: Mapping[str, float] | None, with_interval: bool, separator: 
     return f"{percent(chance['p'])}{separator}{percents(chance['low'], chance['high'])}"
 
 
-def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[int]) -> go.Figure:
-    """Draw the evidence that a claim was judged by; `drawn` are looks by the agents' labels."""
-    plot = entry["plot"]
+def claim(outcome: Outcome, plot: Mapping[str, Any]) -> go.Figure:
+    """Draw the evidence that a claim was judged by, its `plot`."""
+    looks = {agent.label: outcome.looks[name] for name, agent in outcome.results.items()}
     figure = go.Figure()
     if plot.get("paired"):
         labels = [*plot["values"], None]
@@ -74,7 +71,7 @@ def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[i
             hoverinfo="skip",
         )
     for label, values in plot["values"].items():
-        look = style.of_sample(label, drawn)
+        look = looks[label.partition(", ")[0]]  # "SAC" or "SAC, rounded"
         filled = SYMBOLS[look.marker]
         hollow = f"{filled.removesuffix('-open')}-open"  # where the value is only a bound
         reached = plot.get("reached", {}).get(label, [True] * len(values))
@@ -90,14 +87,14 @@ def claim(entry: Mapping[str, Any], drawn: Mapping[str, Look], seeds: Sequence[i
             },
             text=[
                 f"seed {seed}" if is_reached else f"seed {seed}, which never got there"
-                for seed, is_reached in zip(seeds, reached, strict=False)
+                for seed, is_reached in zip(outcome.params.seeds, reached, strict=False)
             ],
             hovertemplate="%{text}: %{x:,.4~g}<extra></extra>",
         )
     known = [value for values in plot["values"].values() for value in values if value is not None]
     figure.update_xaxes(
         title={"text": plot["axis"], "font": {"size": 12}},
-        **(LOG_AXIS if charting.is_long(known) else {"rangemode": "tozero"}),
+        **(LOG_AXIS if is_long(known) else {"rangemode": "tozero"}),
     )
     figure.update_yaxes(autorange="reversed", type="category", showgrid=False)
     return finish(figure, CLAIM_HEIGHT, showlegend=False)

@@ -7,20 +7,16 @@ import numpy as np
 import plotly.graph_objects as go
 
 from jumping_ant.agents.families import Family, by_family
-from jumping_ant.comparison import comparison
-from jumping_ant.comparison.results import AgentResults
-from jumping_ant.media import style
 from jumping_ant.media.style import COLOURS, INK, Look, estimate
-from jumping_ant.report import charting
 from jumping_ant.report.charts import LOG_AXIS, ROW, SYMBOLS, finish, linear_axis
+from jumping_ant.report.outcome import BUDGET, RETURN, Outcome, is_long
 
 
-def ranking(
-    results: Mapping[str, AgentResults], agents: Mapping[str, Any], drawn: Mapping[str, Look]
-) -> go.Figure:
+def ranking(outcome: Outcome) -> go.Figure:
     """Draw the agents' returns with their intervals, the best on top, and every seed as a point."""
     figure = go.Figure()
-    ranked = comparison.ranking(agents)
+    results, agents, drawn = outcome.results, outcome.agents, outcome.looks
+    ranked = outcome.ranked
     for name in ranked:
         seeds = results[name].quantities["return"].tolist()
         figure.add_scatter(
@@ -42,24 +38,23 @@ def ranking(
             hovertemplate="%{y}: %{text}<extra></extra>",
             showlegend=False,
         )
-    _name_families(figure, by_family(charting.families(results)))
+    _name_families(figure, by_family(outcome.families))
     labels = [results[name].label for name in ranked]
-    figure.update_xaxes(title=charting.RETURN, rangemode="tozero")
+    figure.update_xaxes(title=RETURN, rangemode="tozero")
     figure.update_yaxes(categoryorder="array", categoryarray=labels, autorange="reversed")
     finish(figure, 110 + ROW * len(ranked), top=40)
     return figure.update_layout(legend={"y": 1, "yanchor": "bottom"})
 
 
-def cost(
-    results: Mapping[str, AgentResults], summary: Mapping[str, Any], drawn: Mapping[str, Look]
-) -> go.Figure:
+def cost(outcome: Outcome) -> go.Figure:
     """Draw the learners' returns against their cost, with the Pareto front and the baselines.
 
     Of many learners only those on the front are named. The cost is in control steps.
     """
     figure = go.Figure()
-    agents, front = summary["agents"], summary["pareto_steps"]
-    costs = {name: agents[name]["env_steps"] for name in charting.learners(results)}
+    results, agents, drawn = outcome.results, outcome.agents, outcome.looks
+    front = outcome.summary["pareto_steps"]
+    costs = {name: agents[name]["env_steps"] for name in outcome.learners}
     returns = {name: agents[name]["return"]["iqm"] for name in results}
     figure.add_scatter(  # the greatest return at each cost, up to the greatest cost
         x=[*(costs[name] for name in front), max(costs.values())],
@@ -69,8 +64,7 @@ def cost(
         line={"color": INK, "width": 1.5, "shape": "hv"},
         hoverinfo="skip",
     )
-    families = charting.families(results)
-    named = front if style.is_crowded(families) else [*costs]
+    named = front if outcome.is_crowded else outcome.learners
     for name, place in costs.items():
         label = results[name].label
         figure.add_scatter(
@@ -85,28 +79,26 @@ def cost(
             hovertemplate=f"{label}: {_estimate(agents[name])} for %{{x:,.4~g}}<extra></extra>",
             showlegend=False,
         )
-    best = comparison.best_baseline(results, agents)
     for name in (name for name in results if name not in costs):
         figure.add_hline(
             returns[name],
             line={"color": drawn[name].colour, "width": 1},
             layer="below",
             name=results[name].label,
-            showlegend=name == best,
+            showlegend=name == outcome.best_baseline,
         )
-    _name_families(figure, by_family({name: families[name] for name in costs}))
-    if charting.is_long([*costs.values()]):  # with room for names on the left of the costs
+    _name_families(figure, by_family({name: outcome.families[name] for name in costs}))
+    if is_long([*costs.values()]):  # with room for names on the left of the costs
         low, high = np.log10([min(costs.values()), max(costs.values())])
         axis = LOG_AXIS | {"range": [1.35 * low - 0.35 * high, 1.1 * high - 0.1 * low]}
     else:
         axis = linear_axis(max(costs.values()), 0.1)
-    figure.update_xaxes(title=charting.BUDGET, **axis)
-    figure.update_yaxes(title=charting.RETURN, rangemode="tozero")
+    figure.update_xaxes(title=BUDGET, **axis)
+    figure.update_yaxes(title=RETURN, rangemode="tozero")
     return finish(figure, 460)
 
 
 def _name_families(figure: go.Figure, families: Iterable[Family]) -> None:
-    """Add the families' colours to the legend."""
     for family in families:
         figure.add_scatter(
             x=[None],

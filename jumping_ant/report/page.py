@@ -11,19 +11,20 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import plotly.graph_objects as go
 from ruamel.yaml import YAML
 
 from jumping_ant.agents.families import by_family
 from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison
-from jumping_ant.comparison.results import AgentResults, load
+from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison.results import load
 from jumping_ant.evaluation.measures import MEASURES
 from jumping_ant.media import style
-from jumping_ant.media.style import Look, estimate, number
+from jumping_ant.media.style import estimate, number
 from jumping_ant.params.model import Params
 from jumping_ant.report import (
-    charting,
     charts,
     films,
     frame,
@@ -33,6 +34,7 @@ from jumping_ant.report import (
     robustness_charts,
 )
 from jumping_ant.report.films import Film
+from jumping_ant.report.outcome import Outcome
 from jumping_ant.sim import robot
 from jumping_ant.sim.rewards import active
 
@@ -48,55 +50,76 @@ def build(root: Path, params: Params) -> str:
     summary = read_json(Paths(root).comparison, "compare")
     withstood = read_json(Paths(root).robustness, "compare")
     summary |= {"claims": [*summary["claims"], *withstood["claims"]]}
-    agents, equal_steps = summary["agents"], summary["equal_steps"]
-    loaded = load(root, params)
-    drawn = style.looks(charting.families(loaded))
-    results = frame.ordered(loaded, agents)
-    reward_terms, of_terms = result_tables.terms(results, agents)
-    filmed = {name: films.read(root, params, agent) for name, agent in results.items()}
-    context = frame.context(params, results, summary["claims"]) | {
+    results = load(root, params)
+    ranked = {name: results[name].family for name in comparison.ranking(summary["agents"])}
+    ordered = [name for members in by_family(ranked).values() for name in members]
+    outcome = Outcome(params, {name: results[name] for name in ordered}, summary)
+    filmed = {name: films.read(root, params, agent) for name, agent in outcome.results.items()}
+    context = {
+        **_context(outcome),
+        "agents": _agents(root, outcome, filmed),
+        "robot": _robot(root),
+        "policies": _policies(root, outcome),
+    }
+    figures = _figures(outcome) | films.figures(root, outcome, filmed)
+    if withstood["perturbations"] and withstood["agents"]:
+        figures["withstood"] = robustness_charts.overview(outcome, withstood)
+        figures["levels"] = robustness_charts.levels(outcome, withstood)
+    return frame.render(context, figures)
+
+
+def _context(outcome: Outcome) -> dict[str, Any]:
+    """Return what the templates show besides charts and files."""
+    params, families, claims = outcome.params, outcome.families, outcome.summary["claims"]
+    equal_steps, text = outcome.summary["equal_steps"], io.StringIO()
+    YAML().dump(params.model_dump(exclude={"compute"}), text)  # results depend on all others
+    reward_terms, of_terms = result_tables.terms(outcome)
+    return {
         "question": f"Who teaches the {_robot_name(params)} to {_aim(params)}?",
-        "title": f"{_robot_name(params)}: {_title(results)}",
-        "agents": _agents(root, results, filmed, drawn),
-        "lead": _lead(results, summary),
-        "returns": result_tables.returns(results, agents, params.compare.confidence),
-        "behaviour": result_tables.behaviour(results, agents),
+        "title": f"{_robot_name(params)}: {_title(outcome)}",
+        "lead": _lead(outcome),
+        "families": list(by_family(families)) if outcome.is_crowded else [""],
+        "panels": list(style.panels(families)),
+        "imitates": "imitation" in families.values(),
+        "returns": result_tables.returns(outcome),
+        "behaviour": result_tables.behaviour(outcome),
         "behaviour_measures": [MEASURES[name] for name in result_tables.BEHAVIOUR],
         "reward_terms": reward_terms,
         "of_terms": of_terms,
         "equal_steps": "" if equal_steps is None else number(equal_steps),
         "all_measures": MEASURES,
-        "matrix_width": head_to_head.improvement_width(len(results)),
+        "matrix_width": head_to_head.improvement_width(len(outcome.results)),
         "confidence": f"{100 * params.compare.confidence:g}",
+        "statements": head_to_head.statements(claims, len(params.seeds)),
+        "verdicts": head_to_head.count(claims),
+        "signs": head_to_head.SIGNS,
+        "level": f"{verdicts.LEVEL:.2g}",
+        "seeds": len(params.seeds),
         "settings": params,
-        "robot": _robot(root),
-        "params": _params_text(params),
-        "policies": _policies(root, params, results),
+        "params": text.getvalue(),
         "mlflow": MLFLOW,
     }
-    figures = {
-        "ranking": leaderboard.ranking(results, agents, drawn),
-        "episodes": charts.episodes(results, drawn),
-        **films.figures(root, results, filmed, drawn),
-        **frame.figures(params, results, summary, drawn),
+
+
+def _figures(outcome: Outcome) -> dict[str, go.Figure]:
+    by_place = {
+        "ranking": leaderboard.ranking(outcome),
+        "episodes": charts.episodes(outcome),
     }
-    if len(results) > 1:
-        figures["improvement"] = head_to_head.improvement(results, summary)
-    if withstood["perturbations"] and withstood["agents"]:
-        figures["withstood"] = robustness_charts.overview(results, withstood)
-        figures["levels"] = robustness_charts.levels(results, withstood, drawn)
-    return frame.render(Path(__file__).parent, context, figures, ("charts.js", "films.js"))
+    if outcome.learners:
+        for place, names in enumerate(style.panels(outcome.families).values()):
+            by_place[f"learning_{place}"] = charts.learning(outcome, names)
+        by_place["cost"] = leaderboard.cost(outcome)
+    for index, entry in enumerate(outcome.summary["claims"]):
+        by_place[f"claim_{index}"] = head_to_head.claim(outcome, entry["plot"])
+    if len(outcome.results) > 1:
+        by_place["improvement"] = head_to_head.improvement(outcome)
+    return by_place
 
 
-def _agents(
-    root: Path,
-    results: Mapping[str, AgentResults],
-    filmed: Mapping[str, Film],
-    drawn: Mapping[str, Look],
-) -> list[dict[str, Any]]:
-    """Return what is shown with each agent's film."""
+def _agents(root: Path, outcome: Outcome, filmed: Mapping[str, Film]) -> list[dict[str, Any]]:
     shown = []
-    for name, agent in results.items():
+    for name, agent in outcome.results.items():
         film = filmed[name]
         highest = film.heights.argmax()
         shown.append(
@@ -105,7 +128,7 @@ def _agents(
                 "label": agent.label,
                 "family": agent.family,
                 "remark": style.remark(agent.is_baseline, agent.block.robot),
-                "colour": drawn[name].colour,
+                "colour": outcome.looks[name].colour,
                 "episode": film.episode,
                 "episode_return": number(film.episode.episode_return),
                 "poster": films.still(Paths(root).agent(name).film, film.times[highest]),
@@ -122,32 +145,31 @@ def _robot_name(params: Params) -> str:
 
 
 def _aim(params: Params) -> str:
-    """Return the main aim of the reward, in one word."""
     words = {"torso_height": "jump", "forward_velocity": "run"}
     return next((words[name] for name in active(params.env.reward) if name in words), "move")
 
 
-def _title(results: Mapping[str, AgentResults]) -> str:
+def _title(outcome: Outcome) -> str:
     """Return the learners that are compared, or all agents if none learns; many are counted."""
-    families = {name: results[name].family for name in charting.learners(results)}
-    if style.is_crowded(families):
-        num_families = len(by_family(families))
+    names = outcome.learners or list(outcome.results)
+    if outcome.is_crowded:
+        num_families = len({outcome.families[name] for name in names})
         of_families = f" of {num_families} families" if num_families > 1 else ""
-        return f"{len(families)} learners{of_families} compared"
-    *others, last = [results[name].label for name in families or results]
+        return f"{len(names)} learners{of_families} compared"
+    *others, last = [outcome.results[name].label for name in names]
     return f"{', '.join(others)} and {last} compared" if others else last
 
 
-def _lead(results: Mapping[str, AgentResults], summary: Mapping[str, Any]) -> str:
+def _lead(outcome: Outcome) -> str:
     """Return the outcome in a sentence or two."""
-    agents = summary["agents"]
-    best, *others = comparison.ranking(agents)
-    top, num_seeds = agents[best]["return"], agents[best]["seeds"]
+    best, *others = outcome.ranked
+    results, top = outcome.results, outcome.agents[best]["return"]
+    num_seeds = outcome.agents[best]["seeds"]
     most = estimate(top["iqm"], top["low"], top["high"], num_seeds)
     if not others:
         return f"{results[best].label} returns {most}."
     aside = ", which learns nothing," if results[best].is_baseline else ""
-    pair = summary["probability_of_improvement"][f"{best}>{others[0]}"]
+    pair = outcome.summary["probability_of_improvement"][f"{best}>{others[0]}"]
     chance = estimate(pair["p"], pair["low"], pair["high"], num_seeds)
     return (
         f"{results[best].label}{aside} returns most: {most}. One of its seeds beats one of "
@@ -163,13 +185,8 @@ def _robot(root: Path) -> dict[str, Any]:
         "Peak torque of a motor [N m]": "peak_torque",  # one for each motor
         "Summed peak torque over weight [m]": "peak_torque_over_weight",
     }
-
-    def text(value: float | Mapping[str, float]) -> str:
-        values = value.values() if isinstance(value, Mapping) else [value]
-        return " / ".join(sorted({number(one) for one in values}))
-
     rows = {
-        label: [text(facts[when][key]) for when in ("before", "after")]
+        label: [_distinct(facts[when][key]) for when in ("before", "after")]
         for label, key in quantities.items()
     }
     pictures = {
@@ -179,13 +196,15 @@ def _robot(root: Path) -> dict[str, Any]:
     return facts | {"rows": rows, "pictures": pictures}
 
 
-def _policies(
-    root: Path, params: Params, results: Mapping[str, AgentResults]
-) -> list[dict[str, Any]]:
-    """Return every policy with its digest, return and links."""
+def _distinct(value: float | Mapping[str, float]) -> str:
+    values = value.values() if isinstance(value, Mapping) else [value]
+    return " / ".join(sorted({number(one) for one in values}))
+
+
+def _policies(root: Path, outcome: Outcome) -> list[dict[str, Any]]:
     rows = []
-    for name, agent in results.items():
-        for seed, value in zip(params.seeds, agent.quantities["return"], strict=True):
+    for name, agent in outcome.results.items():
+        for seed, value in zip(outcome.params.seeds, agent.quantities["return"], strict=True):
             path = Paths(root).agent(name).seed(seed).policy
             sha256 = hashlib.sha256(read_bytes(path, f"train@{name}")).hexdigest()
             query = quote(f"tags.{POLICY_DIGEST} = '{sha256}'")
@@ -200,10 +219,3 @@ def _policies(
                 }
             )
     return rows
-
-
-def _params_text(params: Params) -> str:
-    """Return the parameters that results depend on, as YAML."""
-    text = io.StringIO()
-    YAML().dump(params.model_dump(exclude={"compute"}), text)
-    return text.getvalue()

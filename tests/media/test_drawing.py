@@ -104,7 +104,7 @@ def test_few_pictures_start_no_process(
     assert len(started) == 0
     monkeypatch.setattr(drawing, "PICTURES_PER_PROCESS", 3)
     pictures(shots, 0)
-    assert [process.returncode for process in started] == [0, 0]
+    assert len(started) == 2
 
 
 def test_processes_end_with_whom_they_draw_for(shots: Shots, started: Started) -> None:

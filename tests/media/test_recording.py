@@ -8,14 +8,13 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recorded import CURVES, FPS, Content, film, story
+from recorded import FPS, Content, film, story
 from rerun.chunk import RrdReader
 from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.media import about
 from jumping_ant.media import episode as recording
-from jumping_ant.media.curves import ticks
 from jumping_ant.media.scene import METRES_PER_NEWTON, geom_paths
 from jumping_ant.media.states import body_names, derive
 from jumping_ant.params.model import Params
@@ -199,29 +198,6 @@ def test_frames_of_the_film_stand_at_their_times(content: Content) -> None:
     assert content.column("/film", "Clear:is_recursive").tolist() == [True]
     assert content.times("/film").tolist() == [times[-1] + 1_000_000_000 // FPS]
     assert content.shape("/film/frames")["blob"].astype(np.uint8).tobytes() == FILM
-
-
-def test_what_is_no_film_is_refused(world: World, episode: Trajectory) -> None:
-    with pytest.raises(InputError, match="film: given 9 bytes that are not MP4"):
-        recording.record(world, episode, story(), b"not films")
-
-
-def test_learning_curves_hold_the_evaluations(content: Content) -> None:
-    for seed, (steps, returns) in CURVES.items():
-        curve = content.shape(f"/learning/curves/seed-{seed}")
-        np.testing.assert_allclose(curve["strips"], np.column_stack([steps, returns]))
-        marks = content.shape(f"/learning/curves/seed-{seed}/marks")
-        np.testing.assert_allclose(marks["positions"], [steps[0], returns[0]])  # the first one
-    scale = content.shape("/learning/curves")["scale"]
-    assert scale[0] * 400 == pytest.approx(16) and scale[1] * 1234.5 == pytest.approx(-5)
-
-
-@pytest.mark.parametrize(
-    ("high", "expected"),
-    [(12000, [0, 5000, 10000]), (7.0, [0, 2, 4, 6]), (1.0, [0, 0.5, 1.0])],
-)
-def test_ticks_are_round(high: float, expected: list[float]) -> None:
-    np.testing.assert_allclose(ticks(high), expected)
 
 
 def test_the_page_tells_the_episode(content: Content) -> None:

@@ -1,7 +1,5 @@
 """Recordings as files, whatever they hold."""
 
-from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -43,11 +41,3 @@ def test_equal_recordings_are_equal_by_content(
     assert rerun_cli("verify", paths[0], home=tmp_path).returncode == 0
     (entry,) = RrdReader(paths[0]).recordings()
     assert (entry.application_id, entry.recording_id) == ("jumping-ant", "name")
-
-
-@pytest.mark.parametrize("log", [lambda _: None, lambda _: 1 / 0])
-def test_recording_leaves_rerun_as_it_was(log: Callable[[rr.RecordingStream], object]) -> None:
-    with suppress(ZeroDivisionError):
-        write("name", "Title", rrb.Blueprint(), log)  # type: ignore[arg-type]
-    assert rr.strict_mode() is False
-    assert rr.get_recording_id() is None

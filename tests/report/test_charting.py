@@ -9,8 +9,8 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import load
 from jumping_ant.media import style
-from jumping_ant.media.style import looks
-from jumping_ant.report import charting, charts, figures, leaderboard
+from jumping_ant.report import charts, figures, leaderboard, outcome
+from jumping_ant.report.outcome import Outcome
 
 FEW: dict[str, Family] = {
     "random": "baseline",
@@ -45,24 +45,20 @@ def test_many_learners_have_a_panel_for_each_family(num_learners: int) -> None:
     ],
 )
 def test_long_axes_are_logarithmic(values: list[float], expected: bool) -> None:
-    assert charting.is_long(values) == expected
+    assert outcome.is_long(values) == expected
 
 
 @pytest.mark.parametrize(("first", "scale"), [("dqn", "linear"), ("sac", "log")])
 def test_figures_and_report_have_the_same_axes(tmp_path: Path, first: str, scale: str) -> None:
-    assert (BUDGETS["pgpe"] > charting.LONG_AXIS * BUDGETS[first]) == (scale == "log")
+    assert (BUDGETS["pgpe"] > outcome.LONG_AXIS * BUDGETS[first]) == (scale == "log")
     agents = {first: first, "pgpe": "pgpe"}
     write_project(tmp_path, agents, [0, 1])
-    results = load(tmp_path, make_params(agents, [0, 1]))
-    curves = comparison.learning_curves(results, COMPARE)
-    summary = comparison.summarize(results, COMPARE)
-    drawn = looks(charting.families(results))
-    (axes,) = figures.learning_curves(results, curves, summary["agents"]).axes
-    assert (axes.get_xscale(), axes.get_xlabel()) == (scale, charting.BUDGET)
-    for chart in (
-        charts.learning(results, curves, drawn),
-        leaderboard.cost(results, summary, drawn),
-    ):
+    params = make_params(agents, [0, 1])
+    results = load(tmp_path, params)
+    both = Outcome(params, results, comparison.summarize(results, COMPARE))
+    (axes,) = figures.learning_curves(both).axes
+    assert (axes.get_xscale(), axes.get_xlabel()) == (scale, outcome.BUDGET)
+    for chart in (charts.learning(both, agents), leaderboard.cost(both)):
         axis = chart.layout.xaxis
         assert (axis.type or "linear", axis.title.text) == (scale, axes.get_xlabel())
         low, high = axis.range if scale == "linear" else [10**end for end in axis.range]
@@ -72,5 +68,5 @@ def test_figures_and_report_have_the_same_axes(tmp_path: Path, first: str, scale
 def test_the_plots_of_dvc_have_the_figures_labels() -> None:
     plots = YAML(typ="safe").load(PROJECT_ROOT / "dvc.yaml")["plots"]
     curves = [plot for entry in plots for plot in entry.values()]
-    assert {plot["x"]: plot["x_label"] for plot in curves} == {"env_steps": charting.BUDGET}
-    assert {plot["y_label"] for plot in curves} == {charting.LEARNING}
+    assert {plot["x"]: plot["x_label"] for plot in curves} == {"env_steps": outcome.BUDGET}
+    assert {plot["y_label"] for plot in curves} == {outcome.LEARNING}

@@ -8,17 +8,18 @@ from small_project import COMPARE, make_params, write_project
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import load
 from jumping_ant.report import figures
+from jumping_ant.report.outcome import Outcome
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
 RANKED = ["pgpe-wide", "sac", "dqn", "random"]  # by the levels of small_project
 
 
 def compare(root, agents, seeds):
-    """Write a project, and return its agents' results, curves and summaries."""
+    """Write a project, and return its outcome."""
     write_project(root, agents, seeds)
-    results = load(root, make_params(agents, seeds))
-    curves = comparison.learning_curves(results, COMPARE)
-    return results, curves, comparison.summarize(results, COMPARE)["agents"]
+    params = make_params(agents, seeds)
+    results = load(root, params)
+    return Outcome(params, results, comparison.summarize(results, COMPARE))
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,7 @@ def compared(tmp_path_factory):
 
 
 def test_files_are_the_same_whatever_the_readers_own_settings(compared):
-    files = figures.draw(*compared, 0.95)
+    files = figures.draw(compared)
     assert list(files) == [
         "learning_curves.png", "learning_curves.svg", "final_return.png", "final_return.svg",
     ]  # fmt: skip
@@ -35,12 +36,12 @@ def test_files_are_the_same_whatever_the_readers_own_settings(compared):
         assert content.startswith(b"\x89PNG" if name.endswith(".png") else b"<?xml")
         assert b"<dc:date>" not in content
     with mpl.rc_context({"font.size": 20, "axes.facecolor": "black", "savefig.dpi": 30}):
-        assert figures.draw(*compared, 0.95) == files
+        assert figures.draw(compared) == files
 
 
 def test_learning_curves_show_the_numbers(compared):
-    results, curves, agents = compared
-    figure = figures.learning_curves(results, curves, agents)
+    curves = compared.curves
+    figure = figures.learning_curves(compared)
     (axes,) = figure.axes
     lines = {line.get_label(): line for line in axes.lines}
     assert list(lines) == ["random", "DQN", "SAC", "pgpe-wide"]
@@ -52,8 +53,8 @@ def test_learning_curves_show_the_numbers(compared):
 
 
 def test_a_row_shows_its_seeds_and_what_sums_them_up(compared):
-    results, _, agents = compared
-    figure = figures.final_return(results, agents)
+    results, agents = compared.results, compared.agents
+    figure = figures.final_return(compared)
     (axes,) = figure.axes
     assert [label.get_text() for label in axes.get_yticklabels()] == [
         "pgpe-wide", "SAC", "DQN", "random",
@@ -75,27 +76,27 @@ def test_a_row_shows_its_seeds_and_what_sums_them_up(compared):
 
 @pytest.mark.parametrize(("sign", "end"), [(1, 0), (-1, 1)])
 def test_returns_on_one_side_of_zero_have_it_as_the_axis_end(compared, sign, end):
-    results, _, agents = compared
     turned = {
         name: replace(agent, quantities={"return": sign * agent.quantities["return"]})
-        for name, agent in results.items()
+        for name, agent in compared.results.items()
     }
     measured = {
         name: {"return": {key: sign * value for key, value in agent["return"].items()}}
-        for name, agent in agents.items()
+        for name, agent in compared.agents.items()
     }
-    (axes,) = figures.final_return(turned, measured).axes
+    turned = replace(compared, results=turned, summary={"agents": measured})
+    (axes,) = figures.final_return(turned).axes
     assert axes.get_xlim()[end] == 0
 
 
 def test_a_single_agent_and_seed_can_be_drawn(tmp_path):
-    assert len(figures.draw(*compare(tmp_path, {"random": "random"}, [0]), 0.9)) == 4
+    assert len(figures.draw(compare(tmp_path, {"random": "random"}, [0]))) == 4
 
 
 def test_many_learners_have_a_panel_for_each_family(tmp_path):
     agents = {f"dqn-{i}": "dqn" for i in range(4)} | {f"pgpe-{i}": "pgpe" for i in range(3)}
     agents |= {"random": "random", "metronome": "open_loop"}
-    panels = figures.learning_curves(*compare(tmp_path, agents, [0, 1])).axes
+    panels = figures.learning_curves(compare(tmp_path, agents, [0, 1])).axes
     assert [axes.get_title() for axes in panels] == ["Value-based", "Evolution"]
     for axes, family in zip(panels, ["dqn", "pgpe"], strict=True):
         learned = [line for line in axes.lines if line.get_marker() != "None"]

@@ -17,10 +17,10 @@ from jumping_ant.base.files import digest, write_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults, load
-from jumping_ant.media import style
 from jumping_ant.params import presets
 from jumping_ant.params.model import Params
 from jumping_ant.report import head_to_head, page
+from jumping_ant.report.outcome import Outcome
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import models, pages, store
 
@@ -144,13 +144,14 @@ def test_seeds_that_never_got_there_are_hollow_and_versions_look_like_their_agen
         "values": {"SAC": [1.0, 2.0], "SAC, rounded": [3.0, None]},
         "reached": {"SAC": [True, False]},
     }
-    drawn = {"SAC": style.looks({"sac": "off-policy actor-critic"})["sac"]}
-    sac, rounded = head_to_head.claim({"plot": plot}, drawn, [5, 6]).data
+    params = make_params({"sac": "sac"}, [5, 6])
+    results = {"sac": AgentResults("sac", params.agents["sac"], quantities={}, curves={})}
+    sac, rounded = head_to_head.claim(Outcome(params, results, summary={}), plot).data
     assert sac.marker.symbol == ("circle", "circle-open")
     assert sac.text == ("seed 5", "seed 6, which never got there")
     assert rounded.marker.symbol == ("circle", "circle")
     assert rounded.x == (3.0, None)
-    assert sac.marker.color == rounded.marker.color == drawn["SAC"].colour
+    assert sac.marker.color == rounded.marker.color
 
 
 def test_charts_show_the_data(html: str, project: Path, settings: Params) -> None:
@@ -211,13 +212,16 @@ def test_the_matrix_shows_who_beats_whom(html: str, summary: Summary) -> None:
 @pytest.mark.parametrize(("num_agents", "text"), [(8, "62<br>20\u2013100"), (9, "62")])
 def test_a_large_matrix_shows_intervals_on_hover_alone(num_agents: int, text: str) -> None:
     names = [f"agent-{i}" for i in range(num_agents)]
-    blocks = make_params(dict.fromkeys(names, "dqn"), [0]).agents
-    results = {name: AgentResults(name, blocks[name], quantities={}, curves={}) for name in names}
+    params = make_params(dict.fromkeys(names, "dqn"), [0])
+    results = {
+        name: AgentResults(name, block, quantities={}, curves={})
+        for name, block in params.agents.items()
+    }
     chance = {"p": 0.62, "low": 0.2, "high": 1.0}
     pairs = {f"{one}>{other}": chance for one in names for other in names if one != other}
     agents = {name: {"return": {"iqm": -place}} for place, name in enumerate(names)}
     summary = {"agents": agents, "probability_of_improvement": pairs}
-    (cells,) = head_to_head.improvement(results, summary).data
+    (cells,) = head_to_head.improvement(Outcome(params, results, summary)).data
     assert cells.text[0][:2] == ["", text]
     assert cells.customdata[0][1] == "62 %, interval 20\u2013100"
 
@@ -231,11 +235,12 @@ def test_title_and_heading_name_those_that_learn_the_robot_and_its_aim(html: str
 
 
 def test_the_title_counts_many() -> None:
-    blocks = make_params({f"sac-{i}": "sac" for i in range(7)} | {"random": "random"}, [0]).agents
+    params = make_params({f"sac-{i}": "sac" for i in range(7)} | {"random": "random"}, [0])
     results = {
-        name: AgentResults(name, block, quantities={}, curves={}) for name, block in blocks.items()
+        name: AgentResults(name, block, quantities={}, curves={})
+        for name, block in params.agents.items()
     }
-    assert page._title(results) == "7 learners compared"
+    assert page._title(Outcome(params, results, summary={})) == "7 learners compared"
 
 
 @pytest.mark.parametrize(("name", "outcome"), [("random", "330"), ("sac", "3,000")])
