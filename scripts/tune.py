@@ -33,16 +33,16 @@ def main() -> None:
     names = {field.name: f"--{field.name.replace('_', '-')}" for field in fields(SearchSettings)}
     for field in fields(SearchSettings):
         parser.add_argument(names[field.name], help=f"by default {field.default}")
-    given = parser.parse_args()
-    numbers = {name: getattr(given, name) for name in names if getattr(given, name) is not None}
+    arguments = parser.parse_args()
+    numbers = {name: it for name in names if (it := getattr(arguments, name)) is not None}
     try:
         settings = TypeAdapter(SearchSettings).validate_python(numbers)
     except ValidationError as error:
         fault = error.errors()[0]
         name = names[str(fault["loc"][0])]
         raise InputError(f"{name}: given {fault['input']!r}: {fault['msg']}") from error
-    params = presets.load(given.preset) if given.preset else params_file.load()
-    tune.run(PROJECT_ROOT, params, given.agent, settings, given.sampler, given.storage)
+    params = presets.load(arguments.preset) if arguments.preset else params_file.load()
+    tune.run(PROJECT_ROOT, params, arguments.agent, settings, arguments.sampler, arguments.storage)
     from jumping_ant.tracking import studies  # takes seconds, which the search does not wait for
 
     try:

@@ -26,7 +26,7 @@ from jumping_ant.base.files import digest
 from jumping_ant.base.paths import Paths
 from jumping_ant.params import params_file, presets
 from jumping_ant.params.model import Params
-from jumping_ant.tracking import reading
+from jumping_ant.tracking import records
 from scripts.checkout import Checkout
 from soak import mlflow_server
 from soak import project as projects
@@ -177,7 +177,7 @@ def _differences_of_seed(
             wrong.append("another policy")
     if run.data.tags.get("policy_digest") != digest(policy):
         wrong.append("the digest of another policy")
-    curve = reading.read_curve(root, agent, seed)
+    curve = records.read_curve(root, agent, seed)
     points = {
         (name, point.step)
         for name in {name for name, _ in curve}

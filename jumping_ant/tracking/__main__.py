@@ -2,12 +2,10 @@
 
 Usage: python -m jumping_ant.tracking follow <agent> [--after SECONDS] [--root FOLDER]
 
-The training process starts this with a pipe as standard input and keeps the pipe's other end open.
-The pipe closes however the training ends, and whatever is not logged yet is logged then; a training
-that ends before the given time is left to `track`.
+The training process keeps the other end of the pipe that is standard input, which closes however
+training ends; the rest is logged then. One that ends before the given time is left to `track`.
 """
 
-import argparse
 import os
 import select
 import signal
@@ -23,7 +21,7 @@ NICENESS = 10  # training comes first where both share a core
 
 def main() -> None:
     """Parse the command line and follow; an error ends in one line and exit status 0."""
-    parser = argparse.ArgumentParser(prog="python -m jumping_ant.tracking", description=__doc__)
+    parser = command_line.parser(__doc__, "python -m jumping_ant.tracking")
     parser.add_argument("command", choices=["follow"])
     parser.add_argument("agent", help="name of the agent in params.yaml")
     parser.add_argument("--after", type=float, default=0.0, help="seconds to wait first")
@@ -33,12 +31,10 @@ def main() -> None:
     os.nice(NICENESS)
     command_line.collect_garbage_rarely()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the training, then the pipe closes
-    is_terminated: list[int] = []
-    signal.signal(signal.SIGTERM, lambda number, _: is_terminated.append(number))
 
     def has_ended(seconds: float) -> bool:
         readable, _, _ = select.select([sys.stdin], [], [], seconds)
-        return bool(is_terminated or (readable and not os.read(sys.stdin.fileno(), 4096)))
+        return bool(readable and not os.read(sys.stdin.fileno(), 4096))
 
     if arguments.after > 0 and has_ended(arguments.after):
         return

@@ -1,5 +1,6 @@
 """The connection to MLflow: where the store is, how it is opened, how its failures are reported."""
 
+import logging
 import os
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ import requests
 from filelock import FileLock, Timeout
 from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
+from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 from sqlalchemy import make_url
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -18,7 +20,7 @@ from jumping_ant.base import databases
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
-from jumping_ant.tracking import internals
+from jumping_ant.tracking.pages import EXPERIMENT_KIND
 
 EXPERIMENT = "jumping-ant"
 LONGEST_MESSAGE = 300
@@ -28,16 +30,14 @@ SECONDS_FOR_ANSWER = 5
 @contextmanager
 def failures_as_input_errors(uri: str) -> Iterator[None]:
     """Convert errors of MLflow and its database into one-line input errors."""
+    place = f"MLflow at {databases.without_password(uri)}"
     try:
         yield
     except ModuleNotFoundError as error:
-        raise InputError(
-            f"MLflow at {databases.without_password(uri)}: its driver is not installed; run: "
-            f"{databases.installation(error)}"
-        ) from error
+        command = databases.installation(error)
+        raise InputError(f"{place}: its driver is not installed; run: {command}") from error
     except (MlflowException, SQLAlchemyError, OSError) as error:
-        place = databases.without_password(uri)
-        raise InputError(f"MLflow at {place}: {_explain(error, uri)}") from error
+        raise InputError(f"{place}: {_explain(error, uri)}") from error
 
 
 def connect(
@@ -49,16 +49,16 @@ def connect(
         A client, the experiment's id, the tracking URI.
     """
     uri = tracking_uri(root)
-    internals.silence()
+    _silence()
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", str(max_retries))
     databases.limit_waiting(timeout_seconds)
     with failures_as_input_errors(uri), _opened_alone(uri, home(root)):
         if uri.startswith("http"):  # MLflow would wait for minutes for a sign of life
             requests.get(f"{uri.rstrip('/')}/health", timeout=SECONDS_FOR_ANSWER)
-        is_given = "MLFLOW_TRACKING_URI" in os.environ
+        is_set = "MLFLOW_TRACKING_URI" in os.environ
         mlflow.set_tracking_uri(uri)  # the model registry needs it
-        if not is_given:
+        if not is_set:
             os.environ.pop("MLFLOW_TRACKING_URI", None)  # set, too, but only for this root
         client = MlflowClient(uri)
         experiment_id = _experiment_id(client, uri, home(root), experiment)
@@ -67,22 +67,28 @@ def connect(
 
 def tracking_uri(root: Path = PROJECT_ROOT) -> str:
     """Return `MLFLOW_TRACKING_URI`, or the database in the project folder."""
-    return os.environ.get("MLFLOW_TRACKING_URI") or _own_uri(home(root))
+    return os.environ.get("MLFLOW_TRACKING_URI") or _local_uri(home(root))
 
 
-def _own_uri(project: Path) -> str:
-    """Return the URI of the database in a project folder."""
+def _local_uri(project: Path) -> str:
     path = project / "mlflow.db"
     # In such a URI a query begins with the first question mark, and nothing can be quoted.
     return f"sqlite:///{os.path.relpath(path) if '?' in str(path) else path}"
 
 
+def _silence() -> None:
+    """Keep MLflow from printing; its variables re-enable its output."""
+    os.environ.setdefault("MLFLOW_SUPPRESS_PRINTING_URL_TO_STDOUT", "true")
+    os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.CRITICAL)  # prints tracebacks
+    if "MLFLOW_LOGGING_LEVEL" not in os.environ:
+        for name in ("mlflow", "urllib3"):  # the second logs every retry
+            logging.getLogger(name).setLevel(logging.ERROR)
+
+
 @contextmanager
 def _opened_alone(uri: str, project: Path) -> Iterator[None]:
-    """Keep other processes from opening a database meanwhile, and create its tables.
-
-    MLflow leaves a broken database behind if two processes create its tables at once.
-    """
+    """Keep others from opening a database meanwhile, as MLflow cannot make its tables twice."""
     path = _database(uri)
     if path is not None and not path.name:
         raise InputError(
@@ -90,7 +96,7 @@ def _opened_alone(uri: str, project: Path) -> Iterator[None]:
         )
     with _held(uri, "jumping-ant opens it", "lock", lambda: None):
         if path is not None and _is_empty(path):
-            internals.create_tables(uri, artifacts_uri(project))
+            SqlAlchemyStore(uri, artifacts_uri(project))  # the client would quote no folder name
         yield
 
 
@@ -123,13 +129,11 @@ def _held(uri: str, name: str, suffix: str, wait: Callable[[], None]) -> Iterato
 
 def _database(uri: str) -> Path | None:
     """Return the file of a database; None if the store is something else."""
-    if not uri.startswith("sqlite"):  # servers and folders are no address of a database
-        return None
-    return Path(make_url(uri).database or "")
+    return Path(make_url(uri).database or "") if uri.startswith("sqlite") else None
 
 
 def _is_empty(path: Path) -> bool:
-    """Open a database once, and tell if it has no tables; MLflow itself would retry for minutes."""
+    """Tell if a database has no tables; MLflow itself would retry for minutes to open it."""
     try:
         with closing(sqlite3.connect(path)) as connection:
             return bool(connection.execute("PRAGMA schema_version").fetchone() == (0,))
@@ -157,10 +161,10 @@ def _experiment_id(client: MlflowClient, uri: str, project: Path, name: str) -> 
     location = None if is_server(uri) else artifacts_uri(project)
     experiment = client.get_experiment_by_name(name)
     if experiment is None:
-        return client.create_experiment(name, location, internals.EXPERIMENT_KIND)
+        return client.create_experiment(name, location, EXPERIMENT_KIND)
     if experiment.lifecycle_stage == "deleted":
         client.restore_experiment(experiment.experiment_id)
-    if uri == _own_uri(project) and experiment.artifact_location != location:
+    if uri == _local_uri(project) and experiment.artifact_location != location:
         raise InputError(
             f"mlflow.db: given artifacts in {experiment.artifact_location}, allowed: {location}; "
             "the project was moved: delete mlflow.db, and `python -m stages.track` recreates it"
@@ -169,7 +173,6 @@ def _experiment_id(client: MlflowClient, uri: str, project: Path, name: str) -> 
 
 
 def _explain(error: BaseException, uri: str) -> str:
-    """Return what happened, in one line."""
     cause: BaseException | None = error
     while cause is not None:
         if isinstance(cause, requests.exceptions.RetryError):
@@ -182,5 +185,4 @@ def _explain(error: BaseException, uri: str) -> str:
     message = " ".join(str(error).partition("(Background on this error")[0].split())
     if "lock timeout" in message or "database is locked" in message:
         return "in use by another program; try again later"
-    message = databases.without_secret(message, uri)
-    return message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "..."
+    return databases.without_secret(message, uri)[:LONGEST_MESSAGE]

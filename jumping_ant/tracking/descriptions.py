@@ -1,7 +1,7 @@
 """Descriptions of runs and models, as Markdown for MLflow's pages."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from jumping_ant.comparison.results import deciding_p
@@ -17,7 +17,7 @@ QUANTITIES = {"apex": "apex [m]", "flight": "flight", "fluidity": "fluidity"}
 def comparison(results: Mapping[str, Any]) -> str:
     """Return what a summary holds: a table, then the claims; as much as MLflow keeps."""
     text = ""
-    for line in [*agent_table(results.get("agents", {})), *_claims(results.get("claims", []))]:
+    for line in [*agent_table(results.get("agents", {})), *map(_claim, results.get("claims", []))]:
         if len(text) + len(line) > LONGEST:
             return f"{text}\n(The rest is in `comparison.json` and `speed.json`.)\n"
         text += line + "\n"
@@ -29,8 +29,8 @@ def policy(
 ) -> str:
     """Describe a policy: what it is, how good it is, and where it comes from.
 
-    `hold` counts control steps. `means` are those over the held-out episodes that were measured,
-    and `validation_return`; `origins` lead back to code and files, by label.
+    `hold` counts control steps. `means` are over the held-out episodes, and `validation_return`;
+    `origins` lead back to code and files, by label.
     """
     known = [
         f"{words} {number(means[name])}{unit}".lstrip()
@@ -55,7 +55,9 @@ def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     headings = ("agent", "return", "mean", "worst seed", *QUANTITIES.values(), "training [s]")
     yield _row(*headings)
     yield "|---" * len(headings) + "|"
-    for agent, entry in sorted(agents.items(), key=_return, reverse=True):
+    best = {name: -entry.get("return", {}).get("iqm", -math.inf) for name, entry in agents.items()}
+    for agent in sorted(agents, key=best.__getitem__):  # MLflow folds a long description
+        entry = agents[agent]
         returns = entry.get("return", {})
         yield _row(
             agent,
@@ -72,11 +74,6 @@ def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     yield ""
 
 
-def _return(agent: tuple[str, Mapping[str, Any]]) -> float:
-    """Return the sort key: the best come first, as MLflow folds a long description."""
-    return float(agent[1].get("return", {}).get("iqm", -math.inf))
-
-
 def _row(*cells: str) -> str:
     """Return a row of the table; hard spaces pad its cells and keep each on one line."""
     return "| " + " | ".join(f"{cell}  ".replace(" ", HARD_SPACE) for cell in cells) + " |"
@@ -86,11 +83,10 @@ def _estimate(entry: Mapping[str, float], num_seeds: int) -> str:
     return estimate(entry["iqm"], entry["low"], entry["high"], num_seeds) if entry else MISSING
 
 
+def _claim(claim: Mapping[str, Any]) -> str:
+    p = p_value(deciding_p(claim))
+    return f"- **{claim['verdict']}** (adjusted p = {p}): {claim['text']}"
+
+
 def _number(value: float | None) -> str:
     return MISSING if value is None else number(value)
-
-
-def _claims(claims: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    for claim in claims:
-        p = p_value(deciding_p(claim))
-        yield f"- **{claim['verdict']}** (adjusted p = {p}): {claim['text']}"

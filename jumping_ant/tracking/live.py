@@ -1,8 +1,7 @@
 """Learning curves in MLflow while training runs.
 
-A separate process follows the curve files that training writes. So training neither waits for
-MLflow nor fails with it, and a slow or unreachable tracking server costs only the live view.
-`track` replaces these runs by runs written from the files.
+A separate process follows the curve files that training writes, so that training neither waits for
+MLflow nor fails with it. `track` replaces these runs by runs written from the files.
 """
 
 import sys
@@ -10,18 +9,18 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mlflow.entities import Param, Run
+from mlflow.utils.time import get_current_time_millis
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest
 from jumping_ant.base.paths import Paths
 from jumping_ant.params import params_file
-from jumping_ant.tracking import reading, records
+from jumping_ant.tracking import records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors
 from jumping_ant.tracking.store import Points, Store
 
-TIMEOUT_SECONDS = 5
-MAX_RETRIES = 0
+TIMEOUT_SECONDS, MAX_RETRIES = 5, 0
 POLL_SECONDS = 5.0  # an MLflow call costs as much as 50 points
 PAUSE_SECONDS = 30.0  # after a failure
 
@@ -29,20 +28,20 @@ PAUSE_SECONDS = 30.0  # after a failure
 def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
     """Log the learning curves of an agent's seeds until training ends.
 
-    An MLflow failure is reported once, on standard error, and the update is retried later.
+    A failure of MLflow is reported once, on standard error, and the update is retried later.
     `has_ended` waits for at most the given seconds and returns whether training has ended.
     """
-    follower = _Follower(agent, root)
-    failures: list[InputError] = []
+    follower, is_reported = _Follower(agent, root), False
     rest = "training continues, and `track` completes MLflow from the files"
 
     def survives(step: Callable[[], object]) -> bool:
+        nonlocal is_reported
         try:
             step()
         except InputError as error:
-            if not failures:
+            if not is_reported:
                 print(f"warning: no live curves: {error}; {rest}", file=sys.stderr)
-            failures.append(error)
+            is_reported = True
             return False
         return True
 
@@ -59,10 +58,9 @@ class _Follower:
         self._agent, self._root, self._seeds = agent, root, params.seeds
         self._algorithm = params.agent(agent).algorithm
         self._params = records.run_params(root, params, agent)
-        self._start = stores.now_ms()
+        self._start = get_current_time_millis()
         self._store: Store | None = None
         self._followed: dict[int, tuple[Run, Points]] = {}  # by seed, with the points it has
-        self._times: dict[tuple[str, int], int] = {}  # when a run's step was first seen [ms]
 
     def update(self) -> Store:
         """Log new points of the curve files, and return where they are."""
@@ -85,7 +83,7 @@ class _Follower:
 
     def _follow(self, store: Store, seed: int) -> None:
         """Log a seed's new points."""
-        curve = reading.read_curve(self._root, self._agent, seed)
+        curve = records.read_curve(self._root, self._agent, seed)
         run, points = self._followed.get(seed, (None, {}))
         if run is not None and any(curve.get(it, value) != value for it, value in points.items()):
             store.client.delete_run(run.info.run_id)  # another training has begun
@@ -95,11 +93,8 @@ class _Follower:
         run = run or self._open(store, seed)
         self._followed[seed] = run, points
         new = {point: value for point, value in curve.items() if point not in points}
-        for _, step in new:  # one resent with its time is no duplicate
-            self._times.setdefault((run.info.run_id, step), stores.now_ms())
-        times = {step: self._times[run.info.run_id, step] for _, step in new}
-        store.log_curve(run, new, times)
-        self._followed[seed] = run, {**points, **new}
+        store.log_curve(run, new, times={})
+        self._followed[seed] = run, curve
 
     def _policy_digest(self, seed: int) -> str | None:
         path = Paths(self._root).agent(self._agent).seed(seed).policy

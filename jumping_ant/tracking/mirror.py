@@ -1,9 +1,8 @@
-"""`track`: updates MLflow from the files. Files are the source of truth, MLflow mirrors them.
+"""`track`: updates MLflow from the files, which are the source of truth.
 
-A finished run is written once. One that shows something else than the files, for the same policy
-and parameters, is deleted and written anew, and so is one that did not finish; runs of other
-policies and parameters stay. When every policy of `params.yaml` is trained, the runs of seeds are
-nested under the comparison of these policies, beside a run of all seeds of each agent.
+A finished run is written once. Of the same policy and parameters, a run that shows something else
+than the files or did not finish is replaced; other runs stay. When every policy of `params.yaml` is
+trained, runs of seeds are nested under the comparison, beside a run of all seeds of each agent.
 """
 
 from collections import Counter
@@ -17,15 +16,14 @@ from jumping_ant.base.databases import without_password
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
 from jumping_ant.params import params_file
-from jumping_ant.tracking import descriptions, internals, models, pages, studies
+from jumping_ant.tracking import descriptions, models, pages, studies
 from jumping_ant.tracking import records as files
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, is_server, mirrored_alone
 from jumping_ant.tracking.records import AGGREGATE, TRAIN_SECONDS, ComparisonRecord, SeedRecord
 from jumping_ant.tracking.store import Content, Store
 
-TIMEOUT_SECONDS = 20
-MAX_RETRIES = 1
+TIMEOUT_SECONDS, MAX_RETRIES = 20, 1
 COMPARE_STAGE = "compare"
 
 
@@ -56,7 +54,7 @@ def track(
 
 
 def _mirror(store: Store, comparison: ComparisonRecord, say: Callable[[str], None]) -> Counter[str]:
-    """Mirror every file; return how many runs of seeds were created, replaced and so on."""
+    """Mirror every file, and count the runs of seeds by what was done."""
     is_complete = comparison.seeds and not comparison.missing
     parent = _mirror_comparison(store, comparison, say) if is_complete else None
     done: Counter[str] = Counter()
@@ -82,9 +80,10 @@ def _mirror_comparison(
 ) -> Run:
     """Return the run that runs of seeds are nested under, with runs of all seeds of each agent."""
     key, note = comparison.key, descriptions.comparison(comparison.results)
+    stage = {stores.DVC_STAGE: COMPARE_STAGE}
     content = Content(
         name=f"comparison-{key[:8]}",
-        tags={stores.COMPARISON: key, stores.DVC_STAGE: COMPARE_STAGE},
+        tags={stores.COMPARISON: key, **stage},
         metrics=comparison.summary,
         artifacts=comparison.artifacts,
         aside={pages.NOTE: note} if note else {},
@@ -93,21 +92,18 @@ def _mirror_comparison(
     _tell(say, content.name, verb)
     records = {record.agent: record for record in comparison.seeds}
     for agent, entry in comparison.results.get("agents", {}).items():
-        if agent not in records:
-            continue
-        metrics, curve = comparison.over_seeds(agent)
-        tags = {stores.AGENT: agent, AGGREGATE: key, stores.ALGORITHM: records[agent].algorithm}
-        place = {stores.PARENT: parent.info.run_id, internals.RUN_COLOUR: records[agent].colour}
-        content = Content(
-            name=f"{agent}, {int(entry['seeds'])} seeds",
-            tags={**tags, stores.DVC_STAGE: COMPARE_STAGE, **internals.UNFOLDED},
-            curve=curve,
-            metrics=metrics,
-            place=place,
-        )
-        condition = f"tags.{AGGREGATE} = '{key}' and tags.{stores.AGENT} = '{agent}'"
-        _, verb = store.settle(content, store.search(condition))
-        _tell(say, content.name, verb)
+        if record := records.get(agent):
+            tags = {stores.AGENT: agent, AGGREGATE: key, stores.ALGORITHM: record.algorithm}
+            content = Content(
+                name=f"{agent}, {int(entry['seeds'])} seeds",
+                tags={**tags, **stage, **pages.UNFOLDED},
+                curve=comparison.curve_over_seeds(agent),
+                metrics=comparison.over_seeds(agent),
+                place={stores.PARENT: parent.info.run_id, pages.RUN_COLOUR: record.colour},
+            )
+            condition = f"tags.{AGGREGATE} = '{key}' and tags.{stores.AGENT} = '{agent}'"
+            _, verb = store.settle(content, store.search(condition))
+            _tell(say, content.name, verb)
     return parent
 
 
@@ -118,11 +114,8 @@ def _tell(say: Callable[[str], None], name: str, verb: str) -> None:
 
 def _mirror_seed(store: Store, record: SeedRecord, parent: Run | None) -> tuple[Run | None, str]:
     """Have a seed's files shown, and return the run and what was done."""
-    runs = [
-        run
-        for run in store.seed_runs(record.agent, record.seed)
-        if stores.is_of(run, record.digest, record.params)
-    ]
+    seed_runs = store.seed_runs(record.agent, record.seed)
+    runs = [run for run in seed_runs if stores.is_of(run, record.digest, record.params)]
     earlier = [run for run in runs if not stores.is_followed(run)]
     if runs and not earlier:
         return None, "in training, left to the process that follows it"
@@ -154,7 +147,7 @@ def _seed_content(store: Store, record: SeedRecord, parent: Run | None, is_live:
         metrics=record.summary,
         artifacts=record.artifacts,
         aside=note | ({stores.LIVE: "true"} if is_live else {}),
-        place={internals.RUN_COLOUR: record.colour} | under,
+        place={pages.RUN_COLOUR: record.colour} | under,
         start=start,
         end=end,
         times={step: start + round(1000 * after) for step, after in record.seconds.items()},
@@ -162,10 +155,9 @@ def _seed_content(store: Store, record: SeedRecord, parent: Run | None, is_live:
 
 
 def _describe_experiment(store: Store) -> None:
-    """Give the experiment its saved view and description; someone else's description is kept."""
+    """Give the experiment its saved view, and a description if it has none."""
     experiment = store.client.get_experiment(store.experiment_id)
     tags = pages.experiment_tags(store.experiment_id)
-    if not experiment.tags.get(pages.NOTE, pages.ABOUT).startswith(pages.ABOUT):
-        del tags[pages.NOTE]
-    for tag in stores.changed(experiment.tags, tags).items():
+    note = experiment.tags.get(pages.NOTE, tags[pages.NOTE])
+    for tag in stores.changed(experiment.tags, tags | {pages.NOTE: note}).items():
         store.client.set_experiment_tag(store.experiment_id, *tag)

@@ -1,10 +1,10 @@
 """Policies as MLflow models: logged, registered, the best in validation named champion."""
 
-import functools
-import importlib.metadata
+import json
 import shutil
 import tempfile
 from collections.abc import Mapping
+from importlib import metadata
 from pathlib import Path
 
 import mlflow.pyfunc
@@ -12,13 +12,14 @@ import numpy as np
 from mlflow.entities import LoggedModel, LoggedModelOutput, Run
 from mlflow.models import Model, ModelSignature
 from mlflow.types import Schema, TensorSpec
+from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
 from jumping_ant.base.files import CODE_ROOT
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.policy import Interface
-from jumping_ant.tracking import internals, pages
+from jumping_ant.tracking import pages
 from jumping_ant.tracking import store as stores
-from jumping_ant.tracking.records import SeedRecord, stage
+from jumping_ant.tracking.records import SeedRecord
 from jumping_ant.tracking.store import Store
 
 CHAMPION = "champion"
@@ -29,8 +30,7 @@ ABOUT = (
 )
 PACKAGE_DIR = CODE_ROOT / "jumping_ant"
 CODE = PACKAGE_DIR / "tracking" / "serving.py"
-# What `jumping_ant.tracking.serving` and all it imports need.
-REQUIREMENTS = ("mlflow", "numpy", "pydantic")
+REQUIREMENTS = ("mlflow", "numpy", "pydantic")  # of the code and all that it imports
 
 
 def registered_name(agent: str) -> str:
@@ -58,32 +58,30 @@ def has(store: Store, run: Run) -> bool:
 def log(store: Store, record: SeedRecord, run: Run) -> str:
     """Log and register the model of a new run, and return its id."""
     tags, note = _origin_tags(record, store.commit), record.describe(store.commit)
-    source = stores.source_tags(stage(record.agent), store.commit)
+    source = stores.source_tags(record.stage, store.commit)
     model = store.client.create_logged_model(
         *(store.experiment_id, record.name, run.info.run_id),
         tags | source | {pages.NOTE: note},
         record.params,
     )
     _upload(store, record, model)
-    outputs = [LoggedModelOutput(model.model_id, step=0)]
-    store.client.log_outputs(run.info.run_id, outputs)  # show it in the run
+    # The run shows its outputs.
+    store.client.log_outputs(run.info.run_id, [LoggedModelOutput(model.model_id, step=0)])
     name = registered_name(record.agent)
-    version = store.client.create_model_version(
+    registered = store.client.create_model_version(
         *(name, f"models:/{model.model_id}", run.info.run_id),
         tags=tags,
         description=note,
         model_id=model.model_id,
     )
-    link = internals.registered_tag(name, version.version)
-    store.client.set_logged_model_tags(model.model_id, link)
+    # By this tag the model's page leads to the version that it is registered as.
+    link = json.dumps([{"name": name, "version": registered.version}])
+    store.client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: link})
     return str(model.model_id)
 
 
 def clear(store: Store, record: SeedRecord, run: Run) -> None:
-    """Delete a policy's models whose runs are deleted.
-
-    Aliases that a user gave to a deleted version, such as `production`, move to this run's.
-    """
+    """Delete a policy's models whose runs are deleted; a user's aliases move to this run's."""
     kept = {it.info.run_id for it in store.seed_runs(record.agent, record.seed)}
     name, policy = registered_name(record.agent), f"tags.{stores.POLICY_DIGEST} = '{record.digest}'"
     versions = store.client.search_model_versions(f"name = '{name}' and {policy}")
@@ -102,22 +100,18 @@ def clear(store: Store, record: SeedRecord, run: Run) -> None:
 def crown(store: Store, agent: str, scores: Mapping[str, float]) -> str | None:
     """Point `champion` at the version that did best in validation; say so if it changed.
 
-    Held-out episodes only judge: a champion chosen by them would look better than it is.
-
-    Args:
-        store: Where the models are.
-        agent: The agent.
-        scores: Return in validation by run.
+    `scores` are returns in validation by run. Held-out episodes only judge: a champion chosen by
+    them would look better than it is.
     """
     if not scores:
         return None
     name, best = registered_name(agent), max(scores, key=lambda run_id: scores[run_id])
-    version, *_ = store.client.search_model_versions(f"name = '{name}' and run_id = '{best}'")
+    champion, *_ = store.client.search_model_versions(f"name = '{name}' and run_id = '{best}'")
     aliases = store.client.get_registered_model(name).aliases
-    if str(aliases.get(CHAMPION)) == str(version.version):
+    if str(aliases.get(CHAMPION)) == str(champion.version):
         return None
-    store.client.set_registered_model_alias(name, CHAMPION, version.version)
-    return f"{name}: {CHAMPION} is version {version.version}, validation return {scores[best]:.1f}"
+    store.client.set_registered_model_alias(name, CHAMPION, champion.version)
+    return f"{name}: {CHAMPION} is version {champion.version}, validation return {scores[best]:.1f}"
 
 
 def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
@@ -132,7 +126,7 @@ def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
             code_paths=[str(PACKAGE_DIR)],
             signature=_signature(interface),
             input_example=np.zeros((1, interface.num_observations or 1)),
-            pip_requirements=_requirements(),
+            pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],
             mlflow_model=Model(
                 artifact_path=model.artifact_location,
                 run_id=model.source_run_id,
@@ -145,20 +139,11 @@ def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
 
 
 def _signature(interface: Interface) -> ModelSignature:
-    """Return the model's inputs and outputs: batches of any size, of any width if unused."""
-    width = interface.num_observations or -1
+    width = interface.num_observations or -1  # any, if observations are not used
     return ModelSignature(
         inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, width))]),
         outputs=Schema([TensorSpec(np.dtype(np.float64), (-1, interface.num_motors))]),
     )
-
-
-@functools.cache
-def _requirements() -> list[str]:
-    """Return the installed versions, without a suffix such as +cpu that no index knows."""
-    return [
-        f"{name}=={importlib.metadata.version(name).partition('+')[0]}" for name in REQUIREMENTS
-    ]
 
 
 def _origin_tags(record: SeedRecord, commit: str | None) -> dict[str, str]:
@@ -168,7 +153,7 @@ def _origin_tags(record: SeedRecord, commit: str | None) -> dict[str, str]:
         stores.SEED: str(record.seed),
         stores.POLICY_DIGEST: record.digest,
         stores.ALGORITHM: record.algorithm,
-        stores.DVC_STAGE: stage(record.agent),
+        stores.DVC_STAGE: record.stage,
         stores.DVC_MD5: record.md5,
         stores.HOLD: str(record.hold),
         **({stores.GIT_COMMIT: commit} if commit else {}),

@@ -1,6 +1,5 @@
 """What the project's files say about trained agents, in MLflow's terms but without MLflow."""
 
-import csv
 import hashlib
 import json
 import math
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from jumping_ant.agents import catalogue
 from jumping_ant.base import tables
@@ -25,7 +25,6 @@ from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import descriptions
-from jumping_ant.tracking.reading import Point, read_curve
 from jumping_ant.training import curves, validation
 
 TRAIN_SECONDS = "train_seconds"
@@ -34,7 +33,11 @@ FINAL_RETURN = "final_return"  # of the policy at the end of training, on the he
 EVALUATION = "evaluation/"
 AGGREGATE = "aggregate"  # tag of a run of all seeds of an agent: the key of its comparison
 # Of all seeds of an agent: columns of `results/plots/learning_curves.csv`, by metric.
+PARTS = {"iqm": "", "low": "_low", "high": "_high", "worst": "_worst"}  # suffixes of means
 CURVES_OVER_SEEDS = {"return_iqm": "return_iqm", "return_low": "low", "return_high": "high"}
+
+Point = tuple[str, int]
+"""A metric's name and its step: control steps trained so far, 0 for a metric without steps."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,11 @@ class SeedRecord:
         """The policy file."""
         return self.paths.seed(self.seed).policy
 
+    @property
+    def stage(self) -> str:
+        """The stage of the pipeline that trains the agent."""
+        return stage(self.agent)
+
     @cached_property
     def md5(self) -> str:
         """MD5 of the policy file, its key in DVC's cache."""
@@ -82,7 +90,7 @@ class SeedRecord:
     @cached_property
     def seconds(self) -> dict[int, float]:
         """Seconds of training by control steps trained, where measured."""
-        rows = self._rows(self.paths.timing, stage(self.agent), curves.TIMING_COLUMNS)
+        rows = self._rows(self.paths.timing, self.stage, curves.TIMING_COLUMNS)
         return {int(row["env_steps"]): row["seconds"] for row in rows}
 
     @cached_property
@@ -95,7 +103,7 @@ class SeedRecord:
             means[VALIDATION_RETURN] = self.validation_return
         columns = {"seed": SEED, "variant": Column(words=variant_names.NAMES)}
         for row in self._rows(self.paths.variants, evaluation, columns):
-            if row["variant"] == "final" and "return" in row:
+            if row["variant"] == "final":
                 means[FINAL_RETURN] = row["return"]
         if self.seconds:
             means[TRAIN_SECONDS] = max(self.seconds.values())
@@ -117,7 +125,7 @@ class SeedRecord:
     def describe(self, commit: str | None) -> str:
         """Return what the policy is, how good it is and where it comes from, as Markdown."""
         means = {name.removeprefix(EVALUATION): mean for name, mean in self.summary.items()}
-        origins = {"DVC stage": stage(self.agent)} | ({"git commit": commit} if commit else {})
+        origins = {"DVC stage": self.stage} | ({"git commit": commit} if commit else {})
         origins["policy file, SHA-256"] = self.digest
         origins["policy file in DVC's cache, MD5"] = self.md5
         aside = remark(catalogue.ALGORITHMS[self.algorithm].is_baseline, self.params["robot"])
@@ -171,13 +179,31 @@ class ComparisonRecord:
         withstood = _json(Paths(self.root).robustness, "compare")
         return dict(_headlines(self.results)) | dict(_withstood(withstood))
 
-    def over_seeds(self, agent: str) -> tuple[dict[str, float], dict[Point, float]]:
-        """Return interquartile means over an agent's seeds, as runs of seeds name them.
+    def over_seeds(self, agent: str) -> dict[str, float]:
+        """Return interquartile means over an agent's seeds, as runs of seeds name them."""
+        quantities = self.results["agents"][agent]
+        means = {
+            f"{EVALUATION}{quantity}{PARTS[part]}": number
+            for quantity, part, number in _numbers(quantities)
+            if part in PARTS and "iqm" in quantities[quantity]
+        }
+        seconds = quantities.get("train_seconds")
+        return means if seconds is None else means | {TRAIN_SECONDS: float(seconds)}
 
-        And the curve of its return while learning, with the interval.
-        """
-        curve = _curve_over_seeds(Paths(self.root).plots / "learning_curves.csv", agent)
-        return dict(_over_seeds(self.results["agents"][agent])), curve
+    def curve_over_seeds(self, agent: str) -> dict[Point, float]:
+        """Return an agent's learning curve over its seeds, with its interval; {} without table."""
+        path = Paths(self.root).plots / "learning_curves.csv"
+        if not path.exists():
+            return {}
+        with tables.blamed(path, "compare"):
+            columns = ["agent", "env_steps", *CURVES_OVER_SEEDS.values()]
+            table = pd.read_csv(path, usecols=columns)
+        rows = table[table["agent"] == agent]
+        return {
+            (name, round(step)): value
+            for name, column in CURVES_OVER_SEEDS.items()
+            for step, value in zip(rows["env_steps"], rows[column], strict=True)
+        }
 
     @cached_property
     def artifacts(self) -> dict[str, Path]:
@@ -209,6 +235,19 @@ def read(root: Path, params: Params) -> ComparisonRecord:
     return ComparisonRecord(root, records, missing)
 
 
+def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:
+    """Read a learning curve, also one in the making, without empty cells; {} if it has no file."""
+    path = Paths(root).agent(agent).seed(seed).curve
+    owner, steps = curves.owner(agent, seed), {"env_steps": curves.COUNT}
+    table = tables.read_growing(path, stage(agent), owner, steps)
+    return {
+        (name, int(step)): float(column[row])
+        for row, step in enumerate(table.pop("env_steps", ()))
+        for name, column in table.items()
+        if math.isfinite(column[row])
+    }
+
+
 def run_name(agent: str, seed: int) -> str:
     """Return the name of the run of an agent and a seed."""
     return f"{agent}-seed-{seed}"
@@ -220,10 +259,7 @@ def stage(agent: str) -> str:
 
 
 def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
-    """Return what runs are filtered by: the agent's block, the task, the robot and its physique.
-
-    `robot` says which robot it is, `robot.<name>` its edits, if it has any, and its physique.
-    """
+    """Return what runs are filtered by: the agent's block, the task, the robot and its physique."""
     block = params.agent(agent)
     is_edited = block.robot == "edited"
     physique = _json(Paths(root).physique, "build").get("after" if is_edited else "before", {})
@@ -231,10 +267,8 @@ def run_params(root: Path, params: Params, agent: str) -> dict[str, str]:
     # MLflow's parameter names allow no patterns, so the edits are one value.
     edits = params.robot.model_dump() | {"edits": str(params.robot.edits)}
     robot = (edits if is_edited else {"source": params.robot.source}) | numbers
-    return {
-        **dict(_flatten(block.model_dump())),
-        **dict(_flatten({"env": params.env.model_dump(), "robot": robot})),
-    }
+    task = {"env": params.env.model_dump(), "robot": robot}
+    return dict(_flatten(block.model_dump())) | dict(_flatten(task))
 
 
 def _flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
@@ -248,41 +282,18 @@ def _flatten(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str
 def _headlines(results: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
     """Yield `sac/return_iqm`, `sac/env_steps`, `probability_of_improvement/sac_over_dqn`, ..."""
     for agent, quantities in results.get("agents", {}).items():
-        for quantity, value in quantities.items():
-            parts = value if isinstance(value, Mapping) else {"": value}
-            for part, number in parts.items():
-                if isinstance(number, int | float) and math.isfinite(number):
-                    yield f"{agent}/{quantity}_{part}".removesuffix("_"), float(number)
+        for quantity, part, number in _numbers(quantities):
+            yield f"{agent}/{quantity}_{part}".removesuffix("_"), number
     for pair, chance in results.get("probability_of_improvement", {}).items():
         yield f"probability_of_improvement/{pair.replace('>', '_over_')}", float(chance["p"])
 
 
-def _curve_over_seeds(path: Path, agent: str) -> dict[Point, float]:
-    """Return the points of an agent's learning curve over its seeds; {} if there is no table."""
-    if not path.exists():
-        return {}
-    with tables.blamed(path, "compare"), path.open(newline="", encoding="utf-8") as file:
-        rows = [row for row in csv.DictReader(file) if row.get("agent") == agent]
-        if rows and not {"env_steps", *CURVES_OVER_SEEDS.values()} <= rows[0].keys():
-            raise ValueError(f"given the columns {', '.join(rows[0])}, allowed: those of `compare`")
-        return {
-            (name, round(float(row["env_steps"]))): float(row[column])
-            for row in rows
-            for name, column in CURVES_OVER_SEEDS.items()
-        }
-
-
-def _over_seeds(quantities: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield `evaluation/return`, an interquartile mean, `evaluation/return_low`, ..."""
-    for quantity, estimate in quantities.items():
-        if not isinstance(estimate, Mapping) or not {"iqm", "low", "high"} <= estimate.keys():
-            continue
-        for suffix, part in {"": "iqm", "_low": "low", "_high": "high", "_worst": "worst"}.items():
-            value = estimate.get(part)
-            if isinstance(value, int | float) and math.isfinite(value):
-                yield f"{EVALUATION}{quantity}{suffix}", float(value)
-    if "train_seconds" in quantities:
-        yield TRAIN_SECONDS, float(quantities["train_seconds"])
+def _numbers(quantities: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
+    """Yield an agent's finite numbers, each with its quantity and its part of it, or ""."""
+    for quantity, value in quantities.items():
+        for part, number in (value if isinstance(value, Mapping) else {"": value}).items():
+            if isinstance(number, int | float) and math.isfinite(number):
+                yield quantity, part, float(number)
 
 
 def _withstood(summary: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

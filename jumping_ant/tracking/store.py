@@ -4,7 +4,6 @@ import hashlib
 import json
 import os
 import subprocess
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,17 +12,17 @@ from pathlib import Path
 import mlflow
 from mlflow import MlflowClient
 from mlflow.entities import LoggedModel, Metric, Param, Run
+from mlflow.utils.time import get_current_time_millis
 
 from jumping_ant.base import process
 from jumping_ant.base.files import digest
 from jumping_ant.tracking import connection
-from jumping_ant.tracking.internals import UNFOLDED
-from jumping_ant.tracking.reading import Point
-from jumping_ant.tracking.records import stage
+from jumping_ant.tracking.pages import UNFOLDED
+from jumping_ant.tracking.records import Point, stage
 
-# Tags. A run of a seed has the first three, a comparison the fourth.
-AGENT, SEED, POLICY_DIGEST, COMPARISON = "agent", "seed", "policy_digest", "comparison"
-ALGORITHM = "algorithm"
+# Tags.
+AGENT, SEED, ALGORITHM, POLICY_DIGEST = "agent", "seed", "algorithm", "policy_digest"
+COMPARISON = "comparison"  # its key
 CONTENT = "content_digest"  # of what was written
 LIVE = "live"  # shown while training ran
 WRITER = "writer"  # the process that writes the run
@@ -46,7 +45,7 @@ class Content:
     artifacts: Mapping[str, Path] = field(default_factory=dict)  # files by their path in the run
     status: str = "FINISHED"
     # Not part of the digest: tags that are written once, tags that every call renews, and the times
-    # of the begin, the end and each of the curve's steps [ms since 1970].
+    # of the start, the end and each of the curve's steps [ms since 1970].
     aside: Mapping[str, str] = field(default_factory=dict)
     place: Mapping[str, str] = field(default_factory=dict)
     start: int | None = None
@@ -97,12 +96,11 @@ class Store:
         has_model: Callable[[Run], bool] = lambda _: True,
         log_model: Callable[[Run], str] | None = None,
     ) -> tuple[Run, str]:
-        """Have a content shown by one run.
+        """Have a content shown by one run, and delete those of earlier calls that do not show it.
 
         Args:
             content: What the run shows.
-            runs: Those of earlier calls in its place. What shows something else, or is not
-                finished, is deleted.
+            runs: Those of earlier calls in its place.
             has_model: Whether the model of such a run is there.
             log_model: Logs the model of a new run, and returns its id.
 
@@ -135,9 +133,9 @@ class Store:
 
     def log_curve(self, run: Run, curve: Points, times: Mapping[int, int]) -> None:
         """Log points; each has the time of its step [ms since 1970], or now."""
-        now = now_ms()
+        now = get_current_time_millis()
         points = [
-            Metric(name, value, times.get(step, now), step) for (name, step), value in curve.items()
+            Metric(name, it, times.get(step, now), step) for (name, step), it in curve.items()
         ]
         self.client.log_batch(run.info.run_id, points)
 
@@ -185,7 +183,7 @@ def source_tags(stage: str, commit: str | None) -> dict[str, str]:
 
 
 def _content(path: Path) -> Path:
-    """Return the file that says what is in a file: Rerun draws ids of a recording anew."""
+    """Return the file that says what is in a file: Rerun draws a recording's ids anew."""
     recorded = path.parent / "digests" / f"{path.stem}.json"
     return recorded if path.suffix == ".rrd" and recorded.exists() else path
 
@@ -205,11 +203,6 @@ def is_followed(run: Run) -> bool:
     writer = run.data.tags.get(WRITER, "")
     is_live = LIVE in run.data.tags and run.info.status == "RUNNING"
     return is_live and process.is_of_this_host(writer) and process.exists(writer)
-
-
-def now_ms() -> int:
-    """Return the time [ms since 1970]."""
-    return time.time_ns() // 1_000_000
 
 
 def git_commit(root: Path) -> str | None:

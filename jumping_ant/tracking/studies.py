@@ -1,17 +1,15 @@
-"""Searches for settings in MLflow: a run for each study, and nested under it one for each trial.
+"""Searches for settings in MLflow: a run for each study of `results/tuning/`, nested its trials.
 
-They have another experiment than the comparison. As everywhere, files are the source: a study is
-what `results/tuning/` says of it.
+They have an experiment of their own.
 """
 
 import json
-import math
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 from mlflow.entities import Run
 
 from jumping_ant.base.files import read_json
@@ -19,8 +17,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.tracking import pages
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, mirrored_alone
-from jumping_ant.tracking.store import PARENT, Content, Points, Store
-from jumping_ant.tuning import trials
+from jumping_ant.tracking.store import PARENT, Content, Store
 
 EXPERIMENT = "jumping-ant-tuning"
 TIMEOUT_SECONDS, MAX_RETRIES = 20, 1
@@ -43,7 +40,8 @@ def track(root: Path, say: Callable[[str], None]) -> None:
 
 def _mirror(store: Store, path: Path, trials_path: Path, say: Callable[[str], None]) -> None:
     """Write a study's run, unless there is one of these files, and those of its new trials."""
-    summary, table = read_json(path, "tune"), trials.read(trials_path)
+    summary = read_json(path, "tune")
+    table = pd.read_csv(trials_path, dtype=str, keep_default_na=False)
     name = summary["study"]
     values = {key: summary[key] for key in NUMBERS if summary.get(key) is not None}
     values |= {f"importance/{key}": share for key, share in summary["importance"].items()}
@@ -52,46 +50,42 @@ def _mirror(store: Store, path: Path, trials_path: Path, say: Callable[[str], No
     for run in runs:
         for trial in store.search(f"tags.`{PARENT}` = '{run.info.run_id}'"):
             known[trial.data.tags.get(TRIAL, "")].append(trial)
+    complete = table[table["state"] == "complete"]
+    best = complete["value"].astype(float).cummax()
     content = Content(
         name=name,
         tags={STUDY: name},
         params={"agent": summary["agent"], "sampler": summary["sampler"]},
-        curve=_best_so_far(table),
+        curve={(BEST, int(trial)): it for trial, it in zip(complete["trial"], best, strict=True)},
         metrics=values,
-        artifacts={file.name: file for file in (trials_path, path) if file.exists()},
+        artifacts={file.name: file for file in (trials_path, path)},
         aside={pages.NOTE: _note(summary)},
     )
     study, verb = store.settle(content, runs)
-    verbs = [store.settle(_trial(row, study), known[row["trial"]])[1] for row in table]
-    num_new = len(table) - verbs.count("unchanged")
+    rows = table.to_dict("records")
+    verbs = [store.settle(_trial(row, study), known[row["trial"]])[1] for row in rows]
+    num_new = len(rows) - verbs.count("unchanged")
     if num_new or verb != "unchanged":
-        say(f"study {name}: {len(table)} trials, {num_new} new")
+        say(f"study {name}: {len(rows)} trials, {num_new} new")
 
 
 def _trial(row: Mapping[str, Any], study: Run) -> Content:
-    numbers = {"value": trials.value(dict(row))}
+    metrics = {"value": float(row["value"])} if row["value"] else {}
     for column, name in {"returns": "return", "seconds": "seconds"}.items():
         for place, value in enumerate(row[column].split(), start=1):
-            numbers[f"{name}/seed_{place}"] = float(value)
+            metrics[f"{name}/seed_{place}"] = float(value)
     reason = {REASON: row["reason"]} if row["reason"] else {}
     return Content(
         name=f"trial {row['trial']}",
         tags={TRIAL: row["trial"], STATE: row["state"]} | reason,
         params={key: str(value) for key, value in json.loads(row["settings"]).items()},
-        metrics={key: value for key, value in numbers.items() if math.isfinite(value)},
+        metrics=metrics,
         status=STATUS[row["state"]],
         place={PARENT: study.info.run_id},
     )
 
 
-def _best_so_far(table: list[dict[str, str]]) -> Points:
-    complete = [row for row in table if row["state"] == "complete"]
-    best = accumulate(map(trials.value, complete), max)
-    return {(BEST, int(row["trial"])): value for row, value in zip(complete, best, strict=True)}
-
-
 def _note(summary: Mapping[str, Any]) -> str:
-    """Return the description of a study's run."""
     lines = [f"Search for settings of {summary['agent']}."]
     if "verdict" in summary:  # a control has none
         lines += [f"**{summary['verdict']}**.", summary.get("evidence", "")]

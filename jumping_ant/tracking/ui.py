@@ -7,8 +7,10 @@ which clients of MLflow send if it is `MLFLOW_TRACKING_TOKEN`. If `MLFLOW_TRACKI
 server, that one has the pages, and only the update is made.
 """
 
+import os
 import secrets
 import socket
+import warnings
 from collections.abc import Awaitable, Callable, MutableMapping
 from contextlib import suppress
 from pathlib import Path
@@ -22,7 +24,7 @@ from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
-from jumping_ant.tracking import connection, internals
+from jumping_ant.tracking import connection
 from jumping_ant.tracking.mirror import track
 
 HOST = "127.0.0.1"
@@ -34,38 +36,36 @@ ENTRANCE = '<script>location.replace("/" + location.hash)</script>'
 Application = Callable[[MutableMapping[str, Any], Any, Any], Awaitable[None]]
 
 
-class WithToken:
-    """An ASGI application that answers only requests with a token, not of another port's pages.
+def with_token(application: Application, token: str, port: int) -> Application:
+    """Return an ASGI application that answers only requests with a token, of its own pages.
 
     The printed address leaves the token in a cookie, which all ports of a machine would get: its
     name has the port.
     """
+    cookie = f"jumping-ant-{port}"
 
-    def __init__(self, application: Application, token: str, port: int) -> None:
-        self._application, self._token, self._cookie = application, token, f"jumping-ant-{port}"
+    def is_token(text: str | None) -> bool:
+        return secrets.compare_digest((text or "").encode(), token.encode())
 
-    async def __call__(self, scope: MutableMapping[str, Any], receive: Any, send: Any) -> None:
-        """Answer a request."""
-        answer = self._application
+    async def respond(scope: MutableMapping[str, Any], receive: Any, send: Any) -> None:
+        answer = application
         if scope["type"] != "lifespan":
             request = HTTPConnection(scope)
             kind, _, bearer = request.headers.get("authorization", "").partition(" ")
-            cookie = request.cookies.get(self._cookie)
-            is_known = self._is_token(cookie) or (kind == "Bearer" and self._is_token(bearer))
-            host = request.headers.get("host", "")
-            if request.headers.get("origin", f"http://{host}") != f"http://{host}":
+            is_known = is_token(request.cookies.get(cookie) or (bearer if kind == "Bearer" else ""))
+            site = f"http://{request.headers.get('host', '')}"
+            if request.headers.get("origin", site) != site:
                 answer = PlainTextResponse("This server answers only its own pages.\n", 403)
-            elif scope["path"] == "/" and self._is_token(request.query_params.get("token")):
+            elif scope["path"] == "/" and is_token(request.query_params.get("token")):
                 headers = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
                 answer = HTMLResponse(ENTRANCE, headers=headers)
                 # A strict cookie would be kept back when a link in the report is followed.
-                answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
+                answer.set_cookie(cookie, token, httponly=True, samesite="lax")
             elif not is_known:
                 answer = PlainTextResponse(UNKNOWN, 403)
         await answer(scope, receive, send)
 
-    def _is_token(self, text: str | None) -> bool:
-        return secrets.compare_digest((text or "").encode(), self._token.encode())
+    return respond
 
 
 def main() -> None:
@@ -88,14 +88,24 @@ def run(root: Path, port: int) -> None:
         port = listener.getsockname()[1]
         track(root, pages_at=f"http://{HOST}:{port}/?token={token}")
         print("Ctrl-C ends the server", flush=True)
-        application = internals.server(uri, connection.artifacts_uri(home(root)))
-        guarded = WithToken(application, token, port)
+        guarded = with_token(_pages(uri, connection.artifacts_uri(home(root))), token, port)
         config = uvicorn.Config(guarded, ws="none", workers=1, log_level="warning")
         uvicorn.Server(config).run([listener])
 
 
+def _pages(database_uri: str, artifacts_uri: str) -> Any:
+    """Return MLflow's server, an ASGI application, without its proxy for artifacts."""
+    os.environ |= {  # which MLflow 3.17 sets for its own server
+        "_MLFLOW_SERVER_FILE_STORE": database_uri,
+        "_MLFLOW_SERVER_ARTIFACT_ROOT": artifacts_uri,
+        "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false",
+    }
+    with warnings.catch_warnings(action="ignore"):  # about packages that MLflow uses
+        from mlflow.server.fastapi_app import app  # reads the variables
+    return app
+
+
 def _listen(port: int) -> socket.socket:
-    """Return a socket that accepts connections from this machine."""
     try:
         return socket.create_server((HOST, port))
     except (OSError, OverflowError) as error:

@@ -9,7 +9,7 @@ learns draws no such sample; of it only the best after n trials is known.
 import json
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import optuna
@@ -19,8 +19,10 @@ from optuna.trial import FrozenTrial, create_trial
 from jumping_ant.tuning.search import COMPLETE, ENDED, PRUNED, REASON, best_of, ended, notes_of
 from jumping_ant.tuning.space import Space
 from jumping_ant.tuning.task import Task
-from jumping_ant.tuning.trials import COLUMNS
 
+COLUMNS = ("trial", "state", "value", "returns", "seconds", "reason", "settings")
+"""Number; `complete` or `pruned`; value, empty if there is none; return and training seconds of
+each trained seed; why it ended early; as JSON the settings that differ from the agent's own."""
 BUDGETS = (1, 7, 30)  # trials after which the best is stated
 GOOD = 0.25  # share of the trials that importance sets apart from the others
 
@@ -57,27 +59,22 @@ def summary(task: Task, sampler: str, study: optuna.Study) -> dict[str, Any]:
         "best_trial": best.number if best else None,
         "best_value": best.values[0] if best else None,
         "settings": task.space.changes(task.space.agent_with(best.params)) if best else {},
-        "best_after": best_after(values(trials, task)),
-        "importance": importance(trials, task),
+        "best_after": _by_budget(_values(trials, task), lambda values, num: max(values[:num])),
+        "importance": _importance(trials, task),
     }
     if sampler == "random":  # the present settings were not drawn
-        draws = values([trial for trial in trials if task.space.chosen(trial.params)], task)
-        budgets = [num for num in BUDGETS if num <= len(draws)]
-        best_of_draws = {str(num): expected_best(draws, num) for num in budgets}
-        result |= {"draws": draws, "expected_best": best_of_draws}
+        draws = _values([trial for trial in trials if task.space.chosen(trial.params)], task)
+        result |= {"draws": draws, "expected_best": _by_budget(draws, _expected_best)}
     return result
 
 
 def is_control_of(control: Mapping[str, Any], search: Mapping[str, Any]) -> bool:
-    """Return whether one summary's random draws can be set beside another's trials.
-
-    Both must be of the same task (`Task.content`), ranges and rules.
-    """
+    """Return whether one summary's random draws are of the same task and rules as a search."""
     keys = ("agent", "rules")
     return "draws" in control and all(control.get(key) == search.get(key) for key in keys)
 
 
-def values(trials: Sequence[FrozenTrial], task: Task) -> list[float]:
+def _values(trials: Sequence[FrozenTrial], task: Task) -> list[float]:
     """Return the trials' values; [] if none is complete.
 
     One that ended early counts by its seeds so far, but not above those that are complete; one
@@ -91,26 +88,27 @@ def values(trials: Sequence[FrozenTrial], task: Task) -> list[float]:
     return [least if value is None else min(value, max(complete)) for value in every]
 
 
-def best_after(of_trials: Sequence[float]) -> dict[str, float]:
-    """Return the best value of the first trials, by their number."""
-    return {str(num): max(of_trials[:num]) for num in BUDGETS if num <= len(of_trials)}
+def _by_budget(
+    values: Sequence[float], best: Callable[[Sequence[float], int], float]
+) -> dict[str, float]:
+    return {str(num): best(values, num) for num in BUDGETS if num <= len(values)}
 
 
-def expected_best(of_draws: Sequence[float], num: int) -> float:
+def _expected_best(draws: Sequence[float], num: int) -> float:
     """Return the mean over all choices of `num` of the draws of the best among them.
 
     The value of rank i is the best of comb(i, num - 1) of the comb(n, num) choices, from rank 0.
     """
-    choices = math.comb(len(of_draws), num)
-    ordered = enumerate(sorted(of_draws))
+    choices = math.comb(len(draws), num)
+    ordered = enumerate(sorted(draws))
     return math.fsum(value * (math.comb(rank, num - 1) / choices) for rank, value in ordered)
 
 
-def importance(trials: Sequence[FrozenTrial], task: Task) -> dict[str, float]:
+def _importance(trials: Sequence[FrozenTrial], task: Task) -> dict[str, float]:
     """Return how much each setting sets good trials apart from the others, as shares.
 
-    Trials that ended early have the values of their seeds so far: Optuna would leave them out, and
-    so see only what is good. Source: Watanabe et al. 2023, "PED-ANOVA".
+    Trials that ended early have the values of their seeds so far, as Optuna would leave them out.
+    Source: Watanabe et al. 2023, "PED-ANOVA".
     """
     study = optuna.create_study(direction="maximize")
     for trial in trials:
@@ -126,10 +124,7 @@ def importance(trials: Sequence[FrozenTrial], task: Task) -> dict[str, float]:
 
 
 def preset(name: str, space: Space, settings: Mapping[str, Any], content: Any) -> str:
-    """Return the overrides that make an agent's settings those of a trial.
-
-    An agent that the content of `params.yaml` lacks is added as a whole.
-    """
+    """Return the overrides of a trial's settings; an agent that `params.yaml` lacks as a whole."""
     agents = content["agents"]
     if name not in agents:
         return f"-S +agents.{name}={_flow(space.agent.model_dump() | dict(settings))}\n"

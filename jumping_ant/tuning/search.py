@@ -2,11 +2,10 @@
 
 A trial trains its seeds one after another. After each it is compared with the best trial so far,
 episode by episode: seeds and start states are the instances of Wilcoxon's signed-rank test, and a
-trial that is probably worse ends there. The median of trials would tell less: it leaves out that
-all start alike, and of two seeds only the first could be compared.
+trial that is probably worse ends there.
 
-A running trial gives signs of life to the storage. One whose process died is queued again with what
-its trained seeds returned; so is one that was asked to stop.
+A running trial gives signs of life to the storage. One whose process died or was asked to stop is
+queued again with what its trained seeds returned.
 """
 
 import math
@@ -15,14 +14,13 @@ import threading
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext, suppress
-from datetime import datetime, timedelta
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Literal, NoReturn
 
 import optuna
-from optuna.exceptions import ExperimentalWarning, StorageInternalError, UpdateFinishedTrialError
+from optuna.exceptions import ExperimentalWarning, StorageInternalError
 from optuna.pruners import WilcoxonPruner
 from optuna.samplers import TPESampler
 from optuna.storages import RDBStorage, RetryHeartbeatStaleTrialCallback, fail_stale_trials
@@ -42,26 +40,28 @@ HEARTBEAT, GRACE = 30, 120  # [s] between signs of life; of silence, after which
 SECONDS_BETWEEN_LOOKS = 1.0
 LONGEST_WAIT = 60  # [s] for a connection, or for what another process has locked
 MAX_RETRIES = 10  # of settings that end their process each time
+NUM_RANDOM = 10  # trials before the sampler learns; the control of a search never does
 COMPLETE, PRUNED, RUNNING = TrialState.COMPLETE, TrialState.PRUNED, TrialState.RUNNING
 ENDED = {COMPLETE: "complete", PRUNED: "pruned"}
 BEGUN = {*ENDED, RUNNING}
-# What a trial notes: of each seed, why it ended early, and its number when it began, which a copy
-# of it in the queue has not.
-SEED, REASON, NUMBER = "seed {:03}", "reason", "number"
+SEED, REASON = "seed {:03}", "reason"  # what a trial notes: of each seed, and why it ended early
 
 
 class PerTrial(TPESampler):
     """The tree-structured Parzen estimator (Bergstra et al. 2011), with a seed for each trial.
 
-    So a process that resumes a study, or shares it, does not draw again what another has drawn.
+    So a process that resumes or shares a study does not repeat another's draws. The first
+    `num_random` trials are random.
     """
 
-    num_random = 10  # trials before it learns; the control of a search never does
+    def __init__(self, num_random: int) -> None:
+        super().__init__()
+        self._num_random = num_random
 
     def before_trial(self, study: optuna.Study, trial: FrozenTrial) -> None:
         """Start a stream of random numbers for a trial."""
         seed = seeding.derive(0, "search", trial.number, bits=32)
-        super().__init__(seed=seed, n_startup_trials=self.num_random)
+        super().__init__(seed=seed, n_startup_trials=self._num_random)
 
 
 @contextmanager
@@ -70,13 +70,10 @@ def opened(
 ) -> Iterator[optuna.Study]:
     """Open a study, which is created with its first trial's parameters if there is none.
 
-    An InputError says that the storage cannot be used. Its address is one of SQLAlchemy's.
+    `storage` is an address of SQLAlchemy's; one that cannot be used is an InputError.
     """
     _quieten()
     databases.limit_waiting(LONGEST_WAIT)
-    per_trial = PerTrial()
-    if sampler == "random":
-        per_trial.num_random = sys.maxsize
     wait = {"connect_args": {"timeout": LONGEST_WAIT}} if storage.startswith(FILE) else {}
     turns = databases.held(storage, "jumping-ant tunes") if not wait else nullcontext()
     with _failures_as_input_errors(storage, ImportError, OSError, RuntimeError, ValueError), turns:
@@ -93,7 +90,7 @@ def opened(
             study_name=name,
             direction="maximize",
             load_if_exists=True,
-            sampler=per_trial,
+            sampler=PerTrial(sys.maxsize if sampler == "random" else NUM_RANDOM),
             pruner=WilcoxonPruner(p_threshold=prune_level),
         )
         if first and not study.get_trials(deepcopy=False):
@@ -120,7 +117,7 @@ def trials(
     """Run trials until the study has all of them, and yield a line for each."""
     _quieten()
     while not stop.is_set():
-        _queue_the_dead(study)
+        fail_stale_trials(study)  # which queues those of dead processes again
         states = Counter(trial.state for trial in study.get_trials(deepcopy=False))
         if sum(states[state] for state in BEGUN) < task.settings.trials:
             yield from _one(study, task, num_threads, stop)
@@ -154,8 +151,7 @@ def _one(study: optuna.Study, task: Task, num_threads: int, stop: threading.Even
         if sum(other.state in BEGUN for other in before) >= task.settings.trials:
             raise StoppedError("another process began the last trial at the same time")
         begun.append(trial.number)
-        trial.set_user_attr(NUMBER, trial.number)
-        return _value(study, task, num_threads, stop, trial)
+        return _value(task, num_threads, stop, trial)
 
     try:
         study.optimize(value, n_trials=1)
@@ -173,9 +169,7 @@ def _one(study: optuna.Study, task: Task, num_threads: int, stop: threading.Even
     yield f"trial {trial.number}: {shown}; {left} left"
 
 
-def _value(
-    study: optuna.Study, task: Task, num_threads: int, stop: threading.Event, trial: Trial
-) -> float:
+def _value(task: Task, num_threads: int, stop: threading.Event, trial: Trial) -> float:
     """Train the seeds that a trial lacks, compare, and return its value."""
     settings, notes, noted = task.settings, list[Note](), trial.user_attrs
     task.space.suggest(trial)
@@ -196,24 +190,13 @@ def _value(
         for step, result in enumerate(instances):
             trial.report(result, seed * settings.episodes + step)
         if seed + 1 < settings.seeds and trial.should_prune():
-            _prune(trial, f"less than trial {study.best_trial.number}")
+            _prune(trial, f"less than trial {trial.study.best_trial.number}")
     return task.value(notes) or 0.0
 
 
 def _prune(trial: Trial, reason: str) -> NoReturn:
     trial.set_user_attr(REASON, reason)
     raise optuna.TrialPruned
-
-
-def _queue_the_dead(study: optuna.Study) -> None:
-    """Queue the trials of dead processes again, also one that died before the first sign."""
-    fail_stale_trials(study)
-    for trial in study.get_trials(deepcopy=False, states=[RUNNING]):
-        age = datetime.now() - (trial.datetime_start or datetime.now())
-        if trial.user_attrs.get(NUMBER) != trial.number and age > timedelta(seconds=GRACE):
-            with suppress(ValueError, UpdateFinishedTrialError):  # another process did so
-                study.tell(trial.number, state=TrialState.FAIL)
-                _queue(study, trial.number)
 
 
 def _queue(study: optuna.Study, place: int) -> bool:
@@ -227,7 +210,7 @@ def _queue(study: optuna.Study, place: int) -> bool:
 
 
 def _quieten() -> None:
-    """Keep Optuna from telling of what is expected: trials that fail, and its newer parts."""
+    """Keep Optuna from printing what is expected: trials that fail, and its newer parts."""
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     warnings.simplefilter("ignore", ExperimentalWarning)
 

@@ -18,7 +18,7 @@ RANGES = {name: row.ranges for name, row in ALGORITHMS.items() if row.ranges}
 
 
 class RefusedError(ValueError):
-    """Settings that no training can have; the message says why."""
+    """Settings that do not fit each other; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,7 @@ class Space:
         return {name: value for name, value in values.items() if value is not None}
 
     def agent_with(self, chosen: Mapping[str, Any], share: float = 1.0) -> AgentBlock:
-        """Return the agent with Optuna's parameters and a share of its budget of control steps.
-
-        A RefusedError says that the settings do not fit each other.
-        """
+        """Return the agent with Optuna's parameters and a share of its budget of control steps."""
         settings = self.agent.model_dump() | self.chosen(chosen)
         steps = share * self.agent.max_env_steps
         if "generations" in settings:
@@ -65,12 +62,12 @@ class Space:
     def chosen(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings that Optuna's parameters stand for, without the present ones."""
         present = self.present
-        return {key: decode(own) for key, own in parameters.items() if own != present.get(key)}
+        return {key: decode(it) for key, it in parameters.items() if it != present.get(key)}
 
     def changes(self, agent: AgentBlock) -> dict[str, Any]:
         """Return the settings of an agent that are not those of the agent as it is."""
         present = self.agent.model_dump()
-        return {key: own for key, own in agent.model_dump().items() if own != present[key]}
+        return {key: it for key, it in agent.model_dump().items() if it != present[key]}
 
 
 def space_of(name: str, agent: AgentBlock) -> Space:

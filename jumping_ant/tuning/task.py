@@ -1,8 +1,8 @@
 """What is tuned, and what a training of it measures.
 
-A worker trains one seed as the pipeline does, publishes the policy that wins in validation, and
-plays it. All seeds, start states and validation episodes are of `TUNING_SEEDS`, which no training
-and no evaluation uses, and those that judge the outcome are none of those that a search uses.
+A worker trains one seed as the pipeline does, and plays the policy that wins in validation. All
+seeds, start states and validation episodes are of `TUNING_SEEDS`, which no training and no
+evaluation uses; those that judge the outcome are none of those of a search.
 """
 
 import hashlib
@@ -40,8 +40,8 @@ FRESH = TUNING_SEEDS[500_000:]  # training seeds and start states that judge the
 LOCK = PROJECT_ROOT / "requirements.lock"  # the versions of all libraries
 # Settings of a search that its trials depend on.
 RULES = ("seeds", "share", "episodes", "target_return", "spread_penalty", "prune_level")
-# What is said of a learner whose numbers are no longer finite: by the check of policies, torch's
-# distributions, linear algebra, and Python. Another error, as of a lack of memory, is none of it.
+# What errors say of a learner whose numbers are no longer finite: those of the check of policies,
+# torch's distributions, linear algebra, and Python.
 DIVERGED = "not finite|NaN|to satisfy the constraint|LinAlgError|FloatingPointError|OverflowError"
 
 Note = dict[str, Any]
@@ -56,14 +56,13 @@ class SearchSettings:
 
     Attributes:
         trials: Settings that are tried, the first of them the agent's present ones.
-        seeds: Trainings of a trial, each from a seed that no other training uses.
+        seeds: Trainings of a trial.
         share: Of the agent's budget of control steps, for such a training.
         episodes: Played by each trained policy, from the same start states in all trials.
         target_return: Trials compete for the seconds to this return; None: for the return.
         spread_penalty: Times the mean distance of seeds from their median, off a trial's value.
         prune_level: A trial ends early if its returns would be so unlikely were it the best.
-        fresh_seeds: Trainings with the whole budget that judge the best settings, and as many of
-            the present ones.
+        fresh_seeds: Trainings with the whole budget of the best settings and of the present ones.
     """
 
     trials: Annotated[int, Field(ge=1)] = 40
@@ -104,8 +103,9 @@ class Task:
     def study_name(self, sampler: str) -> str:
         """Return the name of a study: that of everything which its trials depend on."""
         code = training_code(self.space.agent.algorithm, Path(seed_run.__file__))
+        sources = [effective_code.read(path) for path in sorted(code)]
         versions = digest(LOCK) if LOCK.is_file() else ""
-        content = [self.content, self.rules, list(map(effective_code.read, sorted(code))), versions]
+        content = [self.content, self.rules, sources, versions]
         return f"{self.name}-{sampler}-{_short_digest(content)}"
 
     def measure(

@@ -8,7 +8,7 @@ import optuna
 
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import read_json, to_json, write_all
+from jumping_ant.base.files import to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import cluster, jobs
 from jumping_ant.params import params_file
@@ -16,8 +16,7 @@ from jumping_ant.params.model import Params
 from jumping_ant.tuning import outcome, search
 from jumping_ant.tuning.search import SamplerName
 from jumping_ant.tuning.task import SearchSettings, Task, task_of
-from jumping_ant.tuning.trials import COLUMNS
-from jumping_ant.tuning.verdict import OPEN, UNCHANGED, Fresh, without_training
+from jumping_ant.tuning.verdict import NUMBERS, OPEN, UNCHANGED, Fresh
 
 ROUNDS = 4  # at least so many trials follow one another, so that later ones learn from earlier ones
 
@@ -31,20 +30,16 @@ def run(
     storage: str | None = None,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Search for an agent's settings from where an earlier search stopped, and write the outcome.
+    """Search for an agent's settings, from where an earlier call stopped, and write the outcome.
 
-    The storage of the study is a file of the project unless an address says otherwise. An agent
-    that cannot be tuned and a storage that cannot be used are InputErrors; after a StoppedError,
-    another call resumes.
+    The storage is a file of the project unless an address says otherwise. An agent that cannot be
+    tuned and a storage that cannot be used are InputErrors; after a StoppedError a call resumes.
     """
     task = task_of(root, params, name, settings)
     paths = Paths(root).study(name, is_control=sampler == "random")
     address = storage or f"{search.FILE}{paths.study}"
     if cluster.address() and address.startswith(search.FILE):
         raise InputError("storage: given a file, allowed on a cluster: postgresql://USER@HOST/NAME")
-    rules = read_json(paths.summary, "tune").get("rules", {}) if paths.summary.exists() else {}
-    if rules and rules["task"] != task.rules["task"]:
-        say(f"{paths.summary} is of another robot, reward, budget or settings, and is replaced")
     present, ranges = task.space.agent, task.space.ranges.items()
     if outside := [key for key, range_ in ranges if not range_.has(getattr(present, key))]:
         say(f"{name}: outside of what is searched, and so no trial: {', '.join(outside)}")
@@ -58,7 +53,7 @@ def run(
         if sampler == "tpe":
             result |= _verdict(task, study, say)
         table = outcome.rows(task, study)
-    files: dict[Path, bytes | str] = {paths.trials: tables.to_csv(table, COLUMNS)}
+    files: dict[Path, bytes | str] = {paths.trials: tables.to_csv(table, outcome.COLUMNS)}
     files[paths.summary] = to_json(result)
     if result.get("verdict") == "better":
         content = params_file.read(Paths(root).params)
@@ -70,10 +65,10 @@ def run(
 
 
 def _verdict(task: Task, study: optuna.Study, say: Callable[[str], None]) -> dict[str, Any]:
-    """Return the verdict on the best trial, for which nothing is trained if nothing changes."""
+    """Return the verdict on the best trial; without one, or if nothing changes, no number."""
     best = search.best_of(study)
     if best is None or not task.space.chosen(best.params):
-        return without_training(OPEN if best is None else UNCHANGED)
+        return {"verdict": OPEN if best is None else UNCHANGED} | dict.fromkeys(NUMBERS)
     fresh = Fresh(study, task, best)
     fresh.run(say)
     return fresh.verdict()

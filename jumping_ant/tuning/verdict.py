@@ -8,7 +8,7 @@ others. The test is the one by which comparisons tell two agents apart.
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -32,17 +32,12 @@ OPEN = "open"
 WORDS = {"supported": "better", "refuted": "worse", "equivalent": "equivalent"}
 UNCHANGED = "unchanged"  # no trial did better than the present settings
 BEFORE, AFTER = "before", "after"
+NUMBERS = (BEFORE, AFTER, "p", "difference", "low", "high")  # of a verdict
 LARGEST_BLOCK = 100  # training seeds of a verdict
 NEVER = (math.inf, math.inf)  # later than one whose budget just ended
 
 Array = NDArray[np.float64]
-Key = tuple[str, int]
-"""Which settings, and which of the fresh seeds."""
-
-
-def without_training(word: str) -> dict[str, Any]:
-    """Return a verdict where there is nothing to compare, and so no number."""
-    return {"verdict": word} | dict.fromkeys((BEFORE, AFTER, "p", "difference", "low", "high"))
+Key = tuple[str, int]  # which settings, and which of the fresh seeds
 
 
 @dataclass(frozen=True)
@@ -61,30 +56,18 @@ class Fresh:
 
     def run(self, say: Callable[[str], None]) -> None:
         """Train what is not noted yet; a signal is a StoppedError."""
-        workers = jobs.num_workers(self.task.params.compute.workers, len(self.keys))
-        name = "{0[0]}, {0[1]}".format
-        for key, note in jobs.stream(self.work, self._left(), workers, say, name):
-            self.study.set_user_attr(self._name(key), note)
-            told = note.get("fault") or number(note["return"])
-            say(f"fresh seed {key[1] + 1}, {key[0]}: {told}")
         noted = self.study.user_attrs
-        if missing := sum(self._name(key) not in noted for key in self.keys):
+        left = [key for key in self.keys if self._name(key) not in noted]
+        workers = jobs.num_workers(self.task.params.compute.workers, len(left))
+        missing = len(left)
+        for key, note in jobs.stream(self._work, left, workers, say, "{0[0]}, {0[1]}".format):
+            self.study.set_user_attr(self._name(key), note)
+            missing -= 1
+            say(f"fresh seed {key[1] + 1}, {key[0]}: {note.get('fault') or number(note['return'])}")
+        if missing:
             raise StoppedError(f"the same command resumes; {missing} trainings are left")
 
-    def _left(self) -> Iterator[Key]:
-        """Yield what is not noted when a worker is free, at last what another process has begun."""
-        taken: set[Key] = set()
-        for is_last in (False, True):
-            for key in self.keys:
-                noted, begun = self.study.user_attrs, f"begun {self._name(key)}"
-                if key in taken or self._name(key) in noted or (begun in noted and not is_last):
-                    continue
-                self.study.set_user_attr(begun, True)
-                taken.add(key)
-                yield key
-
-    def work(self, key: Key) -> Work:
-        """Return the job of a fresh seed."""
+    def _work(self, key: Key) -> Work:
         which, seed = key
         space, episodes = self.task.space, self.task.params.evaluate.episodes
         agent = space.agent_with(self.trial.params) if which == AFTER else space.agent
@@ -125,8 +108,8 @@ class Fresh:
             "p_equivalence": p_equivalence,
             **difference.as_dict("difference"),
             "evidence": f"{capitalized(finding.evidence)}.",
-            "returns": {key: own.tolist() for key, own in returns.items()},
-            "seconds": {key: own.tolist() for key, own in seconds.items()},
+            "returns": {which: array.tolist() for which, array in returns.items()},
+            "seconds": {which: array.tolist() for which, array in seconds.items()},
         }
 
     def _block(self, size: int) -> range:
@@ -150,8 +133,7 @@ class Fresh:
             "seconds": max((note["seconds"] for note in trained), default=0.0),
             "onset": NEVER,
         }
-        numbers = {key: (worst | note)[name] for key, note in notes.items()}
         return {
-            which: np.array([value for key, value in numbers.items() if key[0] == which])
+            which: np.array([(worst | notes[key])[name] for key in self.keys if key[0] == which])
             for which in (BEFORE, AFTER)
         }

@@ -23,7 +23,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, digest, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.params import params_file
-from jumping_ant.tracking import connection, models, pages, reading, records
+from jumping_ant.tracking import connection, models, pages, records
 
 
 def test_a_run_shows_the_files_of_its_seed(project: Path) -> None:
@@ -209,12 +209,12 @@ def test_a_damaged_curve_is_told_by_file(tmp_path: Path) -> None:
     path = Paths(tmp_path).agent("sac").seed(7).curve
     write_text(path, "agent,seed,env_steps,loss\nsac,7,100,much\n")
     with pytest.raises(InputError, match=r"curve\.csv: row 1, column loss: given 'much'"):
-        reading.read_curve(tmp_path, "sac", 7)
+        records.read_curve(tmp_path, "sac", 7)
     write_text(path, "agent,seed,env_steps,loss,other\nsac,7,100,,\nsac,7,200,1.5,\nsac,7,300,2")
-    assert reading.read_curve(tmp_path, "sac", 7) == {("loss", 200): 1.5}
+    assert records.read_curve(tmp_path, "sac", 7) == {("loss", 200): 1.5}
     write_text(path, "agent,seed,env_steps,loss,other\nsac,7,200,1.5,\nsac,7,200,,3\n")
     both = {("loss", 200): 1.5, ("other", 200): 3.0}  # a row of training, and one of an evaluation
-    assert reading.read_curve(tmp_path, "sac", 7) == both
+    assert records.read_curve(tmp_path, "sac", 7) == both
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from jumping_ant.base import tables
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.paths import Paths, StudyPaths
 from jumping_ant.tracking import studies
-from jumping_ant.tuning import trials
+from jumping_ant.tuning import outcome
 
 ROWS = [
     (0, "complete", "7000", "6900 7100", "48 49", "", "{}"),
@@ -44,7 +44,7 @@ def root(tmp_path: Path, empty_database: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 def write(paths: StudyPaths, rows: list[tuple[Any, ...]], summary: dict[str, Any]) -> None:
-    table = [dict(zip(trials.COLUMNS, row, strict=True)) for row in rows]
+    table = [dict(zip(outcome.COLUMNS, row, strict=True)) for row in rows]
     write_text(paths.trials, tables.to_csv(table))
     write_json(paths.summary, summary)
 

@@ -103,17 +103,6 @@ def test_a_killed_search_resumes_and_trains_nothing_twice(
     assert run(root, 6) == (table, summary) and not trained
 
 
-def test_a_trial_that_died_before_its_first_sign_is_run_again(tmp_path: Path) -> None:
-    root = project(tmp_path)
-    run(root, 8, workers=2)  # two side by side
-    database = Paths(root).study("pgpe").study
-    (name,) = optuna.get_all_study_names(f"sqlite:///{database}")
-    optuna.load_study(study_name=name, storage=f"sqlite:///{database}").ask()
-    table, _ = run(root, 10)
-    assert [int(row["trial"]) for row in table] == [*range(8), 9, 10]
-    assert states(database)[8] == "FAIL"
-
-
 def test_processes_share_a_search(tmp_path: Path) -> None:
     """One is stopped in a trial, which the other finishes; both write the same outcome."""
     storage, roots = f"sqlite:///{tmp_path}/shared.db", [project(tmp_path / name) for name in "abc"]
