@@ -36,7 +36,7 @@ from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
-from jumping_ant.training import validation
+from jumping_ant.training import curves
 
 PAUSE, NEXT_EPISODE, NEXT_SEED = glfw.KEY_SPACE, glfw.KEY_BACKSPACE, glfw.KEY_RIGHT
 ELSEWHERE = "open results/play.html in a browser instead (`dvc repro play` writes it)"
@@ -67,11 +67,11 @@ def choose(
         if name == agent or (agent is None and catalogue.row(block).family != BASELINE):
             paths = Paths(root).agent(name)
             seeds = [number for number in params.seeds if paths.seed(number).policy.is_file()]
-            trained |= {name: validation.best_first(root, name, seeds)} if seeds else {}
+            trained |= {name: curves.best_first(root, name, seeds)} if seeds else {}
     if not trained:
         command = "make repro" if agent is None else f"dvc repro train@{agent}"
         raise InputError(f"policies of {agent or 'learners'}: none yet; `{command}` trains them")
-    best = max(trained, key=lambda name: validation.published_return(root, name, trained[name][0]))
+    best = max(trained, key=lambda name: curves.published_return(root, name, trained[name][0]))
     seeds = trained[best]
     if seed is not None and seed not in seeds:
         raise InputError(f"seed of {best}: given {seed}, allowed: {str(sorted(seeds))[1:-1]}")

@@ -5,8 +5,8 @@ Usage: python -m soak.operations AGENT TARGET... [--seconds SECONDS] [--seed SEE
 Runs in the folder of a project whose stages are up to date, and prints the counts as JSON.
 Operations are those that change files in that folder: opening one to write, flushing, linking,
 renaming, removing. One of them fails as on a full disk, or the process is killed just before it.
-After a failure, all outputs of a stage are as they were or all are new; after a kill, each is
-either. The next run completes the work, with the same content.
+After that, each output of a stage is as it was or new. The next run completes the work, with the
+same content.
 
 Every run is a fork of this process, which has imported the target.
 """
@@ -157,8 +157,8 @@ class Target:
             return False
         if self._name == "train":  # removes its outputs as well, and writes them seed by seed
             return states <= {"old", "new", "missing"}
-        if kind == "fail":
-            return states <= {"old" if ended.status else "new"}
+        if kind == "fail" and ended.status == 0:
+            return states <= {"new"}
         return states <= {"old", "new"}
 
     def _is_done(self, new: dict[Path, bytes]) -> bool:

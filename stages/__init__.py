@@ -35,38 +35,23 @@ NO_THREAD = "can't start new thread"  # Python's words for a limit of the system
 
 
 def parse(docstring: str | None) -> Params:
-    """Return all parameters, for a stage that takes no argument, from its docstring.
-
-    Raises:
-        InputError: `params.yaml` has a mistake.
-    """
+    """Return all parameters, for a stage that takes no argument."""
     command_line.parser(docstring).parse_args()
     return params_file.load()
 
 
 def parse_agent(docstring: str | None) -> tuple[str, Params]:
-    """Return the agent that the stage is for, and all parameters.
-
-    Raises:
-        InputError: There is no such agent, or `params.yaml` has a mistake.
-    """
+    """Return the agent that the stage is for, and all parameters."""
     agent, settings = parse_key(docstring, "agent")
     settings.agent(agent)
     return agent, settings
 
 
 def parse_key(docstring: str | None, kind: str) -> tuple[str, Params]:
-    """Return what the stage is for, and all parameters.
+    """Return the name of what the stage is for, such as an agent, and all parameters.
 
     A command line may name it. DVC names it in the environment instead, as in `train@sac`: a name
     in a command of `dvc.yaml` would go through a shell, before anything has checked it.
-
-    Args:
-        docstring: What the stage does, for `--help`.
-        kind: What the name names: an agent or a trainer.
-
-    Raises:
-        InputError: `params.yaml` has a mistake.
     """
     _, at, name = os.environ.get("DVC_STAGE", "").rpartition("@")
     parser = command_line.parser(docstring)
@@ -75,12 +60,7 @@ def parse_key(docstring: str | None, kind: str) -> tuple[str, Params]:
 
 
 def run(main: Callable[[], None]) -> None:
-    """Run a stage's `main`.
-
-    Failures print one line. The exit status is 2 for a mistake in the input, 1 for a file that
-    cannot be written, as on a full disk, for workers that die, or where the system gives no more
-    memory or threads, and 130 for a request to stop.
-    """
+    """Run a stage's `main`; failures of the input or the system print one line."""
     output.tolerate_failures()
     try:
         with reported():

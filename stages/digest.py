@@ -2,11 +2,10 @@
 
 Usage: python -m stages.digest
 Reads: jumping_ant/, stages/, requirements.lock.
-Writes: .inputs/code/STAGE.json, for training .inputs/train/ALGORITHM/code.json: the SHA-256 of what
-    every file does that the stage imports, directly or not (its text without comments, docstrings
-    and blank lines), and of the pages beside them; the locked versions of the libraries that these
-    files import. An algorithm that needs demonstrations gets its file from `demonstrate`, which
-    reads it as .inputs/code/train-ALGORITHM.json.
+Writes: .inputs/code/STAGE.json, for training .inputs/train/ALGORITHM/code.json: the SHA-256 of each
+    file that the stage imports, directly or not, without comments, docstrings and blank lines, and
+    of the pages beside them; the locked versions of libraries. An algorithm that needs
+    demonstrations gets its file from `demonstrate`, which reads .inputs/code/train-ALGORITHM.json.
 """
 
 import functools
@@ -40,7 +39,6 @@ def code() -> dict[str, set[Path]]:
 
 
 def _beside(files: set[Path]) -> set[Path]:
-    """Return the pages, which code reads, in the folders of the given files."""
     listed = {path for folder in {file.parent for file in files} for path in folder.iterdir()}
     return {path for path in listed if path.suffix in PAGES and not path.name.startswith(".")}
 

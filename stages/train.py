@@ -22,11 +22,10 @@ SECONDS_FOR_LAST_ROWS = 60
 
 @contextmanager
 def live_tracking(agent: str, after: float) -> Iterator[None]:
-    """Mirror the growing curves to MLflow from a separate process.
+    """Mirror the growing curves to MLflow from a separate process, `after` so many seconds.
 
-    The process follows files, so whatever happens to it or to MLflow, training neither waits for
-    it nor depends on its code; `track` completes what it leaves unfinished. It starts after the
-    given time [s]: most trainings of baselines have ended by then.
+    The process follows files, so that training neither waits for it nor depends on its code;
+    `track` completes what it leaves unfinished.
     """
     follower = subprocess.Popen(
         [sys.executable, "-m", "jumping_ant.tracking", "follow", agent, "--after", str(after)],

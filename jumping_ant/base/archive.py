@@ -21,11 +21,7 @@ _NPY_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header
 
 
 def pack(entries: Mapping[str, bytes]) -> bytes:
-    """Return a zip archive whose bytes are the same for the same entries.
-
-    Whatever the system and Python's version, as long as no entry has about 2 GB: versions differ in
-    how they mark these.
-    """
+    """Return a zip archive whose bytes are the same for the same entries, below 2 GB each."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         for name, content in entries.items():
@@ -38,10 +34,8 @@ def pack(entries: Mapping[str, bytes]) -> bytes:
 class Archive(Mapping[str, bytes]):
     """The entries of a zip archive, each read when it is asked for.
 
-    Entries must be stored as they are, without compression: then none takes more memory than the
-    archive itself, whatever its author intended. A file that is no zip archive raises a
-    `zipfile.BadZipFile`. From any method, a damaged entry raises it, too, and one that is
-    compressed or not as large as it says raises a ValueError.
+    Entries must be stored without compression, so that none takes more memory than the archive;
+    others raise a ValueError. Damage raises a `zipfile.BadZipFile`.
     """
 
     def __init__(self, source: bytes | BinaryIO) -> None:

@@ -5,8 +5,7 @@ import atexit
 import gc
 import os
 
-# Set these in the environment to re-enable telemetry. (Rerun's switch is in its own settings; its
-# library reports nothing by itself.)
+# Users who set these in the environment keep their values. (Rerun's library reports nothing.)
 TELEMETRY = {
     "DVC_NO_ANALYTICS": "true",
     "ITERATIVE_DO_NOT_TRACK": "true",
@@ -29,8 +28,8 @@ def switch_off_telemetry() -> None:
 def collect_garbage_rarely() -> None:
     """Let this process look for garbage rarely, and not at its exit.
 
-    Importing torch or MLflow creates several hundred thousand objects and no garbage, through which
-    Python's collector walks again and again: a third of the CPU time of such a command.
+    Importing torch or MLflow creates several hundred thousand objects and no garbage; looking
+    through them takes a third of the CPU time of such a command.
     """
     gc.set_threshold(100_000)  # objects created and not freed between collections; usually 700
     atexit.register(gc.freeze)  # the collection at the exit leaves out what is frozen

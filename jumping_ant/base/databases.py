@@ -1,7 +1,6 @@
 """Databases that several machines share: how long to wait, who goes first, what to show of them.
 
-PostgreSQL's client library reads its waiting times from the environment, so that they hold for the
-connections of MLflow and Optuna, too.
+PostgreSQL's client reads its waiting times from the environment, also within MLflow and Optuna.
 """
 
 import os
@@ -13,8 +12,7 @@ import sqlalchemy
 from sqlalchemy import text
 from sqlalchemy.pool import NullPool
 
-POSTGRESQL = "postgresql"
-KINDS = (POSTGRESQL, "mysql", "mssql")  # with a server
+KINDS = ("postgresql", "mysql", "mssql")  # with a server
 
 
 def is_shared(uri: str) -> bool:
@@ -45,32 +43,21 @@ def installation(error: ModuleNotFoundError) -> str:
 
 
 def limit_waiting(seconds: int) -> None:
-    """Wait for a connection, and for what others have locked, only so long; PostgreSQL never would.
-
-    What the user has set counts more.
-    """
+    """Wait for connections and locks only so long, or as long as the user has set."""
     os.environ.setdefault("PGCONNECT_TIMEOUT", str(seconds))
     os.environ.setdefault("PGOPTIONS", f"-c lock_timeout={seconds}s")
 
 
 @contextmanager
 def held(uri: str, name: str, say: Callable[[], None] = lambda: None) -> Iterator[None]:
-    """Connect to a database, and hold a lock that its clients know by name, as long as it takes.
+    """Connect to a database, and hold a lock that its clients know by name; `say` if it is taken.
 
     The lock ends with this process, however that ends. Only PostgreSQL has such locks; other
-    databases are just asked whether they answer.
-
-    Args:
-        uri: The database's.
-        name: The lock's.
-        say: Called if another client holds it and is waited for.
-
-    Raises:
-        SQLAlchemyError: The database cannot be reached, or does not let this client in.
+    databases are just asked whether they answer. A SQLAlchemyError says that one does not.
     """
     engine = sqlalchemy.create_engine(uri, poolclass=NullPool)
     with engine.connect() as connection:
-        if _kind(uri) == POSTGRESQL:
+        if _kind(uri) == "postgresql":
             key = {"key": name}
             connection.execute(text("SET lock_timeout = 0"))
             if not connection.scalar(text("SELECT pg_try_advisory_lock(hashtext(:key))"), key):

@@ -1,7 +1,7 @@
 """What a Python file does: its text without comments, docstrings and blank lines.
 
-Digests of code are of this text, so that a mended comment reruns nothing. It is cut out of the file
-rather than printed from a syntax tree, which each version of Python prints differently.
+Digests of code are of this text, so that a mended comment reruns nothing. It is no printed syntax
+tree, as each version of Python prints these differently.
 """
 
 import io

@@ -1,4 +1,4 @@
-"""Exceptions that end a command with a one-line message."""
+"""Exceptions that end a command with a one-line message and an exit status."""
 
 import sys
 from collections.abc import Iterator
@@ -8,24 +8,15 @@ LONGEST = 300  # characters of another library's message: zipfile and NumPy quot
 
 
 class InputError(ValueError):
-    """Bad input: the message says what was given, what is allowed and where.
-
-    Commands print the message without a traceback and exit with status 2.
-    """
+    """Bad input: the message says what was given, what is allowed and where."""
 
 
 class WorkerError(Exception):
-    """A required worker process keeps dying or does not start; the message says so.
-
-    Commands print the message without a traceback and exit with status 1.
-    """
+    """A required worker process keeps dying or does not start; the message says so."""
 
 
 class StoppedError(Exception):
-    """A stop was requested: the message says what is kept and how to resume.
-
-    Commands print the message without a traceback and exit with status 130, as in shells.
-    """
+    """A stop was requested: the message says what is kept and how to resume."""
 
 
 def told(error: BaseException) -> str:
@@ -35,15 +26,12 @@ def told(error: BaseException) -> str:
 
 @contextmanager
 def reported() -> Iterator[None]:
-    """Print an exception of this module as one line, and exit with its status."""
+    """Print an exception of this module as one line, and exit (2, 1, or 130 as shells do)."""
     try:
         yield
-    except InputError as error:
+    except (InputError, WorkerError) as error:
         print(f"error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except WorkerError as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(1)
+        sys.exit(2 if isinstance(error, InputError) else 1)
     except StoppedError as error:
         print(f"stopped: {error}", file=sys.stderr)
         sys.exit(130)

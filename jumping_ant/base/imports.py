@@ -53,10 +53,7 @@ def closure(*paths: Path, root: Path = CODE_ROOT) -> set[Path]:
 
 
 def versions(files: Iterable[Path], *more: str, lock: Path = LOCK) -> dict[str, str]:
-    """Return the locked version of each library that files import, or that holds `more` modules.
-
-    Those that the libraries import in turn have the versions that these were tested with.
-    """
+    """Return the locked version of each library that files import, or that holds `more` modules."""
     text = lock.read_text(encoding="utf-8") if lock.is_file() else ""
     locked = dict(re.findall(r"^([\w-]+)==(\S+)", text, re.MULTILINE))
     names = set(more).union(*(modules(file) for file in files if file.suffix == ".py"))

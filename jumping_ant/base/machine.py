@@ -1,8 +1,4 @@
-"""The machine: its cores, and the properties that results may depend on.
-
-Equal parameters give equal bytes on every processor that `jumping_ant.base.portable` supports, with
-one thread for products. Other versions of MuJoCo, NumPy and torch give others.
-"""
+"""The machine: its cores, and the properties that results may depend on (see `base.portable`)."""
 
 import importlib.metadata
 import os
@@ -36,10 +32,7 @@ def num_cores() -> int:
 
 
 def processor() -> str:
-    """Return the processor's name and model, from `/proc/cpuinfo` if they are there, else the name.
-
-    Clouds give one name to processors that compute with different instructions.
-    """
+    """Return the processor's name, from `/proc/cpuinfo` with the model, which clouds hide in it."""
     with suppress(OSError):
         first = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0]
         fields = dict(re.findall(r"^(.*?)\s*: (.*)$", first, re.MULTILINE))

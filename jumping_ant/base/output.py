@@ -7,27 +7,14 @@ from contextlib import suppress
 from typing import Any, TextIO
 
 
-class _Tolerant(io.RawIOBase):
-    """A file that accepts what the file beneath it cannot take."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
+class _Tolerant(io.FileIO):
+    """A file that drops what it cannot take."""
 
     def write(self, data: Any) -> int:
-        """Write some or all of the data; return how much of it is done with."""
         try:
-            return os.write(self._descriptor, data)
+            return super().write(data) or len(data)
         except OSError:
             return len(data)
-
-    def writable(self) -> bool:
-        return True
-
-    def isatty(self) -> bool:
-        return os.isatty(self._descriptor)
-
-    def fileno(self) -> int:
-        return self._descriptor
 
 
 def tolerate_failures() -> None:
@@ -50,7 +37,7 @@ def _tolerant(stream: TextIO | None, descriptor: int) -> TextIO:
         with suppress(OSError):
             stream.flush()
     return io.TextIOWrapper(
-        io.BufferedWriter(_Tolerant(descriptor)),
+        io.BufferedWriter(_Tolerant(descriptor, "w", closefd=False)),
         encoding=stream.encoding if stream else "utf-8",
         errors="backslashreplace",
         line_buffering=True,

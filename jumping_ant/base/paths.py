@@ -6,10 +6,7 @@ from jumping_ant.base.files import PROJECT_ROOT, digest
 
 
 def home(root: Path) -> Path:
-    """Return the project folder, also from a folder where DVC runs an experiment.
-
-    `dvc exp run --temp` and `--queue` run in `.dvc/tmp/exps/` and delete that folder afterwards.
-    """
+    """Return the project folder, also from one that DVC deletes after `dvc exp run --temp`."""
     root = root.resolve()
     for parent in root.parents:
         if parent.parts[-3:] == (".dvc", "tmp", "exps"):

@@ -1,10 +1,10 @@
 """The kernels of numerical libraries: everywhere those for AVX2, so that bytes are equal.
 
 NumPy, OpenBLAS, PyTorch, oneDNN and llvmpipe choose their kernels by the processor, and wider ones
-round differently, as do large products of OpenBLAS with more threads. Whatever imports this package
-uses one thread for products, and the kernels that every x86-64 processor with AVX2 and FMA has,
-whoever made it; docs/how-it-works.md has what each switch is for, and its price.
-Libraries read these variables when they are first used, so that this module imports nothing.
+round differently, as do large products with more threads. Whatever imports this package uses one
+thread for products, and the kernels of every x86-64 processor with AVX2 and FMA;
+docs/how-it-works.md has what each switch is for. Libraries read these variables when they are first
+used, so this module imports none.
 """
 
 import os

@@ -1,16 +1,21 @@
-"""Processes by a name that no other one ever has, and whether they still run."""
+"""Processes by a name that no other one has, and whether they still run."""
 
 import os
 import socket
-from pathlib import Path
 
 import psutil  # type: ignore[import-untyped]
 
+SAME_START = 60.0  # [s] two processes of one id start further apart
+
+
+def name_of(process_id: int) -> str:
+    """Return the name of a process of this host: host, process id, time of its start [s]."""
+    return f"{socket.gethostname()} {process_id} {psutil.Process(process_id).create_time():.0f}"
+
 
 def this_process() -> str:
-    """Return the name of this process: host, process id, start of the process."""
-    process_id = os.getpid()
-    return f"{socket.gethostname()} {process_id} {_start(process_id)}"
+    """Return the name of this process."""
+    return name_of(os.getpid())
 
 
 def is_of_this_host(name: str) -> bool:
@@ -23,19 +28,10 @@ def exists(name: str) -> bool:
 
     An ended process keeps its id until its parent reaps it, which in containers may be never.
     """
-    process_id, _, start = name.partition(" ")[2].partition(" ")
     try:
-        status = psutil.Process(int(process_id)).status()
-        return _start(int(process_id)) == start and status != psutil.STATUS_ZOMBIE
-    except (psutil.Error, OSError, ValueError):
+        _, process_id, start = name.split()
+        process = psutil.Process(int(process_id))
+        is_same = abs(process.create_time() - float(start)) < SAME_START
+        return is_same and process.status() != psutil.STATUS_ZOMBIE
+    except (psutil.Error, ValueError):
         return False
-
-
-def _start(process_id: int) -> str:
-    """Return when a process started, in terms that do not change when the clock is set."""
-    stat = Path(f"/proc/{process_id}/stat")
-    if not stat.exists():  # not Linux
-        return f"{psutil.Process(process_id).create_time():.2f}"
-    ticks_since_boot = stat.read_text(encoding="utf-8").rpartition(")")[2].split()[19]
-    boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="utf-8")
-    return f"{boot[:8]}-{ticks_since_boot}"

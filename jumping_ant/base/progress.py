@@ -14,13 +14,7 @@ SECONDS_BETWEEN_LINES = 10.0
 
 
 class Progress:
-    """The progress of one piece of work, on standard error.
-
-    Args:
-        name: Which work it is.
-        total: How much there is to do.
-        unit: What it is counted in.
-    """
+    """The progress of one piece of work, on standard error."""
 
     def __init__(self, name: str, total: int, unit: str) -> None:
         self._name, self._total, self._unit = name, total, unit
@@ -35,14 +29,14 @@ class Progress:
             self._printed = time.monotonic()
             rate = done / max(seconds, 1e-9)
             left = tqdm.format_interval(max(self._total - done, 0) / max(rate, 1e-9))
-            done_of_all = f"{done:,}/{self._total:,} {self._unit}"
-            say(f"{self._name}: {done_of_all}, {rate:,.0f}/s, {left} left{_after(note)}")
+            amount = f"{done:,}/{self._total:,} {self._unit}"
+            say(f"{self._name}: {amount}, {rate:,.0f}/s, {left} left{note and f', {note}'}")
 
     def finish(self, done: int, seconds: float, note: str = "") -> None:
         """Show that all is done."""
         if self._bar.disable:
             took = tqdm.format_interval(seconds)
-            say(f"{self._name}: done, {done:,} {self._unit} in {took}{_after(note)}")
+            say(f"{self._name}: done, {done:,} {self._unit} in {took}{note and f', {note}'}")
 
     def close(self) -> None:
         """Leave the terminal in order."""
@@ -55,14 +49,7 @@ def say(line: str) -> None:
 
 
 def shown(parts: Iterable[Part], total: int, name: str, unit: str) -> Iterator[Part]:
-    """Yield parts as they come, and show how much of the work they are.
-
-    Args:
-        parts: The results; the length of a part is its share of the work.
-        total: The length of all parts.
-        name: Whose work it is.
-        unit: What the work is counted in.
-    """
+    """Yield parts as they come, and show which share of the `total` length they are."""
     done, began = 0, time.monotonic()
     with closing(Progress(name, total, unit)) as progress:
         for part in parts:
@@ -71,7 +58,3 @@ def shown(parts: Iterable[Part], total: int, name: str, unit: str) -> Iterator[P
             progress.show(done, time.monotonic() - began)
         if total:
             progress.finish(done, time.monotonic() - began)
-
-
-def _after(note: str) -> str:
-    return f", {note}" if note else ""

@@ -1,8 +1,7 @@
 """Seeds of all streams of random numbers, derived from a seed, a purpose and an index.
 
 NumPy's `SeedSequence` turns the three into a seed of 128 bits, so that no two runs, purposes or
-environments share a stream. (With `seed + i`, environment 1 of seed 0 would be environment 0 of
-seed 1.) Source: O'Neill 2015, "Developing a seed_seq alternative", which `SeedSequence` follows.
+environments share a stream. Source: O'Neill 2015, "Developing a seed_seq alternative".
 """
 
 from typing import Literal, get_args
@@ -16,13 +15,9 @@ _PURPOSES = get_args(Purpose)  # results depend on their order: add new ones at 
 
 
 def derive(seed: int, purpose: Purpose, index: int = 0, bits: Literal[32, 128] = 128) -> int:
-    """Return the seed of one stream.
+    """Return the seed of one stream: of a run's seed, a purpose, and an environment's number.
 
-    Args:
-        seed: The run's seed.
-        purpose: What the stream is for.
-        index: Number of the stream for that purpose, such as the environment's number.
-        bits: Size of the result; older kinds of generators take only 32 bits.
+    Older kinds of generators take only 32 bits.
     """
     sequence = np.random.SeedSequence(seed, spawn_key=(_PURPOSES.index(purpose), index))
     words = sequence.generate_state(bits // 32, np.uint32)

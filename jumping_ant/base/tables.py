@@ -1,7 +1,6 @@
 """Write CSV files, and read them: whole, of whom they should be, and within their ranges.
 
-The modules of the library that know a table (`curves`, `episodes`)
-describe its columns, and say which rows it has.
+The modules that know a table (`training.curves`, `evaluation.episodes`) describe its columns.
 """
 
 import csv
@@ -20,7 +19,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import read_bytes
 
 LARGEST = 1e30  # of what is compared: statistics of such numbers are finite
-LONGEST = 40  # characters of what a message quotes
+LONGEST = 40  # characters that a message quotes
 
 Table = dict[str, NDArray[Any]]
 """A table by column, each of shape (num_rows,): numbers, NaN for empty cells, or words."""
@@ -28,15 +27,7 @@ Table = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Column:
-    """What a cell may hold: a number in a range, or one of some words.
-
-    Attributes:
-        low: The smallest number.
-        high: The largest number.
-        is_whole: Whether numbers are whole.
-        can_be_empty: Whether a cell may be empty instead.
-        words: The words, for a column without numbers.
-    """
+    """What a cell may hold: a number from `low` to `high`, or one of some words."""
 
     low: float = -LARGEST
     high: float = LARGEST
@@ -68,15 +59,12 @@ def read(
     """Return the columns of a CSV file after those of its owner, each cell of which is checked.
 
     Args:
-        path: The file.
+        path: The file; an InputError says that it is missing or is not such a table.
         stage: The stage that writes it, for the messages.
         owner: The first columns, with the text that every row has in them.
         columns: The columns that follow, in order.
         others: What further columns hold; by default there are none.
         has_rows: Whether it has any rows.
-
-    Raises:
-        InputError: The file is missing or is not such a table.
     """
     content = read_bytes(path, stage)
     with blamed(path, stage):
@@ -84,23 +72,19 @@ def read(
             raise ValueError("its last line is cut off")
         table = _parse(content, owner, columns, others)
         if has_rows != bool(num_rows := len(next(iter(table.values())))):
-            raise ValueError(
-                f"given {num_rows} rows, allowed: {'1 or more' if has_rows else 'none'}"
-            )
+            allowed = "1 or more" if has_rows else "none"
+            raise ValueError(f"given {num_rows} rows, allowed: {allowed}")
     return table
 
 
 def read_growing(
     path: Path, stage: str, owner: Mapping[str, str | int], columns: Mapping[str, Column]
 ) -> Table:
-    """Read the whole lines of a CSV file, which may be in the making; {} before it has a header.
+    """Read the whole lines of a CSV file in the making, whose further columns may hold anything.
 
-    Columns after `columns` hold numbers or nothing.
+    Returns {} before it has a header.
     """
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        return {}
+    content = path.read_bytes() if path.exists() else b""
     lines = content[: content.rfind(b"\n") + 1]
     with blamed(path, stage):
         return _parse(lines, owner, columns, ANY) if lines else {}
@@ -148,18 +132,13 @@ def _parse(
     columns: Mapping[str, Column],
     others: Column | None,
 ) -> Table:
-    """Return the table that a CSV file holds, or raise a ValueError."""
     import pandas as pd  # takes half a second, and training only writes
 
     whose = {name: Column(words=(str(value),)) for name, value in owner.items()}
     kinds = {**whose, **columns}
     words = {name: str for name, kind in kinds.items() if kind.words}
     frame = pd.read_csv(
-        io.BytesIO(content),
-        dtype=words,
-        na_values=[""],
-        keep_default_na=False,
-        low_memory=False,
+        io.BytesIO(content), dtype=words, na_values=[""], keep_default_na=False, low_memory=False
     )
     names = list(frame)
     if names[: len(kinds)] != list(kinds) or (len(names) > len(kinds) and others is None):
@@ -179,8 +158,5 @@ def _parse(
             row = int(fit.argmin())
             cell = str(cells[row])[:LONGEST]
             raise ValueError(f"row {row + 1}, column {name}: given {cell!r}, allowed: {kind}")
-    return {
-        name: frame[name].to_numpy(str if name in words else float)
-        for name in names
-        if name not in owner
-    }
+    kept = [name for name in names if name not in owner]
+    return {name: frame[name].to_numpy(str if name in words else float) for name in kept}

@@ -18,7 +18,7 @@ from typing import Any
 import jumping_ant
 from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError, WorkerError
-from jumping_ant.compute.workers import Died, Ended, Item, News, Work
+from jumping_ant.compute.processes import Ended, Item, News, Work
 
 SECONDS_FOR_ANSWER = 2.0
 SECONDS_LOST = 15.0  # before a cluster is given up; after a minute, Ray would end this process
@@ -26,12 +26,11 @@ SECONDS_LOST = 15.0  # before a cluster is given up; after a minute, Ray would e
 
 def address() -> str | None:
     """Return the address of the Ray cluster that `RAY_ADDRESS` names, None if there is none."""
-    given = os.environ.get("RAY_ADDRESS")
-    return None if given in (None, "", "local") else given  # with "local", Ray itself joins none
+    address = os.environ.get("RAY_ADDRESS", "local")  # with which Ray itself joins none
+    return None if address in ("", "local") else address
 
 
 def _answers(address: str) -> bool:
-    """Tell whether something accepts connections at HOST:PORT, or ray://HOST:PORT."""
     host, _, port = address.removeprefix("ray://").rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), SECONDS_FOR_ANSWER).close()
@@ -41,7 +40,7 @@ def _answers(address: str) -> bool:
 
 
 class Cluster:
-    """Actors of a Ray cluster, each of which runs one job (see `workers.Workers`)."""
+    """Actors of a Ray cluster, each of which runs one job, as `Processes` do."""
 
     def __init__(self, address: str) -> None:
         import ray  # takes a second, which training on one machine does without
@@ -80,20 +79,13 @@ class Cluster:
         self._running[worker.run.remote(pickle.dumps(work))] = key, worker
 
     def news(self, timeout: float) -> Iterator[tuple[Any, News]]:
-        """Wait for news of running jobs.
-
-        Raises:
-            InputError: A machine computes otherwise.
-            WorkerError: The cluster has been lost, for which Ray would wait for ever.
-        """
+        """Wait for news of running jobs; a WorkerError says that the cluster is lost."""
         ready, _ = self._ray.wait(list(self._running), num_returns=1, timeout=timeout)
         if _answers(self._address):
             self._last_seen = time.monotonic()
-        elif time.monotonic() - self._last_seen > SECONDS_LOST:
-            raise WorkerError(
-                f"the Ray cluster at {self._address} is lost; once it runs again, the next run "
-                "resumes"
-            )
+        elif time.monotonic() - self._last_seen > SECONDS_LOST:  # Ray would wait for ever
+            advice = "once it runs again, the next run resumes"
+            raise WorkerError(f"the Ray cluster at {self._address} is lost; {advice}")
         for generator in ready:
             key, worker = self._running[generator]
             news = self._next(generator)
@@ -112,7 +104,7 @@ class Cluster:
         except StopIteration:
             return Ended()
         except (errors.RayActorError, errors.OutOfMemoryError) as error:
-            return Died(str(error).strip().partition("\n")[0])
+            return Ended(str(error).strip().partition("\n")[0])
 
     def stop(self) -> None:
         """Ask all running jobs to stop."""
@@ -142,11 +134,11 @@ def _version(package: str) -> str:
 
 def _unlike(wanted: dict[str, str]) -> InputError | None:
     """Return why this machine would compute other bytes than the one that asks, None if not."""
-    given = kind()
-    names = [name for name in wanted if given[name] != wanted[name]]
+    here = kind()
+    names = [name for name in wanted if here[name] != wanted[name]]
     if not names:
         return None
-    has, allowed = (", ".join(f"{name} {it[name]}" for name in names) for it in (given, wanted))
+    has, allowed = (", ".join(f"{name} {it[name]}" for name in names) for it in (here, wanted))
     return InputError(
         f"RAY_ADDRESS: given a cluster whose machine {socket.gethostname()} has {has}; "
         f"allowed: {allowed}, as here, so that every machine computes the same bytes"

@@ -1,7 +1,4 @@
-"""Run generators in parallel: inline for one worker on this machine, else in other processes.
-
-These are processes of this machine, or those of a Ray cluster (see `processes` and `cluster`).
-"""
+"""Run generators in parallel: inline for one worker, else in processes here or on a Ray cluster."""
 
 import signal
 import threading
@@ -15,8 +12,7 @@ from typing import Any, TypeVar
 from jumping_ant.base import machine
 from jumping_ant.base.errors import StoppedError, WorkerError
 from jumping_ant.compute import cluster
-from jumping_ant.compute.processes import Processes
-from jumping_ant.compute.workers import Died, Item, Work, Workers
+from jumping_ant.compute.processes import Item, Processes, Work
 
 Key = TypeVar("Key", bound=Hashable)
 Input = TypeVar("Input")
@@ -34,10 +30,9 @@ def num_workers(requested: int, num_jobs: int) -> int:
 
 
 def num_threads(requested: int, num_jobs: int) -> list[int]:
-    """Return how many threads each job may use, so that no core is idle at the end.
+    """Return how many threads each job may use: one, but the last round's jobs share all cores.
 
-    As many jobs as there are workers run at a time, with one thread each; the jobs of a smaller
-    last round share the cores. `requested` 0 means every core.
+    `requested` 0 means every core.
     """
     if cluster.address() or num_jobs == 0:
         return [1] * num_jobs
@@ -55,14 +50,11 @@ def stream(
 ) -> Iterator[tuple[Key, Any]]:
     """Run generators and yield (key, item) as the items arrive.
 
-    Without workers, or with one and without a cluster, they run in this process. A key is taken
-    when a worker is free for it.
+    Without workers, or with one and without a cluster, they run in this process. The first SIGTERM
+    or Ctrl-C sets the event that each of them has, and no other starts; the second ends everything.
 
-    The first SIGTERM or Ctrl-C asks them to stop, by setting the event that each was given, and
-    keeps others from starting; the second ends everything immediately.
-
-    `start` returns a function that creates a key's generator, picklable for other processes. After
-    the death of its worker, another call of `start` restarts it; repeated deaths are a WorkerError.
+    `start` returns a picklable function that creates a key's generator, when a worker is free for
+    it and again after the worker's death; repeated deaths are a WorkerError.
     """
     if workers == 0 or (workers == 1 and not cluster.address()):
         return _inline(start, keys)
@@ -77,11 +69,8 @@ def by_seed(
 ) -> list[Result]:
     """Compute something of all seeds: here in one go, on a cluster with a job for each seed.
 
-    A signal ends it at once, as no part of it could be resumed.
-
     Args:
-        compute: Computes it of the inputs of some seeds, with a number of threads. On a cluster it
-            must be picklable.
+        compute: Picklable; computes it of the inputs of some seeds, with a number of threads.
         seeds: The input of each seed.
         requested: How many workers to use; 0 requests one for each seed.
         agent: The agent's name, for messages.
@@ -124,7 +113,7 @@ def _apart(
 ) -> Iterator[tuple[Key, Any]]:
     """Run jobs in workers; a key waits until one of them is free."""
     address = cluster.address()
-    pool: Workers = cluster.Cluster(address) if address else Processes()
+    pool: cluster.Cluster | Processes = cluster.Cluster(address) if address else Processes()
     new, again = iter(keys), deque[Key]()
     num_running = 0
     deaths = Counter[Key]()
@@ -148,13 +137,12 @@ def _apart(
                         yield key, news.content
                         continue
                     num_running -= 1
-                    if isinstance(news, Died):
+                    if news.cause is not None:
                         deaths[key] += 1
+                        died = f"{name(key)}: its worker died"
                         if deaths[key] > MAX_DEATHS:
-                            raise WorkerError(
-                                f"{name(key)}: its worker died {deaths[key]} times ({news.cause})"
-                            )
-                        say(f"{name(key)}: its worker died ({news.cause}), and another takes over")
+                            raise WorkerError(f"{died} {deaths[key]} times ({news.cause})")
+                        say(f"{died} ({news.cause}), and another takes over")
                         again.appendleft(key)
     finally:
         pool.close()

@@ -1,16 +1,16 @@
-"""Workers on this machine: processes that reach their driver through a pipe, and nobody else.
+"""Workers on this machine: processes that reach their driver, and nobody else, through a pipe.
 
-Nothing listens, and nothing lies in a folder that others can write to: a worker inherits one end of
-a socket pair that has no address. When the driver ends, however it does, the pipe closes and the
-worker ends.
+A worker inherits one end of a socket pair that has no address. When the driver ends, however it
+does, the pipe closes and the worker ends.
 """
 
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
@@ -18,26 +18,44 @@ from typing import Any, cast
 
 from jumping_ant.base import output
 from jumping_ant.base.errors import WorkerError
-from jumping_ant.compute.workers import Died, Ended, Item, News, Work
+
+# Returns the items of a job, and ends early if the event is set. It must be picklable.
+Work = Callable[[threading.Event], Iterator[Any]]
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+@dataclass(frozen=True)
+class Item:
+    """The next item of a job."""
+
+    content: Any
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A job has yielded its last item, or its worker has died of a cause."""
+
+    cause: str | None = None
+
+
+News = Item | Ended
+
+
 class Processes:
-    """A process of this machine for each job (see `workers.Workers`)."""
+    """A process of this machine for each job."""
 
     def __init__(self) -> None:
         self._running: dict[Connection, tuple[Any, SpawnProcess]] = {}
 
     def run(self, key: Hashable, work: Work) -> None:
-        """Start a job; a WorkerError says why the system lets no process start."""
+        """Start a job."""
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(target=_serve, args=(theirs,))
         try:
             resource_tracker.ensure_running()  # or the first start does so, and unblocks signals
-            # The worker inherits the mask. Ctrl-C reaches every process of the terminal, but only
-            # the driver decides what follows from it.
+            # The worker inherits the mask, as only the driver decides what Ctrl-C does.
             mask = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
             try:
                 process.start()
@@ -50,13 +68,13 @@ class Processes:
         _send(ours, work)
 
     def news(self, timeout: float) -> Iterator[tuple[Any, News]]:
-        """Wait for news of running jobs."""
+        """Yield (key, news) of jobs within `timeout` seconds; raise what a job raised."""
         for pipe in cast(list[Connection], wait(list(self._running), timeout)):
             key, process = self._running[pipe]
             try:
                 received = pipe.recv()
             except (EOFError, ConnectionError):
-                received = Died(_cause(process))
+                received = Ended(_cause(process))
             if isinstance(received, BaseException):
                 raise received
             if not isinstance(received, Item):

@@ -1,16 +1,10 @@
 """The article's robot and task as parameters.
 
 Source: Mauro Di Pietro, "Robotics with Python: Q-Learning vs Actor-Critic vs Evolutionary
-Algorithms", 2025; the robot is `assets/custom_ant.xml` of its repository, github.com
-mdipietro09/RoboticsPy.
+Algorithms", 2025, and `assets/custom_ant.xml` of github.com mdipietro09/RoboticsPy.
 """
 
-from jumping_ant.params.blocks import (
-    EnvParams,
-    RewardParams,
-    RobotParams,
-    TorsoHeightParams,
-)
+from jumping_ant.params.blocks import EnvParams, RewardParams, RobotParams, TorsoHeightParams
 
 ROBOT = RobotParams(
     source="ant",

@@ -1,23 +1,15 @@
 """The blocks of `params.yaml`, except those of its agents.
 
-Every number of the pipeline is in that file. Models reject unknown keys, check types strictly, and
-state the range of each number. The settings of an agent are defined next to its algorithm (see
-`jumping_ant.agents.catalogue`), those of learners with their library's defaults; a block of
-`params.yaml` may leave these out. `jumping_ant.params.model` combines all of them.
+Models reject unknown keys, check types strictly, and state the range of each number. The settings
+of an agent are next to its algorithm (see `jumping_ant.agents.catalogue`), those of learners with
+their library's defaults, which `params.yaml` may leave out.
 """
 
 import difflib
 import re
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 # Upper bounds keep physics and memory finite; they are far beyond what is useful.
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -27,7 +19,6 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=10**6)]
 Steps = Annotated[int, Field(ge=1, le=10**10)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
-
 
 GYMNASIUM_ROBOTS = ("ant", "hopper", "walker2d", "half_cheetah", "humanoid")
 
@@ -41,11 +32,7 @@ class Block(BaseModel):
     """A block of `params.yaml`: typed, without unknown keys, immutable."""
 
     model_config = ConfigDict(
-        extra="forbid",
-        strict=True,
-        frozen=True,
-        allow_inf_nan=False,
-        use_attribute_docstrings=True,
+        extra="forbid", strict=True, frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
 
     @model_validator(mode="before")
@@ -63,10 +50,8 @@ class Block(BaseModel):
 
 
 def _is_a_source(source: str) -> str:
-    """Reject a source that is neither a robot of Gymnasium nor a file in `robots/`."""
-    allowed = f"{', '.join(GYMNASIUM_ROBOTS)}, or a file robots/NAME.xml"
-    is_file = re.fullmatch(r"robots/[A-Za-z0-9_-]+\.xml", source)
-    if source not in GYMNASIUM_ROBOTS and not is_file:
+    if source not in GYMNASIUM_ROBOTS and not re.fullmatch(r"robots/[A-Za-z0-9_-]+\.xml", source):
+        allowed = f"{', '.join(GYMNASIUM_ROBOTS)}, or a file robots/NAME.xml"
         raise ValueError(f"given {source!r}, allowed: {allowed}")
     return source
 
@@ -161,9 +146,8 @@ class EnvParams(Block):
     def _rows_are_alike(cls, commands: list[list[float]]) -> list[list[float]]:
         lengths = sorted({len(row) for row in commands})
         if len(lengths) > 1:
-            raise ValueError(
-                f"given rows of {lengths[0]} and of {lengths[-1]} torques, allowed: one per motor"
-            )
+            given = f"rows of {lengths[0]} and of {lengths[-1]} torques"
+            raise ValueError(f"given {given}, allowed: one per motor")
         return commands
 
 
@@ -182,9 +166,8 @@ class ActionParams(Block):
     @model_validator(mode="after")
     def _levels_have_a_number(self) -> Self:
         if (self.kind == "levels") != (self.levels is not None):
-            given = "none" if self.levels is None else self.levels
             allowed = "2 or 3" if self.kind == "levels" else "none"
-            raise ValueError(f"levels is {given}, but kind {self.kind} takes {allowed}")
+            raise ValueError(f"levels is {self.levels}, but kind {self.kind} takes {allowed}")
         return self
 
 
@@ -272,10 +255,7 @@ class EvaluateParams(Block):
         return self
 
     def block(self, seed: int) -> range:
-        """Return the seeds of a training seed's held-out episodes, which no other seed plays.
-
-        They depend on the training seed's number alone, so that a run of some seeds plays the same.
-        """
+        """Return the seeds of a training seed's held-out episodes, alike in every run."""
         first = self.seed + self.episodes * seed
         return range(first, first + self.episodes)
 

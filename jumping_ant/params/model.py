@@ -29,8 +29,7 @@ RESERVED_NAMES = {"lineup"}  # names of files in media/
 # File systems allow 255 characters, of which DVC and MLflow need some.
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60)]
 
-# Seeds of start states that no block names. Those of training, and of the article's own tests, are
-# derived (see `base.seeding`): numbers of 128 bits, which are none of these.
+# Seeds of start states. Those of training are derived numbers of 128 bits (see `base.seeding`).
 TUNING_SEEDS = range(7_000_000, 8_000_000)  # of `make tune`; its training seeds are of these, too
 SELECTION_EPISODES = 20  # first ones of validation: PGPE's best sample is chosen on them
 EPISODES_AT_ONCE = 16  # demonstrations are played in batches of so many
@@ -125,7 +124,10 @@ class Params(Block):
                 raise refusal(f"agents.{name}.total_steps", agent.max_env_steps, allowed)
 
     def _check_episodes(self) -> None:
-        """No episode serves two purposes; only imitators may learn from the same ones."""
+        """No episode serves two purposes, so that held-out ones are new to every policy.
+
+        Only imitators may learn from the same ones.
+        """
         for (key, ranges), (later_key, later_ranges) in combinations(self._episodes().items(), 2):
             if key.startswith("demonstrations.") and later_key.startswith("demonstrations."):
                 continue
@@ -136,42 +138,30 @@ class Params(Block):
                     raise refusal(later_key, given, allowed)
 
     def _episodes(self) -> dict[str, list[range]]:
-        """Return all seeds of episodes that are plain numbers, by the key that says the first.
-
-        Held-out episodes must be new to a policy: to its training, to the choice among its
-        snapshots, and to the choice of its settings.
-        """
+        """Return all seeds of episodes that are plain numbers, by the key that says the first."""
         training = self.training
+        first = training.evaluation_seed
         in_race = training.evaluation_episodes + training.finalist_episodes
-        return {
+        episodes = {
             "make tune": [TUNING_SEEDS],
-            "training.evaluation_seed": [
-                _count_up(training.evaluation_seed, max(in_race, SELECTION_EPISODES))
-            ],
+            "training.evaluation_seed": [range(first, first + max(in_race, SELECTION_EPISODES))],
             "evaluate.seed": [self.evaluate.block(seed) for seed in self.seeds],
-            **{  # an episode lasts for at least one step
-                f"demonstrations.{algorithm}.seed": [
-                    _count_up(block.seed, -(-block.steps // EPISODES_AT_ONCE) * EPISODES_AT_ONCE)
-                ]
-                for algorithm, block in self.demonstrations.items()
-            },
         }
+        for algorithm, block in self.demonstrations.items():  # an episode has at least one step
+            most = -(-block.steps // EPISODES_AT_ONCE) * EPISODES_AT_ONCE
+            episodes[f"demonstrations.{algorithm}.seed"] = [range(block.seed, block.seed + most)]
+        return episodes
 
     def demonstrator(self, agent: AgentBlock) -> str:
         """Return the name of the agent that an agent imitates; empty if it imitates none."""
-        if not agent.learns_from_demonstrations:
-            return ""
-        return self.demonstrations[agent.algorithm].agent
+        imitates = agent.learns_from_demonstrations
+        return self.demonstrations[agent.algorithm].agent if imitates else ""
 
     def agent(self, name: str) -> AgentBlock:
         """Return one agent's block, or raise an InputError that lists the existing ones."""
         if name not in self.agents:
             raise InputError(f"agent: given {name!r}, allowed: {', '.join(self.agents)}")
         return self.agents[name]
-
-
-def _count_up(first: int, count: int) -> range:
-    return range(first, first + count)
 
 
 def _shown(seeds: range) -> str:

@@ -1,7 +1,6 @@
 """Read and check all of `params.yaml` before any work starts.
 
-Each mistake is one line that names the key, and says what was given and what is allowed. YAML is
-read as version 1.2, as DVC reads it: `3e-4` is a number.
+YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
 """
 
 from pathlib import Path
@@ -29,11 +28,7 @@ COMPLETE = ("missing", "value_error", "union_tag_invalid", "union_tag_not_found"
 
 
 def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
-    """Read and check a params file.
-
-    Raises:
-        InputError: The file is missing, is not YAML, or does not fit the models; a line per error.
-    """
+    """Read and check a params file; an InputError has a line for each error."""
     return check(read(path), path.name)
 
 
@@ -51,10 +46,8 @@ def read(path: Path) -> Any:
     except (YAMLError, UnicodeError, RecursionError) as error:  # the last for depth
         raise InputError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
     if num_values > MOST_VALUES:
-        raise InputError(
-            f"{path.name}: given {num_values:.3g} values, allowed: {MOST_VALUES:,}; each alias of "
-            "an anchor counts as all that the anchor holds"
-        )
+        given = f"{num_values:.3g} values, aliases counted as what their anchors hold"
+        raise InputError(f"{path.name}: given {given}, allowed: {MOST_VALUES:,}")
     return content
 
 
@@ -86,7 +79,6 @@ def _num_values(content: Any, known: dict[int, int]) -> int:
 
 
 def _line(error: ErrorDetails) -> str:
-    """Return a validation error as a line: the key, pydantic's message, and what was given."""
     place = [str(part) for part in error["loc"] if part != "[key]"]
     if place[:1] == ["agents"]:
         del place[2:3]  # the algorithm, which pydantic puts between an agent and its keys
@@ -95,14 +87,13 @@ def _line(error: ErrorDetails) -> str:
     message = error["msg"].removeprefix("Value error, ")
     if error["type"] == "value_error" and not place:
         return message  # names its keys
-    given = "" if error["type"] in COMPLETE else f", given {_show(error['input'])}"
-    return f"{'.'.join(place) or 'the file'}: {message}{given}"
+    value = "" if error["type"] in COMPLETE else f", given {_show(error['input'])}"
+    return f"{'.'.join(place) or 'the file'}: {message}{value}"
 
 
-def _show(given: Any) -> str:
-    """Return the text of a value, truncated if it is long."""
+def _show(value: Any) -> str:
     try:
-        shown = repr(given)
+        shown = repr(value)
     except ValueError:  # Python does not print integers of thousands of digits
         shown = "a number too long to show"
     return shown if len(shown) <= 60 else shown[:57] + "..."

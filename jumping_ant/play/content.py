@@ -24,7 +24,7 @@ from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.rewards import active
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World
-from jumping_ant.training import validation
+from jumping_ant.training import curves
 
 STARTS = 4  # held-out starts of each seed
 ROOM = 12_000_000  # [bytes] of policies, so that the page stays below 25 MB
@@ -65,7 +65,7 @@ def policy(root: Path, agent: str, seed: int) -> dict[str, Any]:
 
 def all_policies(root: Path, params: Params) -> Policies:
     """Return policies by agent and seed: all champions, and as many others as there is room for."""
-    order = {name: validation.best_first(root, name, params.seeds) for name in params.agents}
+    order = {name: curves.best_first(root, name, params.seeds) for name in params.agents}
     found: Policies = {}
     taken = 0
     for rank in range(len(params.seeds)):

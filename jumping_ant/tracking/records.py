@@ -25,7 +25,7 @@ from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import descriptions
-from jumping_ant.training import curves, validation
+from jumping_ant.training import curves
 
 TRAIN_SECONDS = "train_seconds"
 VALIDATION_RETURN = "validation_return"  # of the published policy, which was chosen by it
@@ -120,7 +120,7 @@ class SeedRecord:
         """Mean return of the published policy in validation; None if there was none yet."""
         if not self.paths.seed(self.seed).validation.exists():
             return None
-        return validation.published_return(self.root, self.agent, self.seed)
+        return curves.published_return(self.root, self.agent, self.seed)
 
     def describe(self, commit: str | None) -> str:
         """Return what the policy is, how good it is and where it comes from, as Markdown."""

@@ -1,9 +1,8 @@
 """Checkpoints of an agent's seeds on disk, to resume from after a kill.
 
-The folder `.checkpoints/<agent>/<key>/` lies outside DVC's outputs, which DVC deletes before a
-stage runs, and outside the folders where DVC runs experiments, which it deletes afterwards. The key
-is a digest of everything that a seed's results depend on, so checkpoints of other parameters,
-another robot, other code or other versions are never resumed from. The folder contains:
+The folder `.checkpoints/<agent>/<key>/` lies outside of what DVC deletes: outputs before a stage
+runs, and folders of experiments afterwards. The key is a digest of everything that a seed's results
+depend on, so a checkpoint of anything else is never resumed from. The folder contains:
 
 | file | content |
 |---|---|
@@ -13,9 +12,8 @@ another robot, other code or other versions are never resumed from. The folder c
 Every file is complete or absent (see `jumping_ant.base.files`), begins with a digest of its agent,
 key, seed and content, and holds numbers and text: nothing in it is executed.
 
-Finished seeds are kept after training, so that a training with more seeds trains only the new ones.
-Files of other keys are kept, too, so that a return to earlier parameters resumes what they had
-reached; the oldest ones are removed when they take more than `KEPT_BYTES`.
+Finished seeds are kept, so that a training with more seeds trains only the new ones. Files of other
+keys are kept, too, for a return to earlier parameters; beyond `KEPT_BYTES`, the oldest ones go.
 """
 
 import hashlib
@@ -124,10 +122,9 @@ class Checkpoints:
 
     @contextmanager
     def opened(self, seeds: Iterable[int]) -> Iterator[None]:
-        """Lock the agent and its checkpoints while it trains; clean up if training finishes.
+        """Lock the agent while it trains, and clean up if training finishes.
 
-        Another process may be training the agent already, such as one whose `dvc repro` was killed.
-        This waits until it ends, then resumes from its last checkpoint.
+        Another process may be training it, such as one whose `dvc repro` was killed: wait for it.
         """
         with self._locked(self._workspace), self._locked(self._folder):
             yield
@@ -186,16 +183,13 @@ class Checkpoints:
             held = lock.acquire(blocking=False)
         except Timeout:
             process = path.read_text(encoding="utf-8")
-            self._say(
-                f"waiting for process {process}, which is already training it and will not be "
-                f"started again; `kill {process}` stops it with a checkpoint"
-            )
+            advice = f"`kill {process}` stops it with a checkpoint"
+            self._say(f"waiting for process {process}, which is already training it; {advice}")
             held = lock.acquire()
         path.write_text(str(os.getpid()), encoding="utf-8")
         return held
 
     def _remove_oldest(self, seeds: Iterable[int]) -> None:
-        """Remove the oldest files that this training does not need, beyond the size to keep."""
         needed = {self._finished_path(seed) for seed in seeds}
         others = []
         for path in set(self._agent_folder.glob("*/seed-*")) - needed:
@@ -207,7 +201,5 @@ class Checkpoints:
         for path in removed:
             path.unlink(missing_ok=True)
         if removed:
-            self._say(
-                f"removed {len(removed)} checkpoints of other parameters or seeds from "
-                f"{self._agent_folder}: {KEPT_BYTES / 2**30:g} GiB of them are kept"
-            )
+            kept = f"{KEPT_BYTES / 2**30:g} GiB of other parameters or seeds are kept"
+            self._say(f"removed {len(removed)} checkpoints from {self._agent_folder}: {kept}")

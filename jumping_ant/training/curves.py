@@ -1,8 +1,9 @@
-"""The tables of training: each seed's learning curve, and the seconds of an agent's seeds.
+"""The tables of training: learning curves, their seconds, and what was returned in validation.
 
 `jumping_ant.training.driver` writes them; whoever reads them does so here.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -31,6 +32,13 @@ COLUMNS = {
 }
 """Columns of a learning curve after those of its owner; each algorithm adds others."""
 TIMING_COLUMNS = {"seed": SEED, "env_steps": COUNT, "seconds": SECONDS}
+VALIDATION_COLUMNS = {
+    "env_steps": COUNT,
+    "episodes": Column(low=1, high=1e7, is_whole=True),
+    "return_mean": Column(),
+    "return_std": Column(low=0),
+}
+"""Columns after those of the owner; a row for each snapshot that came into question."""
 
 
 def owner(agent: str, seed: int) -> dict[str, str | int]:
@@ -39,10 +47,7 @@ def owner(agent: str, seed: int) -> dict[str, str | int]:
 
 
 def read(root: Path, params: Params, agent: str, seed: int) -> Table:
-    """Read the learning curve of a seed that is trained: columns of shape (num_rows,).
-
-    A row is of training or of an evaluation, and has NaN in the columns of the other.
-    """
+    """Read a trained seed's learning curve; a row of an evaluation has NaN for the training's."""
     path, stage = Paths(root).agent(agent).seed(seed).curve, f"train@{agent}"
     table = tables.read(path, stage, owner(agent, seed), COLUMNS, ANY)
     with tables.blamed(path, stage):
@@ -60,19 +65,30 @@ def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
     """Read each seed's learning curve, with the training `seconds` up to each of its rows."""
     paths, stage = Paths(root).agent(agent), f"train@{agent}"
     timing = tables.read(paths.timing, stage, {"agent": agent}, TIMING_COLUMNS)
-    curves = read_all(root, params, agent)
+    curves, agent_block = read_all(root, params, agent), params.agent(agent)
     with tables.blamed(paths.timing, stage):
         for seed in dict.fromkeys([*curves, *timing["seed"].tolist()]):
-            own = timing["seed"] == seed
+            rows = timing["seed"] == seed
             steps = curves[seed]["env_steps"] if seed in curves else np.empty(0)
-            if not np.array_equal(timing["env_steps"][own], steps):
-                raise ValueError(
-                    f"given other env_steps of seed {seed:.0f}, allowed: those of "
-                    f"{paths.seed(int(seed)).curve}"
-                )
-            _check_seconds(timing["seconds"][own], params.agent(agent))
-            curves[seed]["seconds"] = timing["seconds"][own]
+            if not np.array_equal(timing["env_steps"][rows], steps):
+                allowed = f"those of {paths.seed(int(seed)).curve}"
+                raise ValueError(f"given other env_steps of seed {seed:.0f}, allowed: {allowed}")
+            seconds = curves[seed]["seconds"] = timing["seconds"][rows]
+            if (np.diff(seconds) < 0).any() or (seconds[0] == 0 and agent_block.max_env_steps):
+                raise ValueError("given seconds that are 0 or shrink, allowed: those of a clock")
     return curves
+
+
+def published_return(root: Path, agent: str, seed: int) -> float:
+    """Return the mean return of a seed's published policy in validation."""
+    path = Paths(root).agent(agent).seed(seed).validation
+    table = tables.read(path, f"train@{agent}", owner(agent, seed), VALIDATION_COLUMNS)
+    return float(table["return_mean"].max())
+
+
+def best_first(root: Path, agent: str, seeds: Iterable[int]) -> list[int]:
+    """Return seeds of an agent, the one whose policy did best in validation first."""
+    return sorted(seeds, key=lambda seed: -published_return(root, agent, seed))
 
 
 def evaluations(curve: Table, against: Unit = "env_steps") -> tuple[Array, Array]:
@@ -114,13 +130,5 @@ def _check_end(table: Table, agent: AgentBlock) -> None:
     """Raise a ValueError unless the last row is the evaluation at the end of training."""
     steps, updates = table["env_steps"][-1], np.nan_to_num(table["updates"]).max()
     if not (_is_evaluation(table)[-1] and agent.has_ended(int(steps), int(updates))):
-        raise ValueError(
-            f"given an end after {steps:.0f} control steps and {updates:.0f} updates, allowed: an "
-            "evaluation at the end of the agent's budget"
-        )
-
-
-def _check_seconds(seconds: Array, agent: AgentBlock) -> None:
-    """Raise a ValueError unless a seed's seconds grow, from the first on where it trains."""
-    if (np.diff(seconds) < 0).any() or (seconds[0] == 0 and agent.max_env_steps):
-        raise ValueError("given seconds that are 0 or shrink, allowed: those of a clock that runs")
+        end = f"an end after {steps:.0f} control steps and {updates:.0f} updates"
+        raise ValueError(f"given {end}, allowed: an evaluation at the end of the agent's budget")

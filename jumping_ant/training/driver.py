@@ -1,9 +1,8 @@
 """The driver of the `train` stage, which writes trainers' events to files.
 
-Only the driver accesses files while training runs (see `jumping_ant.training.seed_files`).
-Wall-clock times and the machine, which equal trainings need not share, are kept apart in
-`timing.csv` and `machines.json`. Checkpoints let a killed run resume where it stopped (see
-`jumping_ant.training.checkpoints`); the resulting files are the same.
+Only the driver accesses files while training runs (see `seed_files`). Wall-clock times and the
+machine, which equal trainings need not share, are kept apart in `timing.csv` and `machines.json`.
+A killed run resumes where it stopped (see `checkpoints`); the resulting files are the same.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,7 +17,7 @@ from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import read_bytes, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
-from jumping_ant.compute.workers import Work
+from jumping_ant.compute.processes import Work
 from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
@@ -32,18 +31,14 @@ SHARED_SEED = 0  # of a search whose result every seed of an agent shares
 def train(root: Path, params: Params, agent_name: str) -> None:
     """Train every seed of an agent, each from its last checkpoint.
 
-    Args:
-        root: The project's folder; a robot in `assets/` is read, and `models/<agent>/` and the
-            agent's `timing.csv`, `machines.json` and `training.json` are written.
-        params: All parameters.
-        agent_name: Which agent.
+    Reads a robot in the project's `assets/`; writes `models/<agent>/` and the agent's `timing.csv`,
+    `machines.json` and `training.json`.
 
     Raises:
         InputError: There is no such agent, or no robot yet.
         WorkerError: The workers of one seed died repeatedly.
         StoppedError: A signal asked training to stop; another call resumes from there.
-        OSError: A file cannot be written, as on a full disk; another call resumes from the last
-            checkpoint.
+        OSError: A file cannot be written; another call resumes from the last checkpoint.
     """
     agent = params.agent(agent_name)
     world = World(robot.read(root, agent.robot), params.env)
@@ -96,8 +91,7 @@ def _run(
 ) -> None:
     """Train the seeds that are not finished.
 
-    A baseline runs in this process, which has all cores. If its result does not depend on the
-    seed, it runs once, and all seeds take what it reports.
+    A baseline runs in this process, and once for all seeds if its result does not depend on them.
     """
     requested = params.compute.workers
     untrained = [number for number, seed in seeds.items() if not seed.finished]

@@ -1,9 +1,8 @@
 """The choice of the snapshot that a seed publishes: a race of two rounds, in validation.
 
 Every snapshot plays a few episodes. At the end the best of them, the finalists, play more, and the
-best mean over all of its episodes is published: the episodes go where the choice is close. This is
-successive halving (Karnin, Koren and Somekh 2013, "Almost optimal exploration in multi-armed
-bandits") with one cut. Only the snapshots that can still be finalists are kept.
+best mean over all of its episodes is published: successive halving (Karnin, Koren and Somekh 2013,
+"Almost optimal exploration in multi-armed bandits") with one cut.
 """
 
 from collections.abc import Callable, Sequence
@@ -43,10 +42,9 @@ def entered(candidates: Candidates, new: Candidate, training: TrainingParams) ->
 def finished(
     candidates: Candidates, play: Callable[[Sequence[bytes]], NDArray[np.float64]]
 ) -> Candidates:
-    """Return the candidates with the returns of the final as well.
+    """Return the candidates with their returns in the final, which a single one needs not.
 
-    `play` returns those of policies' files, (num_policies, episodes). A single candidate needs no
-    final.
+    `play` returns those of policies' files, (num_policies, episodes).
     """
     if len(candidates) < 2:
         return candidates

@@ -1,11 +1,9 @@
 """How an agent's training speeds up with threads, measured on this machine.
 
-The policies of a generation run independently of one another, so more threads run more of them at
-once. Off-policy learners update one policy: threads share the stepping of their environments, and
-each matrix product of a gradient step.
+More threads run more policies of a generation at once. Off-policy learners update one policy:
+threads share the stepping of their environments, and each matrix product of a gradient step.
 
-The timed unit is each seed's second row of the learning curve: a generation, or some rounds of
-rollouts and updates. Later rows take as long.
+The timed unit is each seed's second row of the learning curve. Later rows take as long.
 """
 
 import time
@@ -28,7 +26,7 @@ from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
 SEEDS = 8  # whose training is timed: the first ones
-REPEATS = 2  # the fastest one counts: disturbances only add time
+REPEATS = 2  # the fastest one counts
 DIGITS = 6  # of the seconds
 
 Seconds = dict[int, NDArray[np.float64]]
@@ -74,7 +72,6 @@ def measure(root: Path, params: Params, name: str, cores: int | None = None) -> 
 
 def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float:
     """Return the seconds of the second row of a seed's learning curve."""
-    # Slow to import, and not for agents without a row.
     from threadpoolctl import threadpool_limits
 
     from jumping_ant.agents.kernels import use_portable_kernels

@@ -1,9 +1,8 @@
 """The files of one seed, which the events of its training become.
 
-`curve.csv` grows row by row. When training ends, `policy.zip` is written in one piece: the snapshot
-that won in validation, or the last policy, as `training.publish` specifies; `validation.csv` has
-what the finalists returned (see `jumping_ant.training.model_selection`). `final.zip` is always
-the last policy. The driver keeps seconds and the machine apart.
+`curve.csv` grows row by row. When training ends, `policy.zip` becomes the snapshot that won in
+validation, or the last policy, as `training.publish` specifies; `validation.csv` has what the
+finalists returned (see `model_selection`). `final.zip` is always the last policy.
 """
 
 import math
@@ -16,9 +15,9 @@ from jumping_ant.base import progress, tables
 from jumping_ant.base.files import write_all
 from jumping_ant.base.paths import SeedPaths
 from jumping_ant.policies import policy_file
-from jumping_ant.training import curves, model_selection, validation
+from jumping_ant.training import curves, model_selection
 from jumping_ant.training.checkpoints import Checkpoints, Saved
-from jumping_ant.training.curves import COLUMNS
+from jumping_ant.training.curves import COLUMNS, VALIDATION_COLUMNS
 from jumping_ant.training.seed_run import Report
 
 
@@ -42,8 +41,7 @@ class SeedFiles:
 
     def __enter__(self) -> "SeedFiles":
         self._paths.folder.mkdir(parents=True, exist_ok=True)
-        # DVC clears the folder; if it did not, no older policy may remain beside the new curve, and
-        # what may be a link into DVC's cache is not written through.
+        # DVC clears the folder; else no older policy remains, nor a link into DVC's cache.
         for path in self._paths.files:
             path.unlink(missing_ok=True)
         self._file = self._paths.curve.open("x", newline="", encoding="utf-8")
@@ -122,7 +120,7 @@ class SeedFiles:
             {
                 self._paths.final_policy: policy_file.owned(saved.content, self._paths.owner),
                 self._paths.policy: policy_file.owned(published, self._paths.owner),
-                self._paths.validation: tables.to_csv(rows, [*self._owner, *validation.COLUMNS]),
+                self._paths.validation: tables.to_csv(rows, [*self._owner, *VALIDATION_COLUMNS]),
             }
         )
         self.finished = saved

@@ -1,8 +1,7 @@
 """The training of one seed, as a worker runs it: its trainer's events, and their evaluation.
 
 A worker touches no file. It plays the validation episodes of each snapshot, and in the end those of
-the finalists (see `jumping_ant.training.model_selection`). They have separate start states: neither
-training nor the held-out episodes use them.
+the finalists (see `jumping_ant.training.model_selection`).
 """
 
 import math
@@ -48,8 +47,7 @@ def run(
 ) -> Iterator[Report]:
     """Train one seed, and evaluate its snapshots; `stop` ends it with a last checkpoint.
 
-    `seconds` is the training time before the checkpoint that the job resumes from, `candidates`
-    are the snapshots before it that may be published.
+    `seconds` of training and `candidates` are those before the checkpoint that it resumes from.
     """
     if not job.agent.is_baseline:  # these do without PyTorch, which takes seconds to import
         from jumping_ant.agents.kernels import use_portable_kernels

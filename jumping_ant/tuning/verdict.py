@@ -24,7 +24,7 @@ from jumping_ant.comparison.claims import findings, verdicts
 from jumping_ant.comparison.claims.findings import Efforts, Finding, Sample
 from jumping_ant.comparison.step_down import adjust
 from jumping_ant.compute import jobs
-from jumping_ant.compute.workers import Work
+from jumping_ant.compute.processes import Work
 from jumping_ant.media.style import capitalized, number
 from jumping_ant.tuning.task import FRESH, Task
 

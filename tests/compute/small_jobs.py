@@ -11,7 +11,7 @@ from typing import Any
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.compute import jobs
-from jumping_ant.compute.workers import Work
+from jumping_ant.compute.processes import Work
 
 
 def count(key: str, length: int, stop: threading.Event) -> Iterator[str]:

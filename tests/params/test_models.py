@@ -3,7 +3,6 @@
 import copy
 import re
 import shutil
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -152,12 +151,6 @@ def test_presets_are_nothing_but_overrides(tmp_path: Path, text: str, said: str)
         presets.load("mine", tmp_path)
 
 
-def test_presets_need_dvc(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "dvc.utils.hydra", None)
-    with pytest.raises(InputError, match="install the package's extra `track`"):
-        presets.load("smoke")
-
-
 def test_an_unknown_agent_is_answered_with_those_there_are() -> None:
     checked = params_file.check(changed("agents", {"a": RANDOM, "b-2": RANDOM}))
     with pytest.raises(InputError, match=r"agent: given 'c', allowed: a, b-2$"):
@@ -176,7 +169,10 @@ def test_an_unknown_agent_is_answered_with_those_there_are() -> None:
         (b"\xff\xfe\x00", "not YAML: 'utf-8' codec can't decode byte 0xff"),
         (b"[" * 500, "not YAML: maximum recursion depth"),
         (b"seeds: &a [*a]", "not YAML: maximum recursion depth"),
-        (LAUGHS, "given 2.35e+09 values, allowed: 100,000; each alias of an anchor counts as"),
+        (
+            LAUGHS,
+            "given 2.35e+09 values, aliases counted as what their anchors hold,",
+        ),
         (b"", "the file: Input should be a valid dictionary or instance of Params, given None"),
     ],
 )

@@ -22,7 +22,7 @@ from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.tracking.mirror import track
-from jumping_ant.training import validation
+from jumping_ant.training import curves
 from soak import mlflow_server
 
 AGENTS, SEEDS, STEPS = ("sac", "pgpe"), (0, 1), (100, 200, 300, 400)
@@ -54,7 +54,7 @@ def train(root: Path, agent: str, seed: int, value: float | None = None) -> None
     paths = Paths(root).agent(agent).seed(seed)
     write_text(paths.curve, curve_lines(seed, agent=agent))
     row = f"{agent},{seed},300,20,{600 + seed},1.5\n"
-    write_text(paths.validation, f"agent,seed,{','.join(validation.COLUMNS)}\n{row}")
+    write_text(paths.validation, f"agent,seed,{','.join(curves.VALIDATION_COLUMNS)}\n{row}")
     number = AGENTS.index(agent) + 0.1 * (seed + 1) if value is None else value
     write_bytes(paths.policy, policy_file.owned(policy_content(number), paths.owner))
 

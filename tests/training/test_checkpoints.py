@@ -155,7 +155,7 @@ def test_the_oldest_ones_are_removed_beyond_a_size(
         *(f"sac/{key}/seed-{seed}.finished" for key in ("other", "third") for seed in (0, 1)),
     ]
     (line,) = said
-    assert line.startswith("removed 2 checkpoints of other parameters or seeds from ")
+    assert line.startswith("removed 2 checkpoints from ")
 
 
 def test_experiments_in_other_folders_share_them(tmp_path: Path, said: list[str]) -> None:
@@ -187,6 +187,6 @@ def test_one_process_at_a_time(tmp_path: Path, said: list[str]) -> None:
             assert other.wait() == 0
             assert store(tmp_path, said).finished(0).content == b"policy"
     assert said == [
-        f"waiting for process {other.pid}, which is already training it and will not be started "
-        f"again; `kill {other.pid}` stops it with a checkpoint"
+        f"waiting for process {other.pid}, which is already training it; "
+        f"`kill {other.pid}` stops it with a checkpoint"
     ]

@@ -13,10 +13,10 @@ from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.params.model import Params
 from jumping_ant.sim.world import World
-from jumping_ant.training import demonstrating, driver, validation
+from jumping_ant.training import curves, demonstrating, driver
 from jumping_ant.training.checkpoints import checkpoint_key
 
-COLUMNS = ",".join(["agent", "seed", *validation.COLUMNS])
+COLUMNS = ",".join(["agent", "seed", *curves.VALIDATION_COLUMNS])
 
 
 @pytest.fixture

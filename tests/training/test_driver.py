@@ -19,12 +19,12 @@ from jumping_ant.base import machine, portable
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
-from jumping_ant.compute.workers import Work
+from jumping_ant.compute.processes import Work
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
-from jumping_ant.training import curves, driver, seed_run, validation
+from jumping_ant.training import curves, driver, seed_run
 from jumping_ant.training.seed_run import Report
 
 
@@ -176,7 +176,7 @@ def test_the_best_of_the_finalists_is_published(project: Path, agent: str) -> No
         assert {row["episodes"] for row in rows} == {"7"}
         steps = [int(row["env_steps"]) for row in rows]
         assert steps == sorted(set(steps))
-        assert validation.published_return(project, agent, seed) == max(means.values())
+        assert curves.published_return(project, agent, seed) == max(means.values())
 
 
 def test_the_last_policy_is_published_if_asked_for(project: Path) -> None:
