@@ -33,52 +33,31 @@ MORE_TESTS = RESULTS / "article_tests.csv"
 def main() -> None:
     """Parse the command line, run and measure."""
     parser = command_line.parser(__doc__)
-    parser.add_argument("--agents", nargs="+", default=[], help="only train and test these")
-    parser.add_argument("--seeds", nargs="+", default=[], help="only train and test these")
+    parser.add_argument("--agents", nargs="+", choices=reproduction.AGENTS, help="only these")
+    parser.add_argument("--seeds", nargs="+", type=int, help="only train and test these")
     parser.add_argument("--measure", action="store_true", help="only measure what is trained")
-    parser.add_argument(
-        "--folder",
-        type=Path,
-        default=preset.folder_of("article"),
-        help="where the trained agents are",
-    )
+    folder = preset.folder_of("article")
+    parser.add_argument("--folder", type=Path, default=folder, help="where trained agents are")
     parser.add_argument(
         "--tests", type=int, default=reproduction.NUM_TESTS, help="of each policy [%(default)s]"
     )
     options = parser.parse_args()
-    if options.tests < 1:
-        parser.error(f"--tests: given {options.tests}, allowed: 1 or more")
-    agents, params = (
-        chosen(options.agents),
-        with_seeds(presets.load("article"), options.seeds),
-    )
+    agents = [name for name in reproduction.AGENTS if name in (options.agents or [name])]
+    params = presets.load("article")
+    if options.seeds:
+        seeds = [*dict.fromkeys(options.seeds)]
+        params = params_file.check(params.model_dump() | {"seeds": seeds}, "--seeds")
     is_part = bool(options.agents or options.seeds)
     if not options.measure:
         preset.run(options.folder, params, [f"train@{name}" for name in agents] if is_part else ())
     started = time.perf_counter()
-    seeds = params.seeds if options.seeds else None
-    content = measure(options.folder, options.tests, agents if is_part else None, seeds)
+    only = agents if is_part else None, params.seeds if options.seeds else None
+    content = measure(options.folder, options.tests, *only)
     hours = content["training"]["hours_on_2_cores"]
     print(
         f"training took {hours:.2g} hours on 2 cores (the measured seconds of all seeds, halved), "
         f"measuring {time.perf_counter() - started:.0f} s"
     )
-
-
-def chosen(agents: Sequence[str]) -> list[str]:
-    """Return the article's agents that a command line names, all if it names none."""
-    if unknown := [name for name in agents if name not in reproduction.AGENTS]:
-        allowed = ", ".join(reproduction.AGENTS)
-        raise InputError(f"--agents: given {unknown[0]!r}, allowed: {allowed}")
-    return [name for name in reproduction.AGENTS if name in agents or not agents]
-
-
-def with_seeds(params: Params, seeds: Sequence[str]) -> Params:
-    """Return parameters with the seeds that a command line names, if it names any."""
-    if not seeds:
-        return params
-    numbers = (int(seed) if seed.removeprefix("-").isdecimal() else seed for seed in seeds)
-    return params_file.check(params.model_dump() | {"seeds": [*dict.fromkeys(numbers)]}, "--seeds")
 
 
 def measure(
@@ -87,16 +66,13 @@ def measure(
     agents: Sequence[str] | None = None,
     seeds: Sequence[int] | None = None,
 ) -> dict[str, Any]:
-    """Measure the trained agents of a project, and write the results into this one.
+    """Measure the trained agents of a project; write and return what `results/article.json` gets.
 
     Args:
         folder: Folder of the project that trained them.
         num_tests: Number of tests of each policy.
         agents: Those to measure, whose results are then written into `folder`; all by default.
         seeds: Those of these to measure; all that are trained by default.
-
-    Returns:
-        The content of `results/article.json`.
 
     Raises:
         InputError: Nothing is trained there, or not these seeds.
@@ -118,8 +94,8 @@ def measure(
         dqn |= reproduction.place(dqn["value"], reproduction.recorded(MORE_TESTS, "preset"))
     results = RESULTS if agents is None else folder / "results"
     write_json(results / "article.json", content)
-    own = looks({name: catalogue.row(agent).family for name, agent in params.agents.items()})
-    for name, figure in article_figures.draw(measured, own).items():
+    drawn = looks({name: catalogue.row(agent).family for name, agent in params.agents.items()})
+    for name, figure in article_figures.draw(measured, drawn).items():
         write_bytes(results / "article" / f"{name}.png", article_figures.picture(figure))
     return content
 

@@ -8,7 +8,7 @@ Writes: results/robustness/AGENT.csv.
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.evaluation import perturbed, perturbed_table, playing
+from jumping_ant.evaluation import perturbed, playing
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
@@ -21,14 +21,12 @@ def main() -> None:
     name, settings = parse_agent(__doc__)
     paths = Paths().agent(name)
     world = World(robot.read(PROJECT_ROOT, settings.agent(name).robot), settings.env)
-    played = list(perturbed.cases(settings, name))
     policies = {
         seed: policy_file.load(paths.seed(seed).policy, (name, seed))
-        for seed in dict.fromkeys(case.seed for case in played)
+        for seed in dict.fromkeys(case.seed for case in perturbed.cases(settings, name))
     }
     returns = playing.perturbed_returns(world, settings, name, policies)
-    content = perturbed_table.to_csv(name, played, [returns[case] for case in played])
-    write_text(Paths().perturbed(name), content)
+    write_text(Paths().perturbed(name), perturbed.to_csv(name, returns))
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.evaluation import perturbed, variant_names
-from jumping_ant.evaluation import perturbed_table as robustness_table
+from jumping_ant.evaluation import episodes as held_out
+from jumping_ant.evaluation import perturbed
 from jumping_ant.params import article, params_file
 from jumping_ant.params.blocks import CompareParams, EvaluateParams, MarginParams
 from jumping_ant.params.model import Params
@@ -89,12 +89,11 @@ def write_perturbed(
 ) -> None:
     """Write perturbed episodes: a share, by agent, condition and number of the seed, of 1,000."""
     for name in params.agents:
-        played = list(perturbed.cases(params, name))
-        returns = [
-            1000 * kept(name, case.condition, params.seeds.index(case.seed)) for case in played
-        ]
-        content = robustness_table.to_csv(name, played, returns)
-        write_text(Paths(root).perturbed(name), content)
+        returns = {
+            case: 1000 * kept(name, case.condition, params.seeds.index(case.seed))
+            for case in perturbed.cases(params, name)
+        }
+        write_text(Paths(root).perturbed(name), perturbed.to_csv(name, returns))
 
 
 def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
@@ -105,7 +104,7 @@ def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) 
             | measures(LEVELS[algorithm] + 10 * i)
             | {"return": LEVELS[algorithm] + 10 * i - 7}
             for i, seed in enumerate(seeds)
-            for variant in variant_names.of_agent(block(algorithm))
+            for variant in held_out.variant_names(block(algorithm))
         ]
         write_csv(Paths(root).agent(name).variants, rows)
 

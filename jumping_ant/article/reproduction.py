@@ -15,13 +15,13 @@ A printed value is one test of one policy. It is not reproduced if it lies too f
 of another policy of ours, and reproduced if there is no doubt that it does not (see `judge`).
 """
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from scipy import stats
@@ -64,15 +64,14 @@ class Trace:
 
     def places(self) -> list[dict[str, Any]]:
         """Return where each printed value lies among ours, with its step or generation as `at`."""
-        return [{"at": at} | place(value, self._at(at)) for at, value in self.printed.items()]
+        return [
+            {"at": at} | place(value, self.ours[:, :, at - 1]) for at, value in self.printed.items()
+        ]
 
     def last(self) -> dict[str, Any]:
         """Return where the last printed value lies among ours."""
         at = max(self.printed)
-        return place(self.printed[at], self._at(at))
-
-    def _at(self, at: int) -> Array:
-        return self.ours[:, :, at - 1]
+        return place(self.printed[at], self.ours[:, :, at - 1])
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,7 @@ def reproduce(
     agents: Sequence[str] | None = None,
     seeds: Sequence[int] | None = None,
 ) -> Reproduction:
-    """Run the article's tests on the trained agents of a project.
+    """Test a project's trained agents as the article did, each policy `num_tests` times.
 
     Args:
         root: Folder of the project.
@@ -133,14 +132,19 @@ def reproduce(
         seeds: Which of its seeds to test; all by default.
     """
     agents, seeds = agents or AGENTS, list(seeds or params.seeds)
-    blocks = {name: _agent(params, name) for name in agents}
     world = World(robot.read(root), params.env)
-    policies = {name: [_final_policy(root, name, seed) for seed in seeds] for name in agents}
-    seconds = {name: _training_seconds(root, params, name, seeds) for name in agents}
+    policies: dict[str, list[Any]] = {}
+    seconds: dict[str, list[float]] = {}
+    for name in agents:
+        files = [Paths(root).agent(name).seed(seed) for seed in seeds]
+        policies[name] = [policy_file.load(own.final_policy, own.owner) for own in files]
+        timed = curves.read_timed(root, params, name)
+        seconds[name] = [float(timed[seed]["seconds"][-1]) for seed in seeds]
     totals: dict[str, Trace] = {}
     others: dict[str, Any] = {}
     if "dqn" in agents:
-        dqns, epsilon = policies["dqn"], blocks["dqn"].exploration_final_eps
+        block: Any = params.agent("dqn")
+        dqns, epsilon = policies["dqn"], block.exploration_final_eps
         ours = test(world, dqns, seeds, num_tests, epsilon=epsilon)
         totals["dqn"] = Trace(printed_values.DQN_TOTALS, ours)
         others["control"] = control(world, dqns[0].actions, epsilon, len(seeds) * num_tests)
@@ -157,26 +161,13 @@ def reproduce(
 
 
 def recorded(path: Path, run: str) -> Array:
-    """Return the tests of a run in results/article_tests.csv, by increasing seed.
-
-    docs/article.md has the runs: DQN on more seeds.
+    """Return the tests of a run in results/article_tests.csv (docs/article.md), by seed.
 
     Returns:
         Returns of 1,000 control steps, shape (num_seeds, NUM_TESTS).
-
-    Raises:
-        InputError: The file lacks tests of a seed.
     """
-    found: dict[int, list[float]] = {}
-    for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines()):
-        if row["run"] == run:
-            found.setdefault(int(row["seed"]), []).append(float(row["return"]))
-    for seed, returns in found.items():
-        if len(returns) != NUM_TESTS:
-            raise InputError(
-                f"{path}: given {len(returns)} tests of {run} {seed}, allowed: {NUM_TESTS}"
-            )
-    return np.array([found[seed] for seed in sorted(found)])
+    table = pd.read_csv(path)
+    return np.stack([own for _, own in table[table["run"] == run].groupby("seed")["return"]])
 
 
 def play(
@@ -211,14 +202,9 @@ def test(
     num_tests: int,
     **exploration: float,
 ) -> Array:
-    """Test policies as the article does, all at once.
+    """Test policies of an agent, which explore, as the article does, all at once.
 
-    Args:
-        world: The robot and the task.
-        policies: Policies of one agent, which explore.
-        seeds: The seed of each, which determines start states and exploration.
-        num_tests: Number of tests of each policy.
-        exploration: What `explore` of the policies gets besides.
+    A policy's seed determines its start states and exploration; `exploration` goes to `explore`.
 
     Returns:
         Total rewards by control step, shape (num_policies, num_tests, TEST_STEPS).
@@ -273,20 +259,10 @@ def control(world: World, actions: ActionSet, epsilon: float, num_tests: int) ->
 
 
 def place(value: float, tests: Array) -> dict[str, Any]:
-    """Return where a printed value lies among ours, (num_seeds, num_tests).
-
-    docs/article.md has the keys.
-    """
+    """Return where a printed value lies among ours, (num_seeds, num_tests): see docs/article.md."""
     ours = tests[:, 0]
-    return (
-        {
-            "value": value,
-            "ours": ours.tolist(),
-            "percentile": percentile_among(value, ours),
-        }
-        | judge(value, tests)
-        | _spread(ours)
-    )
+    placed = {"value": value, "ours": ours.tolist(), "percentile": percentile_among(value, ours)}
+    return placed | judge(value, tests) | _spread(ours)
 
 
 def judge(value: float, tests: Array) -> dict[str, Any]:
@@ -306,17 +282,14 @@ def judge(value: float, tests: Array) -> dict[str, Any]:
     num_tests = tests.shape[1]
     sides = {"at or above": tests >= value, "at or below": tests <= value}
     reached = {side: where.sum(axis=1).tolist() for side, where in sides.items()}
-    found = {side: tail.probability(own, num_tests) for side, own in reached.items()}
-    side = min(found, key=lambda side: found[side].value)
-    p = min(1.0, 2 * found[side].value)
-    if p <= TOO_FAR_OUT:
-        reproduced: bool | None = False
-    else:
-        reproduced = True if 2 * found[side].low > FAR_IN else None
+    chances = {side: tail.probability(own, num_tests) for side, own in reached.items()}
+    side, chance = min(chances.items(), key=lambda item: item[1].value)
+    p = min(1.0, 2 * chance.value)
+    is_beyond, is_within = p <= TOO_FAR_OUT, 2 * chance.low > FAR_IN
     return {
         "tests": {"each": num_tests, "reached": reached[side]},
-        "probability": {"side": side, **asdict(found[side]), "p": p},
-        "reproduced": reproduced,
+        "probability": {"side": side, **asdict(chance), "p": p},
+        "reproduced": False if is_beyond else True if is_within else None,
     }
 
 
@@ -325,23 +298,11 @@ def percentile_among(value: float, ours: Array) -> float:
     return float(100.0 * (np.mean(ours < value) + np.mean(ours == value) / 2))
 
 
-def _is_central(percentile: float) -> bool:
-    edge = (100.0 - CENTRAL) / 2
-    return edge < percentile < 100.0 - edge
-
-
 def _spread(ours: Array) -> dict[str, float]:
     """Return the median, and the smallest and largest of the values in the central 95 %."""
-    central = [float(value) for value in ours if _is_central(percentile_among(value, ours))]
+    edge = (100.0 - CENTRAL) / 2
+    central = [float(own) for own in ours if edge < percentile_among(own, ours) < 100.0 - edge]
     return {"median": float(np.median(ours)), "low": min(central), "high": max(central)}
-
-
-def _agent(params: Params, name: str) -> Any:
-    """Return the block of one of the article's agents."""
-    agent = params.agent(name)
-    if agent.algorithm != name:
-        raise InputError(f"agents.{name}.algorithm: given {agent.algorithm}, allowed: {name}")
-    return agent
 
 
 def _returns(
@@ -356,15 +317,10 @@ def _returns(
     return _totals(world, act, centers[0].actions.hold, seeds, num_tests)[:, :, -1]
 
 
-def _final_policy(root: Path, agent: str, seed: int) -> Any:
-    paths = Paths(root).agent(agent).seed(seed)
-    return policy_file.load(paths.final_policy, paths.owner)
-
-
 def _fitness(root: Path, params: Params, seeds: Sequence[int]) -> dict[str, Trace]:
     """Return PGPE's fitness, with the same number of generations for every seed."""
     names = list(printed_values.PGPE_TRACES)
-    needed = max(max(printed) for printed in printed_values.PGPE_TRACES.values())
+    needed = max(map(max, printed_values.PGPE_TRACES.values()))
     rows: dict[str, list[Array]] = {name: [] for name in names}
     for seed in seeds:
         curve = curves.read(root, params, "pgpe", seed)
@@ -373,16 +329,8 @@ def _fitness(root: Path, params: Params, seeds: Sequence[int]) -> dict[str, Trac
         if (count := int(is_generation.sum())) < needed:
             raise InputError(f"{path}: given {count} generations, allowed: {needed} or more")
         for name in names:
-            own = curve.get(name, np.full(len(is_generation), np.nan))[is_generation][:needed]
-            if np.isnan(own).any():
-                raise InputError(f"{path}: given generations without {name}, allowed: all with it")
-            rows[name].append(own)
+            rows[name].append(curve[name][is_generation][:needed])
     return {
         name: Trace(printed_values.PGPE_TRACES[name], np.array(rows[name])[:, None])
         for name in names
     }
-
-
-def _training_seconds(root: Path, params: Params, agent: str, seeds: Sequence[int]) -> list[float]:
-    timed = curves.read_timed(root, params, agent)
-    return [float(timed[seed]["seconds"][-1]) for seed in seeds]

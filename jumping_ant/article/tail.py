@@ -32,13 +32,7 @@ CORRELATIONS = (np.arange(30) + 0.5) / 30
 
 @dataclass(frozen=True)
 class Probability:
-    """A probability with its central 95 % interval.
-
-    Attributes:
-        value: That of one test of a new policy: the mean of the posterior distribution.
-        low: Lower end of the interval.
-        high: Upper end of the interval.
-    """
+    """A probability, the mean of its posterior distribution, with its central 95 % interval."""
 
     value: float
     low: float

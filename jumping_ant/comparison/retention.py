@@ -27,7 +27,7 @@ from jumping_ant.comparison.claims.findings import Finding, Sample
 from jumping_ant.comparison.claims.statements import Row, Table
 from jumping_ant.comparison.estimates import estimate_iqm
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.evaluation import perturbed_table
+from jumping_ant.evaluation import perturbed
 from jumping_ant.params.model import Params
 from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.perturbations import NAMES, NONE, SENSING, Array, Condition
@@ -49,7 +49,7 @@ def summarize(root: Path, params: Params, results: Mapping[str, AgentResults]) -
         params: All parameters.
         results: Of each agent in undisturbed episodes.
     """
-    played = {name: perturbed_table.read(root, params, name) for name in results}
+    played = {name: perturbed.read(root, params, name) for name in results}
     episodes = params.training.evaluation_episodes
     field = Field(list(results.values()), episodes)
     agents = {}

@@ -1,27 +1,56 @@
-"""The tables of an agent's held-out episodes, their means and those of its variants.
+"""Which versions of its policies an agent plays on held-out episodes, and the resulting tables.
 
-`jumping_ant.evaluation.evaluation` makes them; whoever reads them does so here. They are read as
-`params.yaml` asks for them: each episode of each seed once.
+A version is the published policy or a variant (`jumping_ant.evaluation.variants` makes them). The
+tables, which `jumping_ant.evaluation.evaluation` makes, are read as `params.yaml` asks for them:
+each episode of each seed once.
 """
 
 from pathlib import Path
 
 import numpy as np
 
+from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.catalogue import row
 from jumping_ant.base import tables
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import EPISODE_SEED, SEED, Column, Table
-from jumping_ant.evaluation import variant_names
 from jumping_ant.evaluation.measures import MEASURES, TERM
-from jumping_ant.evaluation.variant_names import PUBLISHED
+from jumping_ant.params.blocks import ActionParams, EvaluateParams
 from jumping_ant.params.model import Params
 from jumping_ant.sim import rewards
 from jumping_ant.sim.trajectory import Trajectory
+
+PUBLISHED = "published"
+DISCRETE = ("signed", "three", "rounded_full", "rounded")
+VARIANTS = ("final", *DISCRETE, "best_sample")
+# Claims compare a policy with these of its variants (docs/measures-and-claims.md).
+IN_CLAIMS = ("signed", "rounded_full", "rounded", "best_sample")
 
 QUANTITIES = ("length", *MEASURES, "survived")
 COUNT = Column(low=1, high=1e6, is_whole=True)
 EPISODE_KEYS = {"seed": SEED, "episode": SEED, "episode_seed": EPISODE_SEED}
 """What identifies an episode among those of its agent."""
+
+
+def variant_names(agent: AgentBlock) -> tuple[str, ...]:
+    """Return the names of the variants that each seed of an agent has."""
+    actions = getattr(agent, "actions", None)  # rhythms have none
+    chooses_torques = isinstance(actions, ActionParams) and actions.kind == "torques"
+    discrete = DISCRETE if row(agent).has_rounded and chooses_torques else ()
+    return ("final", *discrete, *(("best_sample",) if row(agent).has_best_sample else ()))
+
+
+def num_episodes(agent: AgentBlock, evaluate: EvaluateParams) -> dict[str, int]:
+    """Return on how many held-out episodes each version of a seed's policy is played."""
+    in_claims = [*IN_CLAIMS]
+    if row(agent).has_best_sample:
+        in_claims.append("final")  # the centre beside the best sample
+    if not agent.is_baseline:
+        in_claims.append(PUBLISHED)
+    return {
+        version: evaluate.episodes if version in in_claims else evaluate.baseline_episodes
+        for version in (PUBLISHED, *VARIANTS)
+    }
 
 
 def read(root: Path, params: Params, agent: str) -> Table:
@@ -31,7 +60,7 @@ def read(root: Path, params: Params, agent: str) -> Table:
     """
     path, stage = Paths(root).agent(agent).episodes, f"evaluate@{agent}"
     table = tables.read(path, stage, {"agent": agent}, EPISODE_KEYS | _quantities(params))
-    count = variant_names.num_episodes(params.agent(agent), params.evaluate)[PUBLISHED]
+    count = num_episodes(params.agent(agent), params.evaluate)[PUBLISHED]
     blocks = {seed: params.evaluate.block(seed)[:count] for seed in params.seeds}
     asked = [(seed, i, block[i]) for seed, block in blocks.items() for i in range(count)]
     with tables.blamed(path, stage):
@@ -41,8 +70,8 @@ def read(root: Path, params: Params, agent: str) -> Table:
 def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
     """Read each variant's means over episodes, (num_seeds,) each, in the order of `params.yaml`."""
     path, stage = Paths(root).agent(agent).variants, f"evaluate@{agent}"
-    counts = variant_names.num_episodes(params.agent(agent), params.evaluate)
-    names = variant_names.of_agent(params.agent(agent))
+    counts = num_episodes(params.agent(agent), params.evaluate)
+    names = variant_names(params.agent(agent))
     keys = {"seed": SEED, "variant": Column(words=names), "episodes": COUNT}
     table = tables.read(path, stage, {"agent": agent}, keys | _quantities(params, are_means=True))
     asked = [(seed, name, counts[name]) for name in names for seed in params.seeds]
@@ -63,21 +92,21 @@ def read_means(root: Path, params: Params, agent: str) -> Table:
 
 def find(table: Table, agent: str, trajectory: Trajectory, path: Path) -> dict[str, float]:
     """Return the row of an agent's episodes that a trajectory, read from the path, shows."""
-    given = {
+    shown = {
         "seed": trajectory.seed,
         "episode": trajectory.episode,
         "length": len(trajectory.torques),
         "return": trajectory.episode_return,
     }
-    found = np.logical_and.reduce([table[name] == value for name, value in given.items()])
+    matches = np.logical_and.reduce([table[name] == value for name, value in shown.items()])
     with tables.blamed(path, f"evaluate@{agent}"):
-        if trajectory.agent != agent or not found.any():
-            told = ", ".join(f"{name} {value:g}" for name, value in given.items())
+        if trajectory.agent != agent or not matches.any():
+            values = ", ".join(f"{name} {value:g}" for name, value in shown.items())
             raise ValueError(
-                f"given an episode of agent {trajectory.agent} ({told}), allowed: one of the "
+                f"given an episode of agent {trajectory.agent} ({values}), allowed: one of the "
                 f"episodes.csv of agent {agent}"
             )
-    return {name: float(column[found.argmax()]) for name, column in table.items()}
+    return {name: float(column[matches.argmax()]) for name, column in table.items()}
 
 
 def _quantities(params: Params, are_means: bool = False) -> dict[str, Column]:

@@ -1,27 +1,10 @@
 """Evaluation of an agent on the held-out episodes.
 
 Policies act deterministically. Each seed's start from the states of the seed's own block, which is
-the same for every agent. These quantities are measured per episode:
-
-| column | meaning | unit |
-|---|---|---|
-| length | control steps until the end | steps |
-| return | sum of the rewards | |
-| return_<term> | sum of a term of the reward, if the reward has several | |
-| peak_height | highest torso height | m |
-| apex | highest torso height in a jump, mean over jumps; without a jump, peak_height | m |
-| mean_height | mean torso height | m |
-| jumps | airborne phases of at least `MIN_AIRBORNE_SECONDS` | |
-| airborne_seconds | time without any contact | s |
-| flight | share of control steps that end without any contact, in [0, 1] | |
-| torque_change | torque change: mean squared change of torque over peak torque, step to step | |
-| fluidity | mean spectral arc length of joint velocities while moving; NaN if never moving | |
-| work | mechanical work of the motors: sum of abs(torque x joint velocity) x dt | J |
-| drift | horizontal distance of the torso from its start to its end | m |
-| survived | 1 if the episode reached its time limit, else 0 | |
-
-A state that is not finite ends its episode and is left out of the measures. Jumps and fluidity are
-defined in `jumping_ant.evaluation.motion`.
+the same for every agent. Quantities of an episode are those of `jumping_ant.evaluation.measures`,
+`return_<term>` for each term of a reward that has several, `length` [control steps], and `survived`
+(1 if it reached its time limit, else 0). A state that is not finite ends its episode and is left
+out of the measures.
 """
 
 from collections.abc import Mapping
@@ -35,10 +18,9 @@ import pandas as pd
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from jumping_ant.evaluation import motion, playing, variant_names
-from jumping_ant.evaluation.episodes import EPISODE_KEYS
+from jumping_ant.evaluation import episodes, motion, playing
+from jumping_ant.evaluation.episodes import EPISODE_KEYS, PUBLISHED
 from jumping_ant.evaluation.measures import TERM
-from jumping_ant.evaluation.variant_names import PUBLISHED
 from jumping_ant.params.model import Params
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import rollout
@@ -48,23 +30,14 @@ from jumping_ant.sim.world import World
 
 MIN_AIRBORNE_SECONDS = 0.1  # [s] off the ground that count as a jump
 
-Row = dict[str, Any]
-"""An episode: whose it is, of which version of the policy, and what is measured of it."""
-
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What the versions of an agent's policies do in the held-out episodes.
+    """What the versions of an agent's policies do in the held-out episodes."""
 
-    Attributes:
-        episodes: Each episode of the published policies, seed by seed.
-        variants: Means over episodes of each variant of each seed, with the episodes' number.
-        median: The trajectory of the episode of median return, the lower one of an even number.
-    """
-
-    episodes: pd.DataFrame
-    variants: pd.DataFrame
-    median: Trajectory
+    episodes: pd.DataFrame  # of the published policies, seed by seed
+    variants: pd.DataFrame  # means over episodes of each seed's variants, and how many they are
+    median: Trajectory  # of the episode of median return, the lower one of an even number
 
 
 def evaluate(
@@ -78,7 +51,7 @@ def evaluate(
         agent: The agent's name.
         versions: Versions of each seed's policy by name; one of them is `PUBLISHED`.
     """
-    num_episodes = variant_names.num_episodes(params.agent(agent), params.evaluate)
+    num_episodes = episodes.num_episodes(params.agent(agent), params.evaluate)
     keys: list[dict[str, Any]] = []
     plays: dict[int, list[Play]] = {seed: [] for seed in versions}
     for seed, policies in versions.items():
@@ -92,20 +65,15 @@ def evaluate(
     measured = playing.play(world, agent, "held-out", plays, of_episode, workers)
     table = pd.DataFrame(key | values for key, values in zip(keys, measured, strict=True))
     is_published = table["variant"] == PUBLISHED
-    episodes = table[is_published].drop(columns="variant").reset_index(drop=True)
-    middle = episodes["return"].argsort(kind="stable").iloc[(len(episodes) - 1) // 2]
-    seed, number = (int(episodes[name].iloc[middle]) for name in ("seed", "episode"))
+    published = table[is_published].drop(columns="variant").reset_index(drop=True)
+    middle = published["return"].argsort(kind="stable").iloc[(len(published) - 1) // 2]
+    seed, number = (int(published[name].iloc[middle]) for name in ("seed", "episode"))
     (played,) = rollout.run(world, versions[seed][PUBLISHED], [params.evaluate.block(seed)[number]])
     median = replay(world, played, agent, seed, number)
-    return Evaluation(episodes, _means_of_variants(table[~is_published]), median)
-
-
-def _means_of_variants(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the means of each seed's variants over their episodes, and the episodes' number."""
-    groups = table.groupby(["seed", "variant"], as_index=False, sort=False)
-    means = groups[_quantities(table)].mean()
-    means.insert(2, "episodes", groups.size()["size"])
-    return means
+    groups = table[~is_published].groupby(["seed", "variant"], as_index=False, sort=False)
+    variants = groups[_quantities(table)].mean()
+    variants.insert(2, "episodes", groups.size()["size"])
+    return Evaluation(published, variants, median)
 
 
 def seed_means(table: pd.DataFrame) -> pd.DataFrame:
@@ -126,7 +94,7 @@ def summarize(table: pd.DataFrame) -> dict[str, float]:
 
 
 def measure(world: World, episode: Episode) -> dict[str, float]:
-    """Return the quantities of one episode (see the module's docstring)."""
+    """Return the quantities of one episode."""
     dt = world.dt
     finite = np.isfinite(episode.qpos).all(axis=1) & np.isfinite(episode.qvel).all(axis=1)
     positions = np.concatenate([episode.start_qpos[None], episode.qpos[finite]])
@@ -136,10 +104,11 @@ def measure(world: World, episode: Episode) -> dict[str, float]:
     airborne = np.concatenate([[False], episode.airborne[finite]])
     jumps = motion.phases(airborne, MIN_AIRBORNE_SECONDS / dt)
     change = np.diff(episode.torques, axis=0)
+    terms = {f"{TERM}{name}": float(values.sum()) for name, values in episode.terms.items()}
     return {
         "length": len(episode.rewards),
         "return": episode.total(),
-        **_returns_of_terms(episode),
+        **(terms if len(terms) > 1 else {}),
         "peak_height": float(heights.max()),
         "apex": motion.apex(heights, jumps),
         "mean_height": float(heights.mean()),
@@ -157,13 +126,6 @@ def measure(world: World, episode: Episode) -> dict[str, float]:
 def _quantities(table: pd.DataFrame) -> list[str]:
     """Return the columns of a table of episodes that measure something."""
     return [str(name) for name in table if name not in (*EPISODE_KEYS, "variant")]
-
-
-def _returns_of_terms(episode: Episode) -> dict[str, float]:
-    """Return the sum of each term of the reward; empty if there is only one."""
-    if len(episode.terms) < 2:
-        return {}
-    return {f"{TERM}{name}": float(values.sum()) for name, values in episode.terms.items()}
 
 
 def joint_angles(world: World, qpos: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -34,14 +34,11 @@ PADDING = 4  # powers of two by which zero-padding refines the spectrum
 
 
 def phases(mask: NDArray[np.bool_], min_length: float) -> NDArray[np.int64]:
-    """Return the positions of the runs of true values that have at least a minimum length.
+    """Return where runs of true values of at least a minimum length begin and end, (num_runs, 2).
 
     Args:
         mask: Shape (T,).
         min_length: Minimum length of a run [elements].
-
-    Returns:
-        The first index of each run and the first one after it, shape (num_phases, 2).
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     runs = edges.reshape(-1, 2)
@@ -49,14 +46,11 @@ def phases(mask: NDArray[np.bool_], min_length: float) -> NDArray[np.int64]:
 
 
 def apex(heights: Array, jumps: NDArray[np.int64]) -> float:
-    """Return the mean over jumps of the greatest height within each [m].
+    """Return the mean over jumps of the greatest height within each; without any, of all [m].
 
     Args:
         heights: Height at each control step [m], shape (T,).
         jumps: First step of each jump and the first one after it, shape (num_jumps, 2).
-
-    Returns:
-        The mean; without a jump the greatest height of all.
     """
     if len(jumps) == 0:
         return float(heights.max())

@@ -28,15 +28,8 @@ def play(
 ) -> list[Measured]:
     """Play episodes of each seed, and return what is measured of each, in their order.
 
-    Episodes of the same policy, start and condition run once. On a cluster, each seed's are a job.
-
-    Args:
-        world: The robot and the task.
-        agent: The agent's name, for the display.
-        kind: What the episodes are.
-        plays: The episodes of each seed.
-        measure: Measures an episode; on a cluster it must be picklable.
-        workers: How many workers to use; 0 requests one for each seed.
+    Episodes of the same policy, start and condition run once. On a cluster, each seed's are a job,
+    and `measure` is pickled. With 0 workers, there is one for each seed.
     """
     compute = partial(_play, world, agent, kind, measure)
     return [*chain(*jobs.by_seed(compute, plays, workers, agent))]
@@ -45,15 +38,19 @@ def play(
 def perturbed_returns(
     world: World, params: Params, agent: str, policies: Mapping[int, Policy]
 ) -> dict[Case, float]:
-    """Return the return of each perturbed episode of an agent, of which each seed has a policy."""
+    """Return the return of each perturbed episode of an agent, in the order of `cases`."""
     short = {"max_episode_steps": params.robustness.episode_steps}
-    cases = sorted(perturbed.cases(params, agent), key=lambda case: params.seeds.index(case.seed))
-    plays: dict[int, list[Play]] = {seed: [] for seed in policies}
-    for condition, seed, start in cases:
-        plays[seed].append(Play(policies[seed], start, condition))
+    cases: dict[int, list[Case]] = {seed: [] for seed in policies}
+    for case in perturbed.cases(params, agent):
+        cases[case.seed].append(case)
+    plays = {
+        seed: [Play(policies[seed], case.start, case.condition) for case in own]
+        for seed, own in cases.items()
+    }
     world, workers = World(world.xml, world.env.model_copy(update=short)), params.compute.workers
     returns = play(world, agent, "perturbed", plays, Episode.total, workers)
-    return dict(zip(cases, returns, strict=True))
+    found = dict(zip(chain(*cases.values()), returns, strict=True))
+    return {case: found[case] for case in perturbed.cases(params, agent)}
 
 
 def _play(

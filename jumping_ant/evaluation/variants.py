@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from jumping_ant.agents.catalogue import ALGORITHMS
+from jumping_ant.agents import catalogue
 from jumping_ant.base.seeding import derive
-from jumping_ant.evaluation import playing, variant_names
-from jumping_ant.evaluation.variant_names import PUBLISHED
+from jumping_ant.evaluation import playing
+from jumping_ant.evaluation.episodes import PUBLISHED, variant_names
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import SELECTION_EPISODES, Params
 from jumping_ant.policies.actions import ActionSet
@@ -80,16 +80,9 @@ class NearestLevels(Stateless):
 def make(
     world: World, params: Params, agent: str, policies: Mapping[int, tuple[Policy, Policy]]
 ) -> dict[int, dict[str, Policy]]:
-    """Return each seed's published policy and its variants, by name.
-
-    Args:
-        world: The robot and the task.
-        params: All parameters.
-        agent: The agent's name.
-        policies: Each seed's published policy, and its policy at the end of training.
-    """
-    algorithm, samples = params.agent(agent).algorithm, dict[int, Policy]()
-    if ALGORITHMS[algorithm].has_best_sample:
+    """Return the versions by name of each seed's published policy and its policy at the end."""
+    block, samples = params.agent(agent), dict[int, Policy]()
+    if catalogue.row(block).has_best_sample:
         samples = _best_samples(
             world, params, agent, {seed: final for seed, (_, final) in policies.items()}
         )
@@ -97,8 +90,8 @@ def make(
     for seed, (published, final) in policies.items():
         made = {"final": final, **_discrete(published, world.env)}
         made |= {"best_sample": samples[seed]} if samples else {}
-        names = variant_names.names(algorithm, published.actions.chooses_torques)
-        variants[seed] = {PUBLISHED: published} | {name: made[name] for name in names}
+        named = {name: made[name] for name in variant_names(block)}
+        variants[seed] = {PUBLISHED: published} | named
     return variants
 
 

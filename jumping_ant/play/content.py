@@ -1,7 +1,7 @@
 """What the page knows: robots, the task, agents with their policies, starts and perturbations."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +28,6 @@ from jumping_ant.training import curves
 
 STARTS = 4  # held-out starts of each seed
 ROOM = 12_000_000  # [bytes] of policies, so that the page stays below 25 MB
-
 
 Policies = dict[tuple[str, int], dict[str, Any]]
 """The JSON of policies, by agent and seed."""
@@ -66,25 +65,22 @@ def policy(root: Path, agent: str, seed: int) -> dict[str, Any]:
 def all_policies(root: Path, params: Params) -> Policies:
     """Return policies by agent and seed: all champions, and as many others as there is room for."""
     order = {name: curves.best_first(root, name, params.seeds) for name in params.agents}
-    found: Policies = {}
+    included: Policies = {}
     taken = 0
     for rank in range(len(params.seeds)):
         row = {(name, own[rank]): policy(root, name, own[rank]) for name, own in order.items()}
         taken += len(json.dumps(list(row.values())))
         if rank and taken > ROOM:
             break
-        found |= row
-    return found
+        included |= row
+    return included
 
 
-def build(root: Path, params: Params, seeds: Mapping[str, Sequence[int]]) -> dict[str, Any]:
-    """Return what the page knows besides the policies.
-
-    Args:
-        root: The project's folder.
-        params: All parameters.
-        seeds: The seeds of each agent whose policies there are, its champion's first.
-    """
+def build(root: Path, params: Params, included: Policies) -> dict[str, Any]:
+    """Return what the page knows besides its policies, of which each agent's champion is first."""
+    seeds: dict[str, list[int]] = {}
+    for agent, seed in included:
+        seeds.setdefault(agent, []).append(seed)
     kinds = sorted({params.agent(name).robot for name in params.agents})
     worlds = {kind: World(robot.read(root, kind), params.env) for kind in kinds}
     withstood = read_json(Paths(root).robustness, "compare")["agents"]
@@ -102,8 +98,13 @@ def build(root: Path, params: Params, seeds: Mapping[str, Sequence[int]]) -> dic
                 "robot": params.agent(name).robot,
                 "colour": drawn[name].colour,
                 "learns": families[name] != BASELINE,
-                "kind": policy(root, name, own[0])["kind"],
-                "crossings": _crossings(withstood.get(name, {})),
+                "kind": included[name, own[0]]["kind"],
+                # The level of each perturbation from which on a metronome leads by a margin.
+                "crossings": {
+                    kind: kept["crossing"]
+                    for kind, kept in withstood.get(name, {}).items()
+                    if kind in SLIDERS and kept["crossing"] is not None
+                },
                 "seeds": _seeds(
                     params,
                     worlds[params.agent(name).robot],
@@ -189,12 +190,3 @@ def _sliders(world: World) -> Iterator[dict[str, Any]]:
             "high": max(ends),
             "step": slider.step or (max(ends) - min(ends)) / 100,
         }
-
-
-def _crossings(withstood: dict[str, Any]) -> dict[str, float]:
-    """Return the level of each perturbation from which on a metronome leads by a margin."""
-    return {
-        name: own["crossing"]
-        for name, own in withstood.items()
-        if name in SLIDERS and own["crossing"] is not None
-    }

@@ -31,24 +31,21 @@ TIMEOUT = 20  # [s] without a byte from the registry
 
 @dataclass(frozen=True)
 class Package:
-    """A package of the npm registry, pinned by the digest of its archive.
-
-    Attributes:
-        name: Its name in the registry.
-        version: Its version.
-        sha512: Digest of its archive, as the registry and npm's lock files print it.
-        files: What the page needs of it.
-    """
+    """A package of the npm registry, pinned by the digest of its archive."""
 
     name: str
     version: str
-    sha512: str
-    files: tuple[str, ...]
+    sha512: str  # as the registry and npm's lock files print it
+    files: tuple[str, ...]  # that the page needs
 
     @property
     def archive(self) -> str:
         """The file name of its archive."""
         return f"{self.name.rpartition('/')[2]}-{self.version}.tgz"
+
+    def has(self, archive: bytes) -> bool:
+        """Return whether these bytes are its archive."""
+        return base64.b64encode(hashlib.sha512(archive).digest()).decode() == self.sha512
 
 
 PACKAGES = (
@@ -73,15 +70,22 @@ def files(folder: Path = FOLDER) -> dict[str, bytes]:
     Raises:
         InputError: A package is not there, or another one.
     """
-    found: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     for package in PACKAGES:
-        archive = _read(package, folder)
+        path = folder / package.archive
+        archive = path.read_bytes() if path.is_file() else b""
+        if not package.has(archive):
+            raise InputError(
+                f"{path}: given {'another' if archive else 'no'} file, allowed: {package.name} "
+                f"{package.version} from the npm registry; with a network, run `make install` "
+                "once, then `dvc repro play`; no other stage needs it"
+            )
         with tarfile.open(fileobj=io.BytesIO(archive), mode="r:gz") as opened:
             for name in package.files:
                 member = opened.extractfile(f"package/{name}")
                 assert member is not None  # the digest says that it is a file
-                found[Path(name).name] = member.read()
-    return found
+                contents[Path(name).name] = member.read()
+    return contents
 
 
 def fetch(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) -> None:
@@ -91,10 +95,9 @@ def fetch(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
         InputError: The registry cannot be reached, or sends something else.
     """
     for package in PACKAGES:
-        try:
-            _read(package, folder)
-        except InputError:
-            write_bytes(folder / package.archive, _download(package, registry(environment)))
+        path = folder / package.archive
+        if not (path.is_file() and package.has(path.read_bytes())):
+            write_bytes(path, _download(package, registry(environment)))
 
 
 def registry(environment: Mapping[str, str]) -> str:
@@ -104,20 +107,8 @@ def registry(environment: Mapping[str, str]) -> str:
             return value.rstrip("/")
     settings = Path(environment.get("HOME", "~")).expanduser() / ".npmrc"
     text = settings.read_text(encoding="utf-8") if settings.is_file() else ""
-    own = re.search(r"^registry\s*=\s*(\S+)", text, re.MULTILINE)
-    return (own[1] if own else REGISTRY).rstrip("/")
-
-
-def _read(package: Package, folder: Path) -> bytes:
-    path = folder / package.archive
-    given = path.read_bytes() if path.is_file() else None
-    if given is None or not _is(package, given):
-        raise InputError(
-            f"{path}: given {'no file' if given is None else 'another file'}, allowed: "
-            f"{package.name} {package.version} from the npm registry; with a network, run "
-            "`make install` once, then `dvc repro play`; no other stage needs it"
-        )
-    return given
+    line = re.search(r"^registry\s*=\s*(\S+)", text, re.MULTILINE)
+    return (line[1] if line else REGISTRY).rstrip("/")
 
 
 def _download(package: Package, source: str) -> bytes:
@@ -130,7 +121,7 @@ def _download(package: Package, source: str) -> bytes:
             f"{address}: {error}; set npm_config_registry to a registry that this machine reaches, "
             "and run `make install` again"
         ) from error
-    if not _is(package, content):
+    if not package.has(content):
         raise InputError(
             f"{address}: given a file of another digest, allowed: {package.name} "
             f"{package.version} of sha512-{package.sha512}"
@@ -138,16 +129,7 @@ def _download(package: Package, source: str) -> bytes:
     return content
 
 
-def _is(package: Package, content: bytes) -> bool:
-    return base64.b64encode(hashlib.sha512(content).digest()).decode() == package.sha512
-
-
-def main() -> None:
-    """Fetch what is missing."""
-    command_line.parser(__doc__).parse_args()
-    fetch()
-
-
 if __name__ == "__main__":
     with reported():
-        main()
+        command_line.parser(__doc__).parse_args()
+        fetch()

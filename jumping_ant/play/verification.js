@@ -1,5 +1,5 @@
 // How far this physics and these policies are from the native ones, which recorded the reference
-// (`jumping_ant.play.reference`). Node and browsers run it alike.
+// (`tests/play/native.py`). Node and browsers run it alike.
 
 import { load, toArray } from "./policies.js";
 import { Simulation } from "./simulation.js";

@@ -4,7 +4,7 @@ import loadMujoco from "mujoco";
 
 import { load } from "./policies.js";
 import { Simulation } from "./simulation.js";
-import { returns, verify } from "./verification.js";
+import { verify } from "./verification.js";
 
 const TICK = 8; // [ms] between looks at the clock
 const MOST = 12; // [ms] of simulating in a row, so that messages are read
@@ -99,24 +99,6 @@ const listeners = {
 
   verify(task) {
     post({ kind: "answer", answer: verify(mujoco, content, task) });
-  },
-
-  returns(task) {
-    post({ kind: "answer", answer: returns(mujoco, content, task) });
-  },
-
-  // Post how many times faster than time all robots can be simulated.
-  race({ seconds }) {
-    const began = performance.now();
-    let simulated = 0;
-    while (performance.now() - began < 1000 * seconds) {
-      for (const own of slots.values()) {
-        if (own.simulation.ended) restart(own, own.simulation.start);
-        own.simulation.step();
-      }
-      simulated += [...slots.values()][0].simulation.task.dt;
-    }
-    post({ kind: "answer", answer: (1000 * simulated) / (performance.now() - began) });
   },
 };
 

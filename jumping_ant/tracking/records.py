@@ -19,7 +19,7 @@ from jumping_ant.base.files import digest, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
 from jumping_ant.comparison.results import merged
-from jumping_ant.evaluation import variant_names
+from jumping_ant.evaluation.episodes import VARIANTS
 from jumping_ant.media.style import looks, remark
 from jumping_ant.params.model import Params
 from jumping_ant.policies import policy_file
@@ -101,7 +101,7 @@ class SeedRecord:
             means |= {EVALUATION + name: mean for name, mean in row.items() if name != "seed"}
         if self.validation_return is not None:
             means[VALIDATION_RETURN] = self.validation_return
-        columns = {"seed": SEED, "variant": Column(words=variant_names.NAMES)}
+        columns = {"seed": SEED, "variant": Column(words=VARIANTS)}
         for row in self._rows(self.paths.variants, evaluation, columns):
             if row["variant"] == "final":
                 means[FINAL_RETURN] = row["return"]

@@ -198,13 +198,6 @@ def test_dqns_value_rests_on_all_seeds_of_its_run(
     assert len(dqn["points"][-1]["ours"]) == 2 and dqn["control"]["tests"]["each"] == 4
 
 
-def test_a_seed_that_lacks_recorded_tests_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "tests.csv"
-    path.write_text("run,seed,test,return\npreset,30,0,1.0\n", encoding="utf-8")
-    with pytest.raises(InputError, match="given 1 tests of preset 30, allowed: 50"):
-        reproduction.recorded(path, "preset")
-
-
 @pytest.mark.usefixtures("nine_runs")
 def test_a_part_is_measured_alone(
     tiny: tuple[Path, Params],
@@ -253,21 +246,10 @@ def test_a_part_is_trained_alone(
     assert params.agents == presets.load("article").agents
 
 
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (["--agents", "sac", "td3"], "--agents: given 'td3', allowed: dqn, sac, pgpe"),
-        (["--seeds", "3", "x"], "--seeds: seeds.1: given 'x', allowed: integer"),
-        (["--seeds", "-3"], "--seeds: seeds.0: given -3, allowed: greater than or equal to 0"),
-    ],
-)
-def test_a_part_that_is_none_is_refused(
-    options: list[str], told: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["article", *options])
-    with pytest.raises(InputError) as raised:
+def test_a_seed_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["article", "--seeds", "-3"])
+    with pytest.raises(InputError, match=r"--seeds: seeds\.0: .*given -3"):
         command.main()
-    assert str(raised.value) == told
 
 
 def test_measuring_nothing_says_so(tmp_path: Path) -> None:
@@ -279,13 +261,6 @@ def test_an_agent_that_is_not_trained_is_named(tiny: tuple[Path, Params]) -> Non
     root, params = tiny
     with pytest.raises(InputError, match=r"dqn/seed-9/final.zip: No such file"):
         reproduction.reproduce(root, params.model_copy(update={"seeds": [3, 9]}))
-
-
-def test_another_algorithm_under_an_articles_name_is_refused(tiny: tuple[Path, Params]) -> None:
-    root, params = tiny
-    agents = params.agents | {"sac": params.agent("pgpe")}
-    with pytest.raises(InputError, match="agents.sac.algorithm: given pgpe, allowed: sac"):
-        reproduction.reproduce(root, params.model_copy(update={"agents": agents}))
 
 
 def test_a_shorter_evolution_is_refused(tiny: tuple[Path, Params], tmp_path: Path) -> None:

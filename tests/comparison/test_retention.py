@@ -12,7 +12,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import retention
 from jumping_ant.comparison.results import load
-from jumping_ant.evaluation import perturbed, perturbed_table
+from jumping_ant.evaluation import perturbed
 from jumping_ant.params.model import Params
 from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.perturbations import NONE, Condition
@@ -59,12 +59,12 @@ def test_all_levels_are_played_from_the_first_starts_of_each_block(params: Param
 
 
 def test_the_table_is_read_as_it_was_written(project: Path, params: Params) -> None:
-    read = perturbed_table.read(project, params, "sac")
+    read = perturbed.read(project, params, "sac")
     assert list(read) == perturbed.conditions()
     for condition, returns in read.items():
         expected = [1000 * kept("sac", condition, number) for number in range(len(SEEDS))]
         assert returns == pytest.approx(expected, abs=0.006)
-    assert perturbed_table.read(project, params, "random") == {}
+    assert perturbed.read(project, params, "random") == {}
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_another_table_is_refused(
     path = Paths(project).perturbed("sac")
     path.write_text(change(path.read_text(encoding="utf-8")), encoding="utf-8")
     with pytest.raises(InputError, match="dvc repro --force robustness@sac") as caught:
-        perturbed_table.read(project, params, "sac")
+        perturbed.read(project, params, "sac")
     assert told in str(caught.value)
 
 

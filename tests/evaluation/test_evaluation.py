@@ -7,9 +7,8 @@ import pandas as pd
 import pytest
 
 from jumping_ant.evaluation import evaluation, motion
-from jumping_ant.evaluation.episodes import QUANTITIES
+from jumping_ant.evaluation.episodes import PUBLISHED, QUANTITIES
 from jumping_ant.evaluation.evaluation import measure, replay
-from jumping_ant.evaluation.variant_names import PUBLISHED
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
 from jumping_ant.policies.actions import ActionSet

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
 
-from jumping_ant.evaluation import variant_names, variants
+from jumping_ant.evaluation import episodes, variants
 from jumping_ant.params.model import SELECTION_EPISODES, Params
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
@@ -92,13 +92,16 @@ def test_levels_are_the_nearest_up_to_the_agents_amplitude(
 
 
 def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, params: Params) -> None:
-    def names(agent: str, policy: Policy) -> list[str]:
+    def names(agent: str, policy: Policy, params: Params = params) -> list[str]:
         return list(made(robot_xml, params, agent, {3: policy})[3])
 
     policy, discrete = linear(0.1), ["signed", "three", "rounded_full", "rounded"]
-    levels = replace(policy, actions=ActionSet(levels=2))
+    block: Any = params.agent("pgpe")
+    choice = block.actions.model_copy(update={"kind": "levels"})
+    levels = {"pgpe": block.model_copy(update={"actions": choice})}
+    of_levels = params.model_copy(update={"agents": levels})
     assert names("pgpe", policy) == ["published", "final", *discrete, "best_sample"]
-    assert names("pgpe", levels) == ["published", "final", "best_sample"]
+    assert names("pgpe", policy, of_levels) == ["published", "final", "best_sample"]
     assert names("sac", policy) == ["published", "final", *discrete]
     assert names("dqn", policy) == ["published", "final"]
     assert names("random", UniformPolicy(0, ActionSet(), 8)) == ["published", "final"]
@@ -108,7 +111,7 @@ def test_what_claims_compare_is_played_on_more_episodes(known_params: Params) ->
     evaluate = known_params.evaluate.model_copy(update={"episodes": 32, "baseline_episodes": 16})
 
     def played_more(agent: str) -> set[str]:
-        counts = variant_names.num_episodes(known_params.agent(agent), evaluate)
+        counts = episodes.num_episodes(known_params.agent(agent), evaluate)
         assert set(counts.values()) == {16, 32}
         return {version for version, count in counts.items() if count == 32}
 

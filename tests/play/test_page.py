@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import native
 import pytest
 from browser import Visit, launched, open_page
 
 from jumping_ant.params.model import Params
-from jumping_ant.play import content, reference
+from jumping_ant.play import content
 from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
@@ -54,7 +55,7 @@ def test_physics_agrees_with_the_native_simulator_here_too(
     for name in ("sac", "pgpe"):
         path = project / "models" / name / "seed-1" / "policy.zip"
         policy = policy_file.load(path, (name, 1))
-        told = reference.record(world, policy, "edited", [9], num_states=40, longest=100)
+        told = native.record(world, policy, "edited", 9, longest=100)
         form = content.policy(project, name, 1)
         own = ask(visit, "verify", policy=form, reference=told)
         assert own["one_step_error"] < 1e-11 and own["max_error"] < 1e-10

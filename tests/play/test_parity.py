@@ -7,13 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import native
 import numpy as np
 import pytest
 from known_policies import policies
 from slider_conditions import CONDITIONS
 
 from jumping_ant.params import article
-from jumping_ant.play import content, reference, vendor
+from jumping_ant.play import content, vendor
 from jumping_ant.play import policies as forms
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import perturbations, robot
@@ -23,7 +24,6 @@ from jumping_ant.sim.world import World
 
 EXACT = "commands"  # a policy that sees, and whose torques have no rounding
 START, STEPS = 7, 30  # the seed of an episode, and its control steps
-STATES = 40
 pytestmark = pytest.mark.skipif(
     not shutil.which("node"), reason="no node here; run `scripts/environment.sh browser`"
 )
@@ -92,7 +92,7 @@ def answers(
         tasks = [
             {
                 "policy": forms.to_json(policy),
-                "reference": reference.record(world, policy, "robot", [START], STATES, 5 * STEPS),
+                "reference": native.record(world, policy, "robot", START, longest=5 * STEPS),
             }
             for policy in known[kind].values()
         ]
@@ -115,7 +115,7 @@ def test_a_control_step_agrees_up_to_rounding(answers: dict[str, list[Any]], kin
     for own in answers[kind][: len(policies(2, 1))]:
         assert own["one_step_error"] < 1e-11
         assert own["max_error"] < 1e-10
-        assert own["horizon"] > reference.STEPS
+        assert own["horizon"] > native.STEPS
 
 
 @pytest.mark.parametrize("kind", ["ant", "hopper"])

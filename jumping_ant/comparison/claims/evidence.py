@@ -10,7 +10,7 @@ from jumping_ant.comparison.claims import findings
 from jumping_ant.comparison.claims.field import Field, settings
 from jumping_ant.comparison.claims.findings import Efforts, Finding, Range, Sample
 from jumping_ant.comparison.results import AgentResults
-from jumping_ant.evaluation.variant_names import PUBLISHED
+from jumping_ant.evaluation.episodes import PUBLISHED
 from jumping_ant.media.style import number
 from jumping_ant.params.blocks import CompareParams
 from jumping_ant.training import curves

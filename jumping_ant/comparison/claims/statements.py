@@ -19,7 +19,7 @@ from jumping_ant.comparison.claims.evidence import (
     more_in_version,
 )
 from jumping_ant.comparison.claims.field import Field, Select, each, pairs, twins
-from jumping_ant.evaluation.variant_names import PUBLISHED
+from jumping_ant.evaluation.episodes import PUBLISHED
 
 STATEMENTS = {  # the article's, in our words
     1: "DQN finds out that jumping is best",
