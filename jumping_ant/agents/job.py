@@ -24,7 +24,7 @@ class Job(Generic[Settings]):
     num_threads: int = 1  # that step the simulations; results do not depend on it
     demonstrations: bytes | None = None  # content of their file, for agents that learn from them
     checkpoint: bytes | None = None  # of an earlier run to resume from; None starts a new run
-    is_checkpoint_due: Callable[[], bool] = lambda: False  # called after every round of work
+    is_checkpoint_due: Callable[[], bool] = bool  # False; called after every round of work
 
 
 # Trains, and yields Progress, a Snapshot for each evaluation, Checkpoints when they are due, and
