@@ -17,6 +17,7 @@ from scripts.checkout import Checkout
 AGAIN = """
 from pathlib import Path
 from jumping_ant.base.errors import reported
+from jumping_ant.params import presets
 from scripts import preset
 with reported():
     preset.run(Path.cwd(), presets.load("quick"))
