@@ -69,6 +69,7 @@ def test_the_loop_gives_the_weights_of_learn(
         task = ENV.model_copy(update={"max_episode_steps": agent.episode_steps})
         actions = ActionSet.of(agent.actions, task.commands)
         env = RobotEnv(World(robot_xml, task), actions=actions)
+        env.task = env.envs.task  # by which the model's networks are sized
         return Monitor(gym.wrappers.DtypeObservation(env, np.float32))
 
     torch.set_num_threads(1)

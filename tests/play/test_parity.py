@@ -147,7 +147,7 @@ def test_sliders_perturb_as_the_robustness_stage_does(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # The page's slopes and pushes are along x.
-    monkeypatch.setattr(perturbations, "direction", lambda *_: np.array([1.0, 0.0]))
+    monkeypatch.setattr(perturbations, "_direction", lambda *_: np.array([1.0, 0.0]))
     condition = CONDITIONS[number]
     (native,) = returns(worlds["ant"], [Play(known["ant"][EXACT], START, condition)])
     (own,) = answers["ant"][number - len(CONDITIONS)]
