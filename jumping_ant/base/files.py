@@ -21,8 +21,9 @@ def write_all(contents: Mapping[Path, bytes | str]) -> None:
     """Write whole files; if one cannot be written, as on a full disk, all stay as they were.
 
     Every file is written next to its path before the first one is put in place, so a reader sees
-    the old content or the new. Text is UTF-8; missing folders are created. A symbolic link is
-    replaced, not followed: DVC may have linked the path to its cache.
+    the old content or the new. If putting one in place fails, those before it stay new: run the
+    stage again. Text is UTF-8; missing folders are created. A symbolic link is replaced, not
+    followed: DVC may have linked the path to its cache.
     """
     for path in contents:
         path.parent.mkdir(parents=True, exist_ok=True)
