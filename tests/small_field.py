@@ -11,14 +11,7 @@ from jumping_ant.comparison.results import AgentResults
 
 LOW, MIDDLE, HIGH = (np.linspace(start, 1.1 * start, 8) for start in (300.0, 700.0, 3000.0))
 TORN = np.array([100.0, 150.0, 200.0, 290.0, 340.0, 500.0, 700.0, 900.0])  # on both sides of LOW
-JUMPS, OPEN_LOOP, FLUID = "learns to jump", "does not look at the robot", "less fluidly than SAC."
-STIFF, SLOW, BETTER = "make movements less fluid", "per control step", "ends better"
-TWICE, ROBUST, HEAVY = "much better", "is robust", "is computationally heavy"
-DISCRETE, FIVE, HALF = "Discreteness costs", "Having only five", "Half the torque"
-CENTRE, CONSTANT, PARALLEL = "its best policy", "A constant off the reward", "parallelises"
-LIGHTER = "A lighter body"
 COMMANDS = {"kind": "commands", "amplitude": 0.5, "hold": 3}
-LEVELS = {"kind": "levels", "levels": 2, "amplitude": 1.0, "hold": 1}
 
 
 def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block):

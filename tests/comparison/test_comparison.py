@@ -1,12 +1,9 @@
+"""The comparison: what `results/comparison.json` and `results/plots/` hold."""
+
 import json
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-from ruamel.yaml import YAML
 from small_project import (
     COMPARE,
     EPISODES,
@@ -16,7 +13,6 @@ from small_project import (
     read_csv,
     write_csv,
     write_curve,
-    write_perturbed,
     write_project,
 )
 
@@ -39,19 +35,6 @@ def project(tmp_path):
 
 def summarize(root, params=PARAMS):
     return comparison.summarize(load(root, params), COMPARE)
-
-
-def numbers(summary, path=""):
-    """Return the leaves of nested dictionaries and lists by their path."""
-    if isinstance(summary, list):
-        summary = dict(enumerate(summary))
-    if not isinstance(summary, dict):
-        return {path: summary}
-    return {
-        name: leaf
-        for key in summary
-        for name, leaf in numbers(summary[key], f"{path}/{key}").items()
-    }
 
 
 def test_seeds_are_means_over_their_episodes(project):
@@ -85,9 +68,8 @@ def test_the_ranking_goes_by_interquartile_means(project):
     agents = summarize(project)["agents"]
     assert comparison.ranking(agents) == ["sac-long", "dqn", "random"]
     assert comparison.best_baseline(results, agents) == "random"
-    learners = {name: results[name] for name in ("dqn", "sac-long")}
-    some = {name: agents[name] for name in learners}
-    assert comparison.best_baseline(learners, some) is None
+    del agents["random"]
+    assert comparison.best_baseline(results, agents) is None
 
 
 @pytest.mark.parametrize(
@@ -154,30 +136,6 @@ def test_every_ordered_pair_has_a_probability_that_is_its_reverses_complement(pr
     assert (back["low"], back["high"]) == pytest.approx((1 - forth["high"], 1 - forth["low"]))
 
 
-def test_more_episodes_of_the_same_seeds_narrow_nothing(project, tmp_path_factory):
-    twice = tmp_path_factory.mktemp("twice")
-    shutil.copytree(project, twice, dirs_exist_ok=True)
-    counts = dict.fromkeys(("episodes", "baseline_episodes"), 10 * EPISODES)
-    evaluate = PARAMS.evaluate.model_copy(update=counts)
-    for name in AGENTS:
-        path = twice / "results" / "agents" / name / "episodes.csv"
-        again = [
-            row | {"episode": number, "episode_seed": evaluate.block(int(row["seed"]))[number]}
-            for row in read_csv(path)
-            for number in range(int(row["episode"]), 10 * EPISODES, EPISODES)
-        ]
-        write_csv(path, again)
-        rows = [row | {"episodes": 10 * EPISODES} for row in read_csv(path.parent / "variants.csv")]
-        write_csv(path.parent / "variants.csv", rows)
-    params = PARAMS.model_copy(update={"evaluate": evaluate})
-    assert numbers(summarize(twice, params)) == pytest.approx(numbers(summarize(project)))
-
-
-def test_the_order_of_seeds_does_not_matter(project):
-    other = summarize(project, make_params(AGENTS, sorted(SEEDS)))
-    assert numbers(other) == pytest.approx(numbers(summarize(project)))
-
-
 def test_a_single_seed_is_compared_without_spread(tmp_path):
     write_project(tmp_path, AGENTS, [0])
     summary = summarize(tmp_path, make_params(AGENTS, [0]))
@@ -189,8 +147,6 @@ def test_learning_curves_are_means_over_seeds_where_policies_were_evaluated(proj
     curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["dqn"]
     np.testing.assert_allclose(curve.trained, [250, 500, 750, 1000])
     np.testing.assert_allclose(curve.returns.value, [357.5, 715, 715, 715])
-    assert (curve.returns.low <= curve.returns.value).all()
-    assert (curve.returns.high >= curve.returns.value).all()
     write_curve(project, "dqn", 7, curve_rows(2000, 700.0))  # the others stop at 1000
     curve = comparison.learning_curves(load(project, PARAMS), COMPARE)["dqn"]
     np.testing.assert_allclose(curve.trained, [500, 1000, 1500, 2000])
@@ -203,12 +159,9 @@ def test_the_baselines_curve_is_level_at_its_end_over_the_others_budgets(
 ):
     agents = AGENTS | {"random": algorithm}  # a search for a rhythm has evaluations between
     write_project(tmp_path, agents, SEEDS)
-    curve = comparison.learning_curves(load(tmp_path, make_params(agents, SEEDS)), COMPARE)[
-        "random"
-    ]
-    np.testing.assert_allclose(curve.trained, [50, 1000])  # SAC's first, DQN's last
-    np.testing.assert_allclose(curve.returns.value, [level, level])
-    assert curve.returns.low[0] == curve.returns.low[1] < level
+    curves = comparison.learning_curves(load(tmp_path, make_params(agents, SEEDS)), COMPARE)
+    np.testing.assert_allclose(curves["random"].trained, [50, 1000])  # SAC's first, DQN's last
+    np.testing.assert_allclose(curves["random"].returns.value, [level, level])
 
 
 def test_baselines_alone_can_be_compared(tmp_path):
@@ -228,12 +181,12 @@ def test_the_table_of_seeds_is_tidy(project):
 
 
 def test_dvc_plots_take_each_agents_look_by_name(project):
-    """Not by its place among the agents: the table says it, and the template draws what it says."""
     results = load(project, PARAMS)
     families = {name: agent.family for name, agent in results.items()}
     rows = comparison.curve_rows(comparison.learning_curves(results, COMPARE), families)
-    columns = ["agent", "env_steps", "return_iqm", "low", "high", "colour", "line"]
-    assert list(rows[0]) == columns
+    assert list(rows[0]) == [
+        "agent", "env_steps", "return_iqm", "low", "high", "colour", "line",
+    ]  # fmt: skip
     assert [row["agent"] for row in rows] == ["random"] * 2 + ["sac-long"] * 4 + ["dqn"] * 4
     drawn = looks(families)
     for row in rows:
@@ -261,19 +214,18 @@ def test_a_missing_file_names_the_stage_to_run(project, path, stage):
     assert f"dvc repro {stage}" in str(error.value)
 
 
-def empty_fluidity(project, seed_episodes):
-    """Empty the fluidity of DQN's episodes of these (seed, episode)."""
+def empty_fluidity(project, num_episodes):
+    """Empty the fluidity of the first episodes of DQN's seeds, by seed."""
     path = project / "results" / "agents" / "dqn" / "episodes.csv"
     rows = read_csv(path)
     for row in rows:
-        if (int(row["seed"]), int(row["episode"])) in seed_episodes:
+        if int(row["episode"]) < num_episodes.get(int(row["seed"]), 0):
             row["fluidity"] = ""
     write_csv(path, rows)
 
 
 def test_episodes_and_seeds_without_fluidity_are_left_out(project):
-    one, other = SEEDS[:2]
-    empty_fluidity(project, [(one, 0), (one, 1), *((other, episode) for episode in range(3))])
+    empty_fluidity(project, {SEEDS[0]: 2, SEEDS[1]: 3})
     results = load(project, PARAMS)
     fluidity = results["dqn"].quantities["fluidity"]
     assert fluidity[0] == pytest.approx(-1000 / 705)  # its last episode returned 705
@@ -285,51 +237,7 @@ def test_episodes_and_seeds_without_fluidity_are_left_out(project):
 
 
 def test_a_quantity_that_no_seed_has_is_left_out(project):
-    empty_fluidity(project, [(seed, episode) for seed in SEEDS for episode in range(3)])
+    empty_fluidity(project, dict.fromkeys(SEEDS, 3))
     agents = summarize(project)["agents"]
     assert "fluidity" not in agents["dqn"]
     assert "fluidity" in agents["sac-long"]
-
-
-def run_stage(project: Path) -> subprocess.CompletedProcess[str]:
-    """Run the stage in a folder that has the project's code, and so is the project."""
-    for package in ("jumping_ant", "stages"):
-        shutil.copytree(PROJECT_ROOT / package, project / package, dirs_exist_ok=True)
-    return subprocess.run(
-        [sys.executable, "-m", "stages.compare"], cwd=project, capture_output=True, encoding="utf-8"
-    )
-
-
-def test_the_stage_writes_its_files(tmp_path):
-    content = YAML(typ="safe").load((PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8"))
-    agents = {name: name for name in ("random", "dqn", "sac", "pgpe")}
-    params = make_params(agents, SEEDS)
-    made = params.model_dump()
-    content |= {name: made[name] for name in ("seeds", "compare", "agents", "evaluate", "env")}
-    with (tmp_path / "params.yaml").open("w", encoding="utf-8") as file:
-        YAML().dump(content, file)
-    write_project(tmp_path, agents, SEEDS)
-    write_perturbed(tmp_path, params, lambda name, condition, seed: 0.9)
-    results = tmp_path / "results"
-    ran = run_stage(tmp_path)
-    assert ran.returncode == 0, ran.stderr
-    assert {"learning_curves.csv", "seeds.csv"} <= {path.name for path in results.glob("plots/*")}
-    assert (results / "robustness.json").is_file()
-    assert (results / "figures" / "final_return.png").is_file()
-    result = json.loads((results / "comparison.json").read_text(encoding="utf-8"))
-    assert list(result) == [
-        "agents", "equal_steps", "pareto_steps", "probability_of_improvement", "claims",
-    ]  # fmt: skip
-    assert list(result["agents"]) == list(agents)
-    for claim in result["claims"]:
-        assert {"text", "verdict", "evidence"} <= claim.keys()
-        assert claim["verdict"] in {"supported", "refuted", "equivalent", "inconclusive"}
-
-
-def test_the_stage_ends_with_one_clear_line(tmp_path):
-    shutil.copy(PROJECT_ROOT / "params.yaml", tmp_path)
-    ran = run_stage(tmp_path)
-    assert ran.returncode == 2
-    assert ran.stderr.startswith("error: ")
-    assert "run `dvc repro evaluate@" in ran.stderr
-    assert ran.stderr.count("\n") == 1

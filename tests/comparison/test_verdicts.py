@@ -4,20 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from small_field import (
-    CENTRE,
-    HIGH,
-    LOW,
-    METRONOME,
-    MIDDLE,
-    OPEN_LOOP,
-    TORN,
-    agent,
-    check,
-    having,
-    one_verdict,
-    the_claim,
-)
+from small_field import HIGH, LOW, METRONOME, MIDDLE, TORN, agent, check, having, the_claim
 
 from jumping_ant.comparison.claims import verdicts
 from jumping_ant.comparison.step_down import Adjusted
@@ -69,7 +56,7 @@ def test_claims_without_a_margin_have_no_second_p_value():
 
 def test_agents_that_differ_by_little_are_equivalent():
     same = np.linspace(500.0, 501.0, 8)
-    claim = the_claim(OPEN_LOOP, agent("dqn", "dqn", same), agent("alike", "open_loop", same))
+    claim = the_claim("does not look", agent("dqn", "dqn", same), agent("alike", "open_loop", same))
     assert (claim["verdict"], claim["p"]) == ("equivalent", 1.0)
     assert claim["p_equivalence"] == pytest.approx(1 / 12870)
 
@@ -77,14 +64,14 @@ def test_agents_that_differ_by_little_are_equivalent():
 def test_a_small_difference_that_is_sure_is_told_as_small():
     small = np.linspace(500.0, 501.0, 8)
     dqn = agent("dqn", "dqn", small + 3)
-    claim = the_claim(OPEN_LOOP, dqn, agent("alike", "open_loop", small))
+    claim = the_claim("does not look", dqn, agent("alike", "open_loop", small))
     assert claim["verdict"] == "supported"
     assert claim["evidence"].endswith("the difference is below practical size).")
 
 
 def test_what_is_not_worse_says_by_how_much():
     variants = {"final": {"return": MIDDLE}, "best_sample": {"return": MIDDLE}}
-    claim = the_claim(CENTRE, having(agent("pgpe", "pgpe"), variants))
+    claim = the_claim("its best policy", having(agent("pgpe", "pgpe"), variants))
     assert "mean difference of the same seeds 0 [0, 0], tested against -10" in claim["evidence"]
     assert (claim["verdict"], claim["p"], claim["no_effect"]) == ("supported", 2 / 256, -10)
 
@@ -92,10 +79,10 @@ def test_what_is_not_worse_says_by_how_much():
 def test_p_values_are_adjusted_together():
     variants = {"final": {"return": MIDDLE}, "best_sample": {"return": MIDDLE - 50}}
     pgpe = having(agent("pgpe", "pgpe"), variants)
-    assert one_verdict(CENTRE, pgpe) == "supported"
+    assert the_claim("its best policy", pgpe)["verdict"] == "supported"
     # Eight open questions more, and what eight pairs can show is not rare enough any more.
     others = [agent(f"dqn-{i}", "dqn", TORN) for i in range(8)]
-    claim = the_claim(CENTRE, pgpe, METRONOME, *others)
+    claim = the_claim("its best policy", pgpe, METRONOME, *others)
     assert claim["p"] == 2 / 256
     assert (claim["verdict"], claim["p_adjusted"] > 0.05) == ("inconclusive", True)
 

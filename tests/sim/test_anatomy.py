@@ -23,22 +23,12 @@ def load(source: str) -> mujoco.MjModel:
     return robot.load(robot.source_path(source).read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(("source", "sizes"), ROBOTS.items(), ids=ROBOTS.keys())
-def test_sizes_are_the_robots(source: str, sizes: tuple[int, int, int, int, bool]) -> None:
-    anatomy = Anatomy.of(load(source))
-    assert sizes == (
-        anatomy.num_positions,
-        anatomy.num_velocities,
-        anatomy.num_motors,
-        anatomy.num_observations,
-        anatomy.is_free,
-    )
-
-
 @pytest.mark.parametrize("source", ROBOTS)
-def test_the_torsos_place_and_tilt_are_the_simulators(source: str) -> None:
+def test_sizes_and_the_torsos_place_and_tilt_are_the_simulators(source: str) -> None:
     model = load(source)
     anatomy, data = Anatomy.of(model), mujoco.MjData(model)
+    sizes = anatomy.num_positions, anatomy.num_velocities, anatomy.num_motors
+    assert (*sizes, anatomy.num_observations, anatomy.is_free) == ROBOTS[source]
     assert model.body(anatomy.torso).name == "torso"
     generator = np.random.default_rng(0)
     for _ in range(20):
@@ -62,59 +52,29 @@ def test_peak_torques_act_on_the_motors_joints(source: str) -> None:
     np.testing.assert_allclose(acting, anatomy.peak_torques)
 
 
-BODY = '<body name="torso">{joints}<geom size="0.1"/>{more}</body>'
-LEG = '<body><joint name="knee"/><geom size="0.1"/></body>'
-MOTOR = '<actuator><motor joint="knee"/></actuator>'
-FREE = "<freejoint/>"
+FREE, LEG = "<freejoint/>", '<body><joint name="knee"/><geom size="0.1"/></body>'
+MOTOR = '<motor joint="knee"/>'
+SLIDES = '<joint type="slide" axis="0 0 1" name="z"/><joint type="slide" axis="1 0 0"/>'
+PUSHER = '<motor name="m" joint="knee" ctrllimited="true" ctrlrange="0 1"/>'
 
 
-def mjcf(bodies: str, actuators: str = MOTOR) -> str:
-    return f"<mujoco><worldbody>{bodies}</worldbody>{actuators}</mujoco>"
-
-
-ODD = {
-    "nothing that moves": ("<mujoco/>", "given 0 bodies that move relative to the world"),
-    "two of them": (
-        mjcf(
-            BODY.format(joints=FREE, more=LEG)
-            + BODY.format(joints=FREE, more="").replace("torso", "ball")
-        ),
-        "given 2 bodies that move relative to the world",
-    ),
-    "a hinged torso": (
-        mjcf(BODY.format(joints='<joint name="neck"/>', more=LEG)),
-        "given a torso on the joints neck, allowed: a free joint, or slides along x and z and a",
-    ),
-    "slides in another order": (
-        mjcf(
-            BODY.format(
-                joints='<joint type="slide" axis="0 0 1" name="z"/>'
-                '<joint type="slide" axis="1 0 0"/><joint axis="0 1 0"/>',
-                more=LEG,
-            )
-        ),
-        "on the joints z, a nameless one, a nameless one, allowed",
-    ),
-    "no motor": (mjcf(BODY.format(joints=FREE, more=LEG), ""), "given no motor"),
-    "a motor of no joint": (
-        mjcf(
-            BODY.format(joints=FREE, more=LEG + '<site name="jet"/>'),
-            '<actuator><motor name="jet" site="jet"/></actuator>',
-        ),
-        "the motor jet drives no joint",
-    ),
-    "a motor that only pushes": (
-        mjcf(
-            BODY.format(joints=FREE, more=LEG),
-            '<actuator><motor name="m" joint="knee" ctrllimited="true" ctrlrange="0 1"/>'
-            "</actuator>",
-        ),
-        r"the motor m has controls in \[0, 1\], allowed: a range symmetric about zero",
-    ),
-}
-
-
-@pytest.mark.parametrize(("xml", "said"), ODD.values(), ids=ODD.keys())
-def test_what_is_built_otherwise_is_refused(xml: str, said: str) -> None:
-    with pytest.raises(InputError, match=f"robot: .*{said}"):
+@pytest.mark.parametrize(
+    ("joints", "more", "motor", "message"),
+    [
+        ("", "", "", "given 0 bodies that move relative to the world"),
+        (FREE, "</body><body><freejoint/>", MOTOR, "given 2 bodies that move relative to the w"),
+        ('<joint name="neck"/>', "", MOTOR, "on the joints neck, allowed: a free joint, or slides"),
+        (f"{SLIDES}<joint/>", "", MOTOR, "on the joints z, a nameless one, a nameless one, allo"),
+        (FREE, "", "", "given no motor"),
+        (FREE, '<site name="jet"/>', '<motor name="jet" site="jet"/>', "motor jet drives no joint"),
+        (FREE, "", PUSHER, r"m has controls in \[0, 1\], allowed: a range symmetric about zero"),
+    ],
+)
+def test_what_is_built_otherwise_is_refused(
+    joints: str, more: str, motor: str, message: str
+) -> None:
+    leg = LEG if joints else ""
+    body = f'<body name="torso">{joints}<geom size="0.1"/>{leg}{more}<geom size="0.1"/></body>'
+    xml = f"<mujoco><worldbody>{body}</worldbody><actuator>{motor}</actuator></mujoco>"
+    with pytest.raises(InputError, match=f"robot: .*{message}"):
         Anatomy.of(robot.load(xml))

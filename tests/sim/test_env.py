@@ -1,8 +1,5 @@
 """The single environment, against Gymnasium's Ant-v5 and by its own rules."""
 
-import os
-import subprocess
-import sys
 import warnings
 from typing import Any
 
@@ -11,8 +8,6 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.params import article, presets
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import Params
@@ -20,18 +15,6 @@ from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv, article_world
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
-
-DRAW = """
-import gymnasium, jumping_ant.sim.env
-
-env = gymnasium.make("JumpingAnt-v0", render_mode="rgb_array")
-env.reset(seed=0)
-picture = env.render()
-assert picture.shape == (480, 480, 3), picture.shape
-assert picture.dtype == "uint8"
-assert picture.max() > 0 and picture.std() > 1
-env.close()
-"""
 
 
 @pytest.fixture
@@ -65,26 +48,20 @@ GYMNASIUM_TERMS = {
 
 def test_presets_run_is_ant_v5_to_the_last_bit() -> None:
     """Its reward and the terms of that included; contact forces cost nothing there."""
-    params = presets.load("run")
-    xml = robot.build(params.robot)
-    ours = RobotEnv(World(xml, params.env.model_copy(update={"max_episode_steps": 10**9})))
-    theirs: Any = gym.make(
-        "Ant-v5",
-        include_cfrc_ext_in_observation=False,
-        contact_cost_weight=0.0,
-        max_episode_steps=10**9,
-    )
+    params, limit = presets.load("run"), {"max_episode_steps": 10**9}
+    ours = RobotEnv(World(robot.build(params.robot), task(params, **limit)))
+    without: dict[str, Any] = {"include_cfrc_ext_in_observation": False, "contact_cost_weight": 0.0}
+    theirs: Any = gym.make("Ant-v5", **without, **limit)
     ends = 0
     for step, action in enumerate(torques(1000).astype(np.float64)):
         if step % 300 == 0:
             np.testing.assert_array_equal(ours.reset(seed=step)[0], theirs.reset(seed=step)[0])
         observation, reward, terminated, truncated, info = ours.step(action)
-        reference, paid, over, _, told = theirs.step(action)
+        reference, paid, over, _, its_info = theirs.step(action)
         np.testing.assert_array_equal(observation, reference)
-        assert reward == paid
-        for theirs_name, name in GYMNASIUM_TERMS.items():
-            assert info[name] == told[theirs_name]
-        assert (terminated, truncated) == (bool(over), False)
+        assert (reward, terminated, truncated) == (paid, over, False)
+        for its_name, name in GYMNASIUM_TERMS.items():
+            assert info[name] == its_info[its_name]
         ends += terminated
         if terminated or step % 70 == 69:
             np.testing.assert_array_equal(ours.reset()[0], theirs.reset()[0])
@@ -96,17 +73,12 @@ def test_termination_is_ant_v5s(source_xml: str, known_params: Params) -> None:
     """In a fall: the torso sinks through a limit on the way."""
     ours = RobotEnv(World(source_xml, task(known_params, min_torso_height=0.7)))
     theirs: Any = gym.make("Ant-v5", healthy_z_range=(0.7, np.inf))
-    ended = []
-    for seed in range(4):
-        ours.reset(seed=seed)
-        theirs.reset(seed=seed)
-        for step in range(20):
-            mine, other = ours.step(np.zeros(8))[2], theirs.step(np.zeros(8))[2]
-            assert mine == other
-            if mine:
-                ended.append(step)
-                break
-    assert max(ended) > 0
+    ends = []
+    for env in (ours, theirs.unwrapped):
+        for seed in range(4):
+            env.reset(seed=seed)
+            ends.append([env.step(np.zeros(8))[2] for _ in range(20)].index(True))
+    assert ends[:4] == ends[4:] and max(ends) > 0
     theirs.close()
 
 
@@ -118,17 +90,6 @@ def test_reward_is_the_sum_of_its_terms_and_follows_the_height(env: RobotEnv) ->
         assert reward == sum(terms)
         assert info["torso_height"] == observation[0] == env.envs.qpos[0, 2]
         assert reward == pytest.approx(10 * np.clip(observation[0] - 0.6, 0, 1))
-
-
-def test_the_seed_determines_the_episodes(env: RobotEnv) -> None:
-    def run(seed: int) -> np.ndarray:
-        first, _ = env.reset(seed=seed)
-        steps = [env.step(action)[0] for action in torques(20)]
-        return np.array([first, *steps, env.reset()[0]])
-
-    np.testing.assert_array_equal(run(1), run(1))
-    assert (run(1)[0] != run(2)[0]).all()
-    assert (run(1)[-1] != run(1)[0]).all()  # the next episode starts otherwise
 
 
 @pytest.mark.parametrize(("low", "ends"), [(0.0, (False, True)), (5.0, (True, False))])
@@ -164,19 +125,13 @@ def test_the_pinned_task_has_the_articles_numbers() -> None:
     env = RobotEnv(article_world())
     assert env.envs.dt == 0.05 and env.world.env.frame_skip == 5
     assert env.observation_space.shape == (27,) and env.action_space.shape == (8,)
-    for height, reward, terminated in [
-        (0.19, 0.0, True),
-        (0.21, 0.0, False),
-        (0.6, 0.0, False),
-        (1.1, 5.0, False),
-        (1.6, 10.0, False),
-        (5.0, 10.0, False),
-    ]:
+    rewards = {0.19: 0.0, 0.21: 0.0, 0.6: 0.0, 1.1: 5.0, 1.6: 10.0, 5.0: 10.0}
+    for height, reward in rewards.items():
         env.reset(seed=0)
         env.envs.batch.expand("opt.timestep")[:] = 1e-9  # it stays where it is put
         env.envs.qpos[0, 2] = height
         outcome = env.step(np.zeros(8))
-        assert outcome[1] == pytest.approx(reward, abs=1e-5) and outcome[2] == terminated, height
+        assert outcome[1] == pytest.approx(reward, abs=1e-5) and outcome[2] == (height < 0.2)
     starts = np.array([env.reset()[0] for _ in range(500)])
     offsets = starts[:, :13] - env.world.model.qpos0[2:]
     assert 0.099 < np.abs(offsets).max() < 0.1
@@ -187,22 +142,7 @@ def test_pictures_are_shown_as_fast_as_the_robot_moves(
     robot_xml: str, known_params: Params
 ) -> None:
     env = RobotEnv(World(robot_xml, task(known_params, frame_skip=4)))
-    assert (env.envs.dt, env.metadata["render_fps"]) == (0.04, 25)
-
-
-def test_pictures_are_drawn_without_a_screen() -> None:
-    settings = ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY", "WAYLAND_DISPLAY")
-    environment = {key: value for key, value in os.environ.items() if key not in settings}
-    process = subprocess.run(
-        [sys.executable, "-c", DRAW],
-        cwd=PROJECT_ROOT,
-        env=environment,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=120,
-    )
-    assert process.returncode == 0, process.stderr
-    assert "Traceback" not in process.stderr
+    assert env.metadata["render_fps"] == 25
 
 
 def test_without_a_render_mode_nothing_is_drawn(env: RobotEnv) -> None:
@@ -210,8 +150,3 @@ def test_without_a_render_mode_nothing_is_drawn(env: RobotEnv) -> None:
     assert env.render() is None
     env.close()
     env.close()
-
-
-def test_other_robots_are_refused(known_params: Params) -> None:
-    with pytest.raises(InputError, match="not valid MJCF"):
-        RobotEnv(World("<mujoco", known_params.env))

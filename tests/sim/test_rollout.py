@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
+from small_policies import linear_policy
 
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import Params
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
-from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.networks import TanhActor
 from jumping_ant.sim import rollout
 from jumping_ant.sim.env import RobotEnv
@@ -29,15 +29,6 @@ def task(known_params: Params) -> EnvParams:
 @pytest.fixture(scope="module")
 def episodes(robot_xml: str, task: EnvParams) -> list[Episode]:
     return rollout.run(World(robot_xml, task), UniformPolicy(4, ActionSet(), 8), SEEDS)
-
-
-def assert_same(one: Episode, other: Episode) -> None:
-    for name, value in flat(one).items():
-        np.testing.assert_array_equal(value, flat(other)[name], err_msg=name)
-
-
-def flat(episode: Episode) -> dict[str, Any]:
-    return {name: value for name, value in vars(episode).items() if name != "terms"} | episode.terms
 
 
 def test_episodes_are_those_of_a_plain_loop(
@@ -75,11 +66,7 @@ def test_a_choice_is_held_as_long_as_the_policy_says(
     robot_xml: str, task: EnvParams, hold: int
 ) -> None:
     """The policy sees the state at each of its decisions, and no state in between."""
-    generator = np.random.default_rng(0)
-    weight = generator.normal(0, 0.05, (8, 27)).astype(np.float32)
-    zeros, ones = np.zeros(27, np.float32), np.ones(27, np.float32)
-    actions = ActionSet(amplitude=0.5, hold=hold)
-    policy = LinearPolicy(weight, zeros[:8], zeros, ones, weight, zeros[:8], actions)
+    policy = linear_policy(ActionSet(amplitude=0.5, hold=hold))
     (episode,) = rollout.run(World(robot_xml, task), policy, [3])
     states = np.concatenate([episode.qpos[:, 2:], episode.qvel], axis=1)
     first = np.concatenate([episode.start_qpos[2:], episode.start_qvel])
@@ -115,7 +102,7 @@ def test_no_episode_depends_on_what_is_played_beside_it(
         monkeypatch.setattr(rollout, "LARGEST_BATCH", size)
         ran = rollout.play(world, [plays[index] for index in order], num_threads=2)
         for index, episode in zip(order, ran, strict=True):
-            assert_same(episode, expected[index])
+            np.testing.assert_equal(vars(episode), vars(expected[index]))
 
 
 def test_what_is_kept_of_episodes_bounds_how_many_run_side_by_side(
@@ -126,12 +113,3 @@ def test_what_is_kept_of_episodes_bounds_how_many_run_side_by_side(
     monkeypatch.setattr(rollout, "LARGEST_RECORD", 2 * 80 * (15 + 14 + 8 + 3) + 1)
     rollout.run(World(robot_xml, task), UniformPolicy(4, ActionSet(), 8), range(5))
     assert sizes == [2, 2, 1]
-    monkeypatch.setattr(rollout, "LARGEST_RECORD", 1)
-    rollout.run(World(robot_xml, task), UniformPolicy(4, ActionSet(), 8), [3])
-    assert sizes == [2, 2, 1, 1]
-
-
-def test_policies_of_a_batch_decide_together(robot_xml: str, task: EnvParams) -> None:
-    plays = [Play(UniformPolicy(4, ActionSet(hold=hold), 8), 0) for hold in (1, 3)]
-    with pytest.raises(ValueError, match="too many values"):
-        list(rollout.play(World(robot_xml, task), plays))

@@ -1,6 +1,6 @@
-"""What the single and the batched environment have in common."""
+"""A robot and its task: actions, observations and start states."""
 
-from typing import Literal
+import pickle
 
 import gymnasium as gym
 import mujoco
@@ -24,29 +24,21 @@ def task(robot_xml: str, known_params: Params) -> Task:
     return Task(World(robot_xml, known_params.env))
 
 
-def action_set(kind: Literal["torques", "commands"], amplitude: float, hold: int = 1) -> ActionSet:
-    params = ActionParams(kind=kind, amplitude=amplitude, hold=hold)
-    return ActionSet.of(params, article.ENV.commands)
+COMMANDS = ActionSet.of(ActionParams(kind="commands", amplitude=0.5, hold=1), article.ENV.commands)
+TORQUES = ActionSet.of(ActionParams(kind="torques", amplitude=0.25, hold=4), article.ENV.commands)
 
 
 def test_the_five_commands_are_the_articles(task: Task) -> None:
-    actions = action_set("commands", 0.5)
-    assert task.action_space(actions) == gym.spaces.Discrete(5)
-    assert actions.torques(np.arange(5)).tolist() == [
-        [0, 0, 0, 0, 0, 0, 0, 0],
-        [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5],
-        [-0.5, -0.5, -0.5, -0.5, -0.5, -0.5, -0.5, -0.5],
-        [0.5, 0.5, 0.5, 0.5, -0.5, -0.5, -0.5, -0.5],
-        [-0.5, -0.5, -0.5, -0.5, 0.5, 0.5, 0.5, 0.5],
-    ]
+    assert task.action_space(COMMANDS) == gym.spaces.Discrete(5)
+    signs = [[0] * 8, [1] * 8, [-1] * 8, [1] * 4 + [-1] * 4, [-1] * 4 + [1] * 4]
+    assert (2 * COMMANDS.torques(np.arange(5))).tolist() == signs
 
 
 def test_torques_are_scaled_by_the_amplitude(task: Task) -> None:
-    actions = action_set("torques", 0.25, hold=4)
-    assert task.action_space(actions) == gym.spaces.Box(-1, 1, (8,), np.float32)
-    assert actions.hold == 4
+    assert task.action_space(TORQUES) == gym.spaces.Box(-1, 1, (8,), np.float32)
+    assert TORQUES.hold == 4
     chosen = np.linspace(-1, 1, 16, dtype=np.float32).reshape(2, 8)
-    assert actions.torques(chosen).tolist() == (chosen / 4).tolist()
+    assert TORQUES.torques(chosen).tolist() == (chosen / 4).tolist()
 
 
 def test_two_levels_are_the_signs_of_the_outputs(task: Task) -> None:
@@ -74,12 +66,10 @@ def test_the_best_choice_is_that_of_each_motors_highest_value() -> None:
 
 def test_random_choices_cover_the_set() -> None:
     generator = np.random.default_rng(0)
-    commands = action_set("commands", 0.5)
-    drawn = [tuple(commands.sample(generator, 8)) for _ in range(1000)]
-    counts = [drawn.count(tuple(row)) for row in commands.torques(np.arange(5))]
+    drawn = [tuple(COMMANDS.sample(generator, 8)) for _ in range(1000)]
+    counts = [drawn.count(tuple(row)) for row in COMMANDS.torques(np.arange(5))]
     assert sum(counts) == 1000 and min(counts) > 150
-    some = action_set("torques", 0.25)
-    torques = np.array([some.sample(generator, 8) for _ in range(1000)])
+    torques = np.array([TORQUES.sample(generator, 8) for _ in range(1000)])
     assert 0.24 < torques.max() <= 0.25 and -0.25 <= torques.min() < -0.24
     np.testing.assert_allclose(torques.mean(axis=0), 0, atol=0.025)
     levels = ActionSet(amplitude=0.25, levels=3)
@@ -94,16 +84,14 @@ def test_the_first_motors_drive_the_front_legs_and_the_others_the_back_legs(robo
     mujoco.mj_forward(model, data)
     bodies = model.jnt_bodyid[model.actuator_trnid[:, 0]]
     ahead = data.xpos[bodies, 0] - data.body("torso").xpos[0]
-    assert (ahead > 0.1).tolist() == [True] * 4 + [False] * 4
-    assert (ahead < -0.1).tolist() == [False] * 4 + [True] * 4
+    assert (ahead[:4] > 0.1).all() and (ahead[4:] < -0.1).all()
 
 
 def feet_under(command: int, xml: str) -> tuple[NDArray[np.float64], float]:
     """Hold a command for 0.05 s in zero gravity, ankles in the middle of their ranges before.
 
-    Returns:
-        The fall of the feet's centres in the torso's frame [m], (4,), in the order of the legs'
-        motors, and the tilt of the torso [rad].
+    The result is the fall of the feet in the torso's frame [m], (4,), in the order of the legs'
+    motors, and the tilt of the torso [rad].
     """
     model = robot.load(xml)
     model.opt.gravity[:] = 0
@@ -123,24 +111,37 @@ def feet_under(command: int, xml: str) -> tuple[NDArray[np.float64], float]:
     return before - heights(), float(np.arccos(min(1.0, torso.xmat[8])))
 
 
-def test_command_3_pushes_all_feet_down_and_4_lifts_them(robot_xml: str) -> None:
-    down, _ = feet_under(3, robot_xml)
+def test_command_3_pushes_all_feet_down_and_4_lifts_them_and_1_tilts(robot_xml: str) -> None:
+    down, tilt_of_3 = feet_under(3, robot_xml)
     up, _ = feet_under(4, robot_xml)
-    assert (down > 0.01).all()
-    assert (up < -0.01).all()
-
-
-def test_the_same_torque_on_all_tilts_the_body(robot_xml: str) -> None:
-    _, tilt_of_3 = feet_under(3, robot_xml)
     fall, tilt = feet_under(1, robot_xml)
+    assert (down > 0.01).all() and (up < -0.01).all()
     assert (fall[:2] > 0.01).all() and (fall[2:] < -0.01).all()
     assert tilt > 2 * tilt_of_3
 
 
-def test_commands_are_for_all_motors(known_params: Params) -> None:
-    hopper = robot.source_path("hopper").read_text(encoding="utf-8")
-    with pytest.raises(InputError, match="given rows of 8 torques, allowed: the robot's 3 motors"):
-        Task(World(hopper, known_params.env))
+@pytest.mark.parametrize(
+    ("xml", "message"),
+    [
+        (robot.source_path("hopper").read_text(encoding="utf-8"), "rows of 8 torques, allowed: th"),
+        ("<mujoco", "robot XML: not valid MJCF"),
+    ],
+    ids=["fewer motors", "no robot"],
+)
+def test_a_robot_that_does_not_fit_is_refused(known_params: Params, xml: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Task(World(xml, known_params.env))
+
+
+def test_what_arrives_in_another_process_is_text_and_parameters(
+    robot_xml: str, known_params: Params
+) -> None:
+    world = World(robot_xml, known_params.env)
+    before = pickle.dumps(world)
+    assert world.anatomy.num_motors == 8 and world.dt == 0.05
+    assert pickle.dumps(world) == before
+    arrived = pickle.loads(before)
+    assert arrived == world and vars(arrived).keys() == {"xml", "env"}
 
 
 def test_observe_hides_where_the_robot_is_and_what_is_not_finite(task: Task) -> None:

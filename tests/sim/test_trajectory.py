@@ -16,11 +16,11 @@ from jumping_ant.sim import robot, trajectory
 from jumping_ant.sim.trajectory import Trajectory
 
 
-def make(steps: int = 4, frame_skip: int = 5) -> Trajectory:
+def make(steps: int = 4) -> Trajectory:
     generator = np.random.default_rng(0)
     return Trajectory(
-        qpos=generator.normal(size=(steps * frame_skip + 1, 15)),
-        qvel=generator.normal(size=(steps * frame_skip + 1, 14)),
+        qpos=generator.normal(size=(steps * 5 + 1, 15)),
+        qvel=generator.normal(size=(steps * 5 + 1, 14)),
         torques=generator.uniform(-1, 1, (steps, 8)),
         rewards=generator.uniform(0, 10, steps),
         terms={"alive": np.ones(steps), "upright": generator.uniform(-1, 1, steps)},
@@ -29,37 +29,24 @@ def make(steps: int = 4, frame_skip: int = 5) -> Trajectory:
         episode=7,
         episode_return=12.5,
         timestep=0.01,
-        frame_skip=frame_skip,
+        frame_skip=5,
     )
 
 
 def test_a_saved_trajectory_loads_as_it_was(tmp_path: Path) -> None:
-    saved = make()
-    write_bytes(tmp_path / "new" / "trajectory.npz", saved.to_bytes())
-    loaded = trajectory.load(tmp_path / "new" / "trajectory.npz")
-    for field in dataclasses.fields(Trajectory):
-        expected, given = getattr(saved, field.name), getattr(loaded, field.name)
-        assert type(given) is type(expected)
-        if field.name != "terms":
-            np.testing.assert_array_equal(given, expected)
-    assert list(loaded.terms) == list(saved.terms) == ["alive", "upright"]
-    for name, values in saved.terms.items():
-        np.testing.assert_array_equal(loaded.terms[name], values)
+    write_bytes(tmp_path / "a.npz", make().to_bytes())
+    loaded, saved = vars(trajectory.load(tmp_path / "a.npz")), vars(make())
+    np.testing.assert_equal(loaded, saved)
+    assert [*map(type, loaded.values())] == [*map(type, saved.values())]
+    terms = {"reward_alive", "reward_upright"}
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as content:
+        assert content.keys() == saved.keys() - {"terms"} | terms
 
 
 def test_equal_trajectories_make_equal_bytes() -> None:
     content = make().to_bytes()
     assert content == make().to_bytes() == pack(Archive(content))
     assert content != dataclasses.replace(make(), seed=4).to_bytes()
-
-
-def test_the_file_holds_what_numpy_reads_without_pickles(tmp_path: Path) -> None:
-    write_bytes(tmp_path / "a.npz", make().to_bytes())
-    with np.load(tmp_path / "a.npz", allow_pickle=False) as content:
-        fields = {field.name for field in dataclasses.fields(Trajectory)}
-        assert set(content) == fields - {"terms"} | {"reward_alive", "reward_upright"}
-        assert content["seed"].shape == ()
-        assert content["qpos"].dtype == np.float64
 
 
 def changed(content: bytes) -> bytes:
@@ -105,8 +92,6 @@ def test_damaged_and_foreign_files_are_refused(
 )
 def test_shapes_that_do_not_fit_are_refused(tmp_path: Path, name: str, value: np.ndarray) -> None:
     fields = vars(make()) | {name: value}
-    with pytest.raises(ValueError, match=name):
-        Trajectory(**fields)
     del fields["terms"]
     np.savez(tmp_path / "a.npz", **fields)
     with pytest.raises(InputError, match=name):
@@ -118,15 +103,10 @@ def test_an_empty_trajectory_is_refused() -> None:
         make(steps=0)
 
 
-def test_rows_step_by_the_stride_up_to_the_seconds() -> None:
+def test_rows_step_by_the_stride_up_to_the_seconds_and_end_where_states_are_not_finite() -> None:
     episode = make()  # 21 states, 0.2 s
-    assert episode.rows().tolist() == list(range(21))
     assert episode.rows(stride=2, seconds=0.07).tolist() == [0, 2, 4, 6]
     assert episode.rows(stride=5, seconds=9.0).tolist() == [0, 5, 10, 15, 20]
-
-
-def test_rows_end_before_the_first_state_that_is_not_finite() -> None:
-    episode = make()
     episode.qvel[13, 2] = np.nan
     assert episode.rows(stride=4).tolist() == [0, 4, 8, 12]
     episode.qpos[0, 0] = np.inf
