@@ -1,8 +1,5 @@
 """Recordings read back, and what they are made of."""
 
-import os
-import subprocess
-import sys
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -76,14 +73,3 @@ class Content:
             for name in batch.schema.names[1:]:
                 values[name.split(":")[1]] = np.array(batch.column(name).to_pylist()[0][0])
         return values
-
-
-def rerun_cli(*arguments: str | Path, home: Path) -> subprocess.CompletedProcess[str]:
-    # Not `python -m rerun_cli`, which exits with 0 whatever it finds.
-    return subprocess.run(
-        [Path(sys.executable).with_name("rerun"), "rrd", *arguments],
-        env=os.environ | {"CI": "true", "HOME": str(home)},  # no usage statistics
-        capture_output=True,
-        encoding="utf-8",
-        timeout=120,
-    )

@@ -13,14 +13,7 @@ def simulate(
     height: float = 0.75,
     upward_speed: float = 0.0,
 ) -> Trajectory:
-    """Let the robot go while its motors are commanded.
-
-    Args:
-        model: The robot.
-        ctrl: Torques over peak torques of each control step, shape (T, num_motors).
-        height: Of the torso at the start [m].
-        upward_speed: Of the torso at the start [m/s].
-    """
+    """Let the robot go from a height [m] at a speed [m/s] while `ctrl` drives its motors."""
     data = mujoco.MjData(model)
     data.qpos[2], data.qvel[2] = height, upward_speed
     qpos, qvel = [data.qpos.copy()], [data.qvel.copy()]

@@ -14,16 +14,10 @@ from small_project import make_params, shown, write_project
 from jumping_ant.agents.families import Family
 from jumping_ant.base.errors import InputError
 from jumping_ant.media import about, layout, lineup, style
-from jumping_ant.params.model import Params
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
 ALGORITHMS = {"random": "random", "mine": "sac"}
-
-
-@pytest.fixture(scope="module")
-def world(robot_xml: str, known_params: Params) -> World:
-    return World(robot_xml, known_params.env)
 
 
 @pytest.fixture(scope="module")
@@ -40,26 +34,27 @@ def content(
     world: World, episodes: dict[str, Trajectory], tmp_path_factory: pytest.TempPathFactory
 ) -> Content:
     path = tmp_path_factory.mktemp("lineup") / "lineup.rrd"
-    stories = {"random": story("random", "random", 330.0), "mine": story("mine", "sac", 2100.0)}
+    stories = {
+        "random": story("random", "random", 330.0, robot="unedited"),
+        "mine": story("mine", "sac", 2100.0),
+    }
     worlds = dict.fromkeys(episodes, world)
     path.write_bytes(lineup.record(worlds, episodes, stories).content)
     return Content(path)
 
 
-def test_every_agent_has_a_scene(content: Content, episodes: dict[str, Trajectory]) -> None:
+def test_every_agent_has_a_scene_and_a_height(
+    content: Content, episodes: dict[str, Trajectory]
+) -> None:
     for agent, episode in episodes.items():
-        place = content.column(f"/{agent}/world/torso", "Transform3D:translation")
-        np.testing.assert_allclose(place, episode.qpos[::2, :3], atol=1e-5)
+        places = episode.qpos[::2, :3]
+        torso = content.column(f"/{agent}/world/torso", "Transform3D:translation")
+        np.testing.assert_allclose(torso, places, atol=1e-5)
+        np.testing.assert_allclose(content.scalars(f"/height/{agent}"), places[:, 2])
+        times = 20_000_000 * np.arange(len(places))
+        np.testing.assert_array_equal(content.times(f"/height/{agent}"), times)
         assert {f"/{agent}/world/torso/torso_geom", f"/{agent}/world/floor"} <= set(content.still)
         assert {f"/{agent}/trail", f"/{agent}/contact_arrow/back_leg"} <= set(content.moving)
-
-
-def test_heights_stand_together(content: Content, episodes: dict[str, Trajectory]) -> None:
-    for agent, episode in episodes.items():
-        heights = episode.qpos[::2, 2]
-        np.testing.assert_allclose(content.scalars(f"/height/{agent}"), heights)
-        times = 20_000_000 * np.arange(len(heights))
-        np.testing.assert_array_equal(content.times(f"/height/{agent}"), times)
 
 
 def test_agents_have_the_colours_of_the_figures(content: Content) -> None:
@@ -70,51 +65,38 @@ def test_agents_have_the_colours_of_the_figures(content: Content) -> None:
         assert {int(content.shape(path)["colors"]) for path in paths} == {color}
 
 
-def test_the_page_tells_the_returns(content: Content) -> None:
+def test_the_page_lists_the_returns(content: Content) -> None:
     text = str(content.shape("/about")["text"])
-    assert "| **random** (baseline) | 4 | 330 | 165 | 2.50 m | 12 |" in text
+    assert "| **random** (baseline, unedited robot) | 4 | 330 | 165 | 2.50 m | 12 |" in text
     assert "| **mine** | 4 | 2,100 | 1,050 | 2.50 m | 12 |" in text
     peak = 2.0 / 9.81  # [s] up from a start at 2 m/s
-    said = re.search(r"highest jump of the first 1 s, at (\S+) s", text)
-    assert said and float(said[1]) == pytest.approx(peak, abs=0.06)
+    shown = re.search(r"highest jump of the first 1 s, at (\S+) s", text)
+    assert shown and float(shown[1]) == pytest.approx(peak, abs=0.06)
 
 
-def test_many_learners_are_in_tabs_by_family_the_best_first() -> None:
+def test_many_learners_are_in_tabs_by_family_the_best_first(world: World) -> None:
     stories = {"random": story("random", "random", 300.0)}
     stories |= {f"dqn-{i}": story(f"dqn-{i}", "dqn", 100.0 * i) for i in range(3)}
     stories |= {f"sac-{i}": story(f"sac-{i}", "sac", 900.0 - i) for i in range(3)}
     assert lineup._groups(stories) == {"All agents": list(stories)}
     stories["pgpe"] = story("pgpe", "pgpe", 50.0)
-    assert lineup._groups(stories) == {
+    groups = lineup._groups(stories)
+    assert groups == {
         "Best of each family": ["dqn-2", "sac-0", "pgpe", "random"],
         "Value-based": ["dqn-2", "dqn-1", "dqn-0"],
         "Off-policy actor-critic": ["sac-0", "sac-1", "sac-2"],
         "Evolution": ["pgpe"],
         "Baseline": ["random"],
     }
-
-
-def test_each_tab_has_the_scenes_and_heights_of_its_agents(world: World) -> None:
-    groups = {"One": ["a"], "Two": ["b", "c"]}
-    labels = {name: name.upper() for name in "abc"}
-    blueprint = layout.lineup_layout(dict.fromkeys("abc", world), labels, groups, 0, 1)
+    labels = {name: name.upper() for name in stories}
+    blueprint = layout.lineup_layout(dict.fromkeys(stories, world), labels, groups, 0, 1)
     tabs, page = blueprint.root_container.contents
-    assert [tab.name for tab in tabs.contents] == ["One", "Two"]
     assert page.origin == "about"
-    for tab, agents in zip(tabs.contents, groups.values(), strict=True):
+    for tab, (title, agents) in zip(tabs.contents, groups.items(), strict=True):
         grid, heights = tab.contents
+        assert tab.name == title
         assert [view.name for view in grid.contents] == [labels[agent] for agent in agents]
         assert heights.contents == [f"/height/{agent}" for agent in agents]
-
-
-def test_the_page_names_the_unedited_robot(episodes: dict[str, Trajectory]) -> None:
-    stories = {
-        "random": story("random", "open_loop", robot="unedited"),
-        "mine": story("mine", "sac", robot="unedited"),
-    }
-    page = about.lineup_page(stories, episodes, 0, 1)
-    assert "| **random** (baseline, unedited robot) | 4" in page
-    assert "| **mine** (unedited robot) | 4" in page
 
 
 @pytest.fixture

@@ -3,11 +3,13 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
-from small_project import COMPARE, make_params, write_project
+from ruamel.yaml import YAML
+from small_project import BUDGETS, COMPARE, make_params, write_project
 
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import load
-from jumping_ant.report import figures
+from jumping_ant.report import charts, figures, leaderboard, outcome
 from jumping_ant.report.outcome import Outcome
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe-wide": "pgpe"}
@@ -27,7 +29,7 @@ def compared(tmp_path_factory):
     return compare(tmp_path_factory.mktemp("project"), AGENTS, range(4))
 
 
-def test_files_are_the_same_whatever_the_readers_own_settings(compared):
+def test_files_are_the_same_whatever_the_readers_settings(compared):
     files = figures.draw(compared)
     assert list(files) == [
         "learning_curves.png", "learning_curves.svg", "final_return.png", "final_return.svg",
@@ -108,3 +110,31 @@ def test_many_learners_have_a_panel_for_each_family(tmp_path):
         assert thin.pop("metronome") == 505  # the better baseline has its name
         assert list(thin.values()) == [335]
     assert len({(axes.get_xlim(), axes.get_ylim()) for axes in panels}) == 1
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([1.0, 21.0], True), ([1.0, 20.0], False), ([0.01, 0.9], False), ([], False)],
+)
+def test_long_axes_are_logarithmic(values, expected):
+    assert outcome.is_long(values) == expected
+
+
+@pytest.mark.parametrize(("first", "scale"), [("dqn", "linear"), ("sac", "log")])
+def test_figures_and_report_have_the_same_axes(tmp_path, first, scale):
+    assert (BUDGETS["pgpe"] > outcome.LONG_AXIS * BUDGETS[first]) == (scale == "log")
+    both = compare(tmp_path, {first: first, "pgpe": "pgpe"}, [0, 1])
+    (axes,) = figures.learning_curves(both).axes
+    assert (axes.get_xscale(), axes.get_xlabel()) == (scale, outcome.BUDGET)
+    for chart in (charts.learning(both, both.results), leaderboard.cost(both)):
+        axis = chart.layout.xaxis
+        assert (axis.type or "linear", axis.title.text) == (scale, axes.get_xlabel())
+        low, high = axis.range if scale == "linear" else [10**end for end in axis.range]
+        assert low < BUDGETS[first] < BUDGETS["pgpe"] < high
+
+
+def test_the_plots_of_dvc_have_the_figures_labels():
+    plots = YAML(typ="safe").load(PROJECT_ROOT / "dvc.yaml")["plots"]
+    curves = [plot for entry in plots for plot in entry.values()]
+    assert {plot["x"]: plot["x_label"] for plot in curves} == {"env_steps": outcome.BUDGET}
+    assert {plot["y_label"] for plot in curves} == {outcome.LEARNING}
