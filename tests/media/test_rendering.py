@@ -79,16 +79,6 @@ def test_the_camera_follows_along_the_ground(robot_xml: str, episode: Trajectory
     assert np.abs(here - there).mean() < 1.0  # the same tiles below the same robot
 
 
-def test_the_shadow_is_the_same_wherever_the_robot_is(robot_xml: str, episode: Trajectory) -> None:
-    # The floor's parts meet under the robot's path at y = 0; there it would shade itself.
-    here, there = (
-        (draw(robot_xml, moved(episode, offset), fps=10).max(axis=-1) < 80).sum(axis=(1, 2))
-        for offset in ([2.0, 1.0, 1.0], [-15.0, -0.2, 1.0])
-    )
-    assert (here > 50).all()
-    np.testing.assert_allclose(there, here, atol=8)
-
-
 def test_seconds_cut_long_episodes_only(robot_xml: str, episode: Trajectory) -> None:
     assert len(draw(robot_xml, episode, seconds=0.1, fps=100)) == 11
     assert len(draw(robot_xml, episode, seconds=99.0, fps=10)) == 7

@@ -11,17 +11,29 @@ import native
 import numpy as np
 import pytest
 from known_policies import policies
-from slider_conditions import CONDITIONS
 
 from jumping_ant.params import article
 from jumping_ant.play import content, vendor
 from jumping_ant.play import policies as forms
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import perturbations, robot
-from jumping_ant.sim.perturbations import NONE
+from jumping_ant.sim.perturbations import NONE, Condition
 from jumping_ant.sim.rollout import Play, returns
 from jumping_ant.sim.world import World
 
+# What the sliders of the live page set, each at a level that shows.
+CONDITIONS = [
+    NONE,
+    Condition("gravity", 1.5),
+    Condition("friction", 0.1),
+    Condition("torso_mass", 1.2),
+    Condition("motor_strength", 0.6),
+    Condition("damping", 3.0),
+    Condition("slope", 20.0),
+    Condition("push", 40.0),
+    Condition("action_delay", 2.0),
+    Condition("observation_delay", 3.0),
+]
 EXACT = "commands"  # a policy that sees, and whose torques have no rounding
 START, STEPS = 7, 30  # the seed of an episode, and its control steps
 pytestmark = pytest.mark.skipif(

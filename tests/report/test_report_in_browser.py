@@ -73,9 +73,6 @@ def test_films_of_any_length_play_together_and_can_be_moved(
     visit.wait_for(f"{long}.currentTime > 0.75 && {is_held}")
     times = [page.evaluate(f"{film}.currentTime") for film in (long, other)]
     assert abs(times[0] - times[1]) < 0.3
-    page.select_option("#speed", "2")
-    visit.wait_for(f"{long}.currentTime < 0.3 && {short}.currentTime < 0.36")
-    visit.wait_for(f"{long}.currentTime > 0.6 && {is_held}")
     assert visit.page_errors == []
     assert all("ERR_FILE_NOT_FOUND" in error for error in visit.console_errors)
 
