@@ -1,34 +1,59 @@
-"""Recordings read back, and what they are made of."""
+"""Short episodes, and recordings read back."""
 
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
 from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.media import rendering
 from jumping_ant.media.about import Story
+from jumping_ant.sim.trajectory import Trajectory
 
-FPS = 50
+
+def simulate(
+    model: mujoco.MjModel,
+    ctrl: NDArray[np.float64],
+    height: float = 0.75,
+    upward_speed: float = 0.0,
+) -> Trajectory:
+    """Let the robot go from a height [m] at a speed [m/s] while `ctrl` drives its motors."""
+    data = mujoco.MjData(model)
+    data.qpos[2], data.qvel[2] = height, upward_speed
+    qpos, qvel = [data.qpos.copy()], [data.qvel.copy()]
+    for torques in ctrl:
+        data.ctrl[:] = torques
+        for _ in range(5):
+            mujoco.mj_step(model, data)
+            qpos.append(data.qpos.copy())
+            qvel.append(data.qvel.copy())
+    rewards = np.arange(len(ctrl), dtype=np.float64) / 7
+    return Trajectory(
+        qpos=np.array(qpos),
+        qvel=np.array(qvel),
+        torques=ctrl,
+        rewards=rewards,
+        terms={"torso_height": rewards},
+        agent="sac",
+        seed=4,
+        episode=11,
+        episode_return=1.0,
+        timestep=0.01,
+        frame_skip=5,
+    )
 
 
 def story(
     agent: str = "sac", algorithm: str = "sac", value: float = 1234.5, robot: str = "edited"
 ) -> Story:
-    """What is known of an episode with such a return."""
+    """The story of an episode with such a return."""
     measures = {"return": value, "peak_height": 2.5, "jumps": 12.0, "airborne_seconds": 1.25}
     family = ALGORITHMS[algorithm].family
     return Story(agent, algorithm, family, robot, measures, mean_return=value / 2)
-
-
-def film(num_frames: int) -> bytes:
-    """A film that brightens frame by frame."""
-    shades = np.linspace(0, 255, num_frames).astype(np.uint8)
-    return rendering.encode((np.full((64, 64, 3), shade) for shade in shades), FPS)
 
 
 class Content:

@@ -34,12 +34,12 @@ def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block)
 
 def having(one, variants=None, **quantities):
     """Return an agent with other quantities, and with variants as {variant: {quantity: values}}."""
-    own = {name: np.asarray(values, dtype=float) for name, values in quantities.items()}
+    others = {name: np.asarray(values, dtype=float) for name, values in quantities.items()}
     variants = {
         variant: {name: np.asarray(values, dtype=float) for name, values in columns.items()}
         for variant, columns in (variants or {}).items()
     }
-    return replace(one, quantities=one.quantities | own, variants=variants)
+    return replace(one, quantities=one.quantities | others, variants=variants)
 
 
 def check(*agents, table=statements.CLAIMS):

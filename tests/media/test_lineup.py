@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded import Content, story
-from small_episode import simulate
+from recorded import Content, simulate, story
 from small_project import make_params, shown, write_project
 
 from jumping_ant.agents.families import Family

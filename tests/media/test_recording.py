@@ -8,12 +8,11 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from recorded import FPS, Content, film, story
+from recorded import Content, simulate, story
 from rerun.chunk import RrdReader
-from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.media import about
+from jumping_ant.media import about, rendering
 from jumping_ant.media import episode as recording
 from jumping_ant.media.scene import METRES_PER_NEWTON, geom_paths
 from jumping_ant.media.states import body_names, derive
@@ -25,7 +24,9 @@ STEPS = 40
 ROWS = STEPS * 5 + 1
 LEGS = ["front_left_leg", "front_right_leg", "back_leg", "right_back_leg"]
 MOTORS = ["hip_4", "ankle_4", "hip_1", "ankle_1", "hip_2", "ankle_2", "hip_3", "ankle_3"]
-FILM = film(FPS + 1)  # of the first second
+FPS = 50
+SHADES = np.linspace(0, 255, FPS + 1).astype(np.uint8)  # of the film of the first second
+FILM = rendering.encode((np.full((64, 64, 3), shade) for shade in SHADES), FPS)
 
 
 def record(world: World, trajectory: Trajectory, path: Path) -> Content:

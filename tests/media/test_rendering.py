@@ -8,8 +8,8 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from recorded import simulate
 from small_disk import small_disk
-from small_episode import simulate
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.media import rendering

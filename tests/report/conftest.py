@@ -7,8 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from recorded import simulate
 from reported import AGENTS, FILM, SEEDS, write_summaries
-from small_episode import simulate
 from small_project import block, make_params, shown, write_project
 
 from jumping_ant.base.files import write_bytes, write_json, write_text

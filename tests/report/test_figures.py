@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import matplotlib as mpl
 import numpy as np
 import pytest
@@ -74,21 +72,6 @@ def test_a_row_shows_its_seeds_and_what_sums_them_up(compared):
         "seed", "interquartile mean", "its interval", "mean", "worst seed",
         "value-based", "off-policy actor-critic", "evolution", "baseline",
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize(("sign", "end"), [(1, 0), (-1, 1)])
-def test_returns_on_one_side_of_zero_have_it_as_the_axis_end(compared, sign, end):
-    turned = {
-        name: replace(agent, quantities={"return": sign * agent.quantities["return"]})
-        for name, agent in compared.results.items()
-    }
-    measured = {
-        name: {"return": {key: sign * value for key, value in agent["return"].items()}}
-        for name, agent in compared.agents.items()
-    }
-    turned = replace(compared, results=turned, summary={"agents": measured})
-    (axes,) = figures.final_return(turned).axes
-    assert axes.get_xlim()[end] == 0
 
 
 def test_a_single_agent_and_seed_can_be_drawn(tmp_path):
