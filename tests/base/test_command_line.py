@@ -10,23 +10,6 @@ import pytest
 from jumping_ant.base.command_line import TELEMETRY
 from jumping_ant.base.files import PROJECT_ROOT
 
-LITTER = """
-from jumping_ant.base import command_line
-
-class Litter:
-    def __init__(self, name):
-        self.name, self.itself = name, self
-
-    def __del__(self):
-        print(self.name, flush=True)
-
-{setting}
-Litter("early")
-cycles = [[] for _ in range(10_000)]
-print("work", flush=True)
-Litter("late")
-"""
-
 
 def printed(program: str, environment: dict[str, str] | None = None) -> list[str]:
     """Return the words that a program prints."""
@@ -49,11 +32,3 @@ def test_who_imports_what_reports_switches_it_off(module: str) -> None:
     others = {name: value for name, value in os.environ.items() if name not in TELEMETRY}
     wanted = {"RAY_USAGE_STATS_ENABLED": "1"}  # and so left on
     assert printed(program, others | wanted) == list((TELEMETRY | wanted).values())
-
-
-@pytest.mark.parametrize(
-    ("setting", "words"),
-    [("", ["early", "work", "late"]), ("command_line.collect_garbage_rarely()", ["work"])],
-)
-def test_little_garbage_is_left_to_the_exit_and_beyond(setting: str, words: list[str]) -> None:
-    assert printed(LITTER.format(setting=setting)) == words

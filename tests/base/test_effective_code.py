@@ -1,10 +1,6 @@
 """What of a file counts as code."""
 
 import ast
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -60,27 +56,20 @@ def test_comments_docstrings_and_blank_lines_do_not_count() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new"),
+    ("old", "new", "is_code"),
     [
-        ("A house.", "Another house."),
-        ("# Why it is so.", "# Why it is so, and\n# no other way."),
-        ("  # of the system", ""),
-        ('    """How many rooms it has."""\n', ""),
-        ("\n\n# Why", "# Why"),
+        ("A house.", "Another house.", False),
+        ("# Why it is so.", "# Why it is so, and\n# no other way.", False),
+        ("\n\n# Why", "# Why", False),
+        ("= 2", "= 3", True),
+        ("with salt", "with pepper", True),
+        ("salt\n\n", "salt\n", True),
+        ("one line", "two", True),
     ],
 )
-def test_what_is_no_code_changes_nothing(old: str, new: str) -> None:
+def test_only_what_runs_counts(old: str, new: str, is_code: bool) -> None:
     assert old in SOURCE
-    assert effective(SOURCE.replace(old, new)) == EFFECTIVE
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [("= 2", "= 3"), ("with salt", "with pepper"), ("salt\n\n", "salt\n"), ("one line", "two")],
-)
-def test_any_other_change_counts(old: str, new: str) -> None:
-    assert old in SOURCE
-    assert effective(SOURCE.replace(old, new)) != EFFECTIVE
+    assert (effective(SOURCE.replace(old, new)) != EFFECTIVE) is is_code
 
 
 def test_nothing_that_runs_is_lost() -> None:
@@ -101,20 +90,3 @@ def test_nothing_that_runs_is_lost() -> None:
 def _is_string(node: ast.stmt) -> bool:
     value = getattr(node, "value", None)
     return isinstance(node, ast.Expr) and isinstance(getattr(value, "value", None), str)
-
-
-def test_every_python_reads_the_same(tmp_path: Path) -> None:
-    module = Path(sys.modules[read.__module__].__file__ or "")
-    program = (
-        f"import runpy; read = runpy.run_path({str(module)!r})['read']\n"
-        "import hashlib, pathlib, sys\n"
-        f"files = sorted(pathlib.Path({str(CODE_ROOT / 'jumping_ant')!r}).rglob('*.py'))\n"
-        "print(hashlib.sha256(''.join(map(read, files)).encode()).hexdigest())"
-    )
-    found = {shutil.which(f"python3.{minor}") for minor in range(11, 16)} - {None}
-    outputs = set()
-    for python in {sys.executable, *found}:
-        done = subprocess.run([str(python), "-c", program], capture_output=True, encoding="utf-8")
-        if done.returncode == 0 or python == sys.executable:  # others may be broken shims
-            outputs.add(done.stdout)
-    assert len(outputs) == 1 and len(outputs.pop()) == 65

@@ -10,13 +10,7 @@ import pytest
 from jumping_ant.base import portable
 from jumping_ant.base.files import PROJECT_ROOT
 
-ENTRIES = (
-    "jumping_ant.sim.env",
-    "stages.evaluate",
-    "scripts.tune",
-    "benchmarks.off_policy",
-    "soak",
-)
+ENTRIES = ("jumping_ant.sim.env", "stages.evaluate", "scripts.tune", "benchmarks.off_policy")
 FLAGS = "processor\t: 0\nflags\t\t: fpu sse4_2 {}\n\nprocessor\t: 1\nflags\t\t: fpu\n"
 
 

@@ -20,31 +20,6 @@ class Terminal(io.StringIO):
         return True
 
 
-class Clock:
-    """A clock that a part of the work moves."""
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now = 100.0
-        monkeypatch.setattr(progress.time, "monotonic", lambda: self.now)
-
-    def take(self, seconds: float, part: str) -> str:
-        self.now += seconds
-        return part
-
-
-def test_elsewhere_few_lines_say_how_far_it_is(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    clock = Clock(monkeypatch)
-    parts = (clock.take(seconds, part) for seconds, part in [(12, "ab"), (6, "c"), (6, "de")])
-    assert list(progress.shown(parts, 1200, "sac", "episodes")) == ["ab", "c", "de"]
-    assert capsys.readouterr().err.splitlines() == [
-        "sac: 2/1,200 episodes, 0/s, 1:59:48 left",
-        "sac: 5/1,200 episodes, 0/s, 1:35:36 left",
-        "sac: done, 5 episodes in 00:24",
-    ]
-
-
 def test_a_line_has_the_seconds_of_work_alone_and_a_note(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -63,9 +38,16 @@ def test_a_line_has_the_seconds_of_work_alone_and_a_note(
     ]
 
 
-def test_nothing_to_do_has_no_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_parts_are_counted_once_they_are_used(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
+    parts = progress.shown(["ab", "c"], 1200, "sac", "episodes")
+    assert next(parts) == "ab" and capsys.readouterr().err == ""
+    assert next(parts) == "c" and "sac: 2/1,200 episodes, " in capsys.readouterr().err
+    assert list(parts) == [] and "sac: done, 3 episodes in 00:00" in capsys.readouterr().err
     assert not list(progress.shown(iter(()), 0, "random", "episodes"))
-    assert capsys.readouterr().err == ""
+    assert capsys.readouterr().err == "", "nothing to do has no line"
 
 
 def test_a_terminal_has_bars_above_which_lines_stay(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,14 +64,6 @@ def test_a_terminal_has_bars_above_which_lines_stay(monkeypatch: pytest.MonkeyPa
     assert "pgpe seed 0:  50%" in text and "400/800" in text and "return 513" in text
     assert "pgpe seed 1: 100%" in text
     assert text.endswith("\n")
-
-
-def test_a_part_is_counted_once_it_is_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is left includes the work on the parts, as of whoever asks for them."""
-    monkeypatch.setattr("sys.stderr", terminal := Terminal())
-    parts = progress.shown(["ab", "c"], 3, "pgpe", "episodes")
-    assert next(parts) == "ab"
-    assert "2/3" not in terminal.getvalue()
 
 
 @pytest.mark.parametrize("output", ["2>&-", "2>/dev/full", "2>&1 >&- | head -1", ">&- 2>&- <&-"])

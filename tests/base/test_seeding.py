@@ -2,10 +2,9 @@
 
 from typing import get_args
 
-import numpy as np
 import pytest
 
-from jumping_ant.base.seeding import Purpose, derive, derive_all
+from jumping_ant.base.seeding import Purpose, derive
 
 PURPOSES = get_args(Purpose)
 
@@ -30,14 +29,3 @@ def test_the_seeds_are_part_of_every_result() -> None:
     assert derive(7, "starts", 3, bits=32) == 31412511
     assert derive(7, "samples", 3) == 26359170599376513052782447718271347371
     assert derive(0, "learner", bits=32) == 3953331965
-
-
-def test_all_of_a_purpose_are_counted_from_zero() -> None:
-    assert derive_all(5, "starts", 3) == [derive(5, "starts", index) for index in range(3)]
-
-
-def test_derived_seeds_seed_generators() -> None:
-    """Of a whole 128 bits; generators of older kinds take the short ones."""
-    first, second = (np.random.default_rng(derive(0, "starts", index)) for index in range(2))
-    assert first.random() != second.random()
-    np.random.RandomState(derive(0, "replay", bits=32))

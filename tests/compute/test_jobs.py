@@ -22,12 +22,9 @@ from jumping_ant.compute import jobs
 pytestmark = pytest.mark.usefixtures("no_cluster")
 
 
-def test_every_item_arrives_in_its_order() -> None:
-    assert collect(COUNTS, 1) == EXPECTED
-
-
 @pytest.mark.parametrize("workers", [1, 2])
-def test_an_error_arrives_as_itself(workers: int) -> None:
+def test_items_and_errors_arrive(workers: int) -> None:
+    assert collect(COUNTS, workers) == EXPECTED
     with pytest.raises(InputError, match="a clear line"):
         collect({"good": partial(count, "x", 2), "bad": fail}, workers)
 
@@ -174,19 +171,8 @@ def test_num_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     assert jobs.num_workers(0, num_jobs=20) == 20
 
 
-@pytest.mark.parametrize(
-    ("requested", "threads"),
-    [
-        (0, [4]),
-        (0, [1, 1, 1]),
-        (0, [1, 1, 1, 1, 2, 2]),
-        (0, [1] * 8),
-        (2, [1, 1, 2]),
-        (1, [1, 1, 1]),
-    ],
-)
-def test_no_core_stands_idle_at_the_end(
-    monkeypatch: pytest.MonkeyPatch, requested: int, threads: list[int]
-) -> None:
+def test_no_core_stands_idle_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("jumping_ant.base.machine.num_cores", lambda: 4)
-    assert jobs.num_threads(requested, num_jobs=len(threads)) == threads
+    for threads in ([4], [1, 1, 1], [1, 1, 1, 1, 2, 2], [1] * 8):
+        assert jobs.num_threads(0, num_jobs=len(threads)) == threads
+    assert jobs.num_threads(2, num_jobs=3) == [1, 1, 2]

@@ -16,7 +16,6 @@ from small_training import ONE_OF_EACH, digests, small_params
 from jumping_ant.agents.events import Finished, Snapshot
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine, portable
-from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
 from jumping_ant.compute.processes import Work
@@ -94,22 +93,11 @@ def test_curve_and_timing(project: Path, agent: str) -> None:
         assert len(evaluated) == 2
         assert all(row["return_mean"] == "" for row in evaluated), "one row, one kind of return"
         assert int(evaluated[-1]["env_steps"]) == steps[-1]
-        timing = [
-            row
-            for row in read_csv(Paths(project).agent(agent).timing)
-            if (row["agent"], row["seed"]) == (agent, str(seed))
-        ]
+        rows = read_csv(Paths(project).agent(agent).timing)
+        timing = [row for row in rows if row["seed"] == str(seed)]
         assert [int(row["env_steps"]) for row in timing] == steps
         seconds = [float(row["seconds"]) for row in timing]
         assert seconds == sorted(seconds) and seconds[-1] > 0
-
-
-@pytest.mark.parametrize("agent", ["random", "random-commands"])
-def test_a_baseline_is_there_at_once(project: Path, agent: str) -> None:
-    driver.train(project, small_params(2), agent)
-    curve = read_csv(project / "models" / agent / "seed-5" / "curve.csv")
-    assert [row["env_steps"] for row in curve] == ["0"]
-    assert float(curve[0]["evaluation_return_mean"]) >= 0
 
 
 def test_seeds_share_a_search_that_does_not_depend_on_them(
@@ -145,9 +133,8 @@ def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[by
     seeds = range(rules.evaluation_seed, rules.evaluation_seed + count)
     block = settings.agents[agent]
     returns = {}
-    for event in trainer_of(block)(
-        small_agents.job(world, block, seed, evaluations=rules.evaluations)
-    ):
+    job = small_agents.job(world, block, seed, evaluations=rules.evaluations)
+    for event in trainer_of(block)(job):
         if isinstance(event, Snapshot):
             episodes = rollout.run(world, policy_file.parse(event.policy), seeds)
             published = policy_file.owned(event.policy, (agent, seed))
@@ -188,8 +175,3 @@ def test_the_last_policy_is_published_if_asked_for(project: Path) -> None:
         assert paths.policy.read_bytes() == paths.final_policy.read_bytes() == last
         (row,) = read_csv(paths.validation)  # which no race preceded
         assert (float(row["return_mean"]), row["episodes"]) == (np.mean(returns[:4]), "4")
-
-
-def test_missing_robot_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="dvc repro build"):
-        driver.train(tmp_path, small_params(1), "random")

@@ -65,9 +65,3 @@ def test_all_episodes_of_finalists_count() -> None:
     assert [one.returns for one in candidates] == returns
     assert int(model_selection.winner(candidates).policy) == 2
     assert model_selection.winner(candidates).mean_return == pytest.approx(52 / 6)
-
-
-def test_one_candidate_needs_no_final() -> None:
-    alone = entered(3)
-    assert model_selection.finished(alone, lambda policies: pytest.fail("a final")) == alone
-    assert model_selection.winner(alone) == alone[0]

@@ -36,18 +36,6 @@ def with_many_checkpoints() -> Params:
     return small_params(1).model_copy(update={"compute": compute})
 
 
-def test_no_older_policy_stands_by_a_new_curve(
-    project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    driver.train(project, small_params(1), "pgpe")
-    forget(project)
-    often = with_many_checkpoints()
-    with monkeypatch.context() as patch, pytest.raises(KillError):
-        interrupt(patch, 0, 1)
-        driver.train(project, often, "pgpe")
-    assert not list((project / "models").rglob("*.zip"))
-
-
 def interrupt(monkeypatch: pytest.MonkeyPatch, seed: int, checkpoint: int) -> None:
     """Have training end after the n-th checkpoint of a seed, with a row written behind it."""
     original = SeedFiles.take
@@ -137,20 +125,6 @@ def reports_of(
         if len(reports) == stop_after:
             stop.set()
     return reports
-
-
-def test_a_new_seed_trains_alone(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    settings = small_params(1)
-    more = settings.model_copy(update={"seeds": [0, 5, 6]})
-    driver.train(project, more, "pgpe")
-    expected = digests(project / "models")
-    driver.train(project, settings, "pgpe")
-    shutil.rmtree(project / "models")
-    capsys.readouterr()
-    driver.train(project, more, "pgpe")
-    said = capsys.readouterr().err
-    assert said.count("trained before") == 3, "a seed that was dropped meanwhile, too"
-    assert digests(project / "models") == expected
 
 
 def test_what_results_depend_on_is_in_the_key(robot_xml: str) -> None:
