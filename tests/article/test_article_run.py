@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
-from ruamel.yaml import YAML
 
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.article import figures as article_figures
 from jumping_ant.article import printed_values, reproduction
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.media.style import looks
 from jumping_ant.params import presets
 from jumping_ant.params.model import Params
@@ -46,10 +47,8 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Params]:
             "compute": params.compute.model_copy(update={"workers": 1}),
         }
     )
-    with (root / "params.yaml").open("w", encoding="utf-8") as file:
-        YAML().dump(params.model_dump(), file)
-    (root / "assets").mkdir()
-    (root / "assets" / "edited.xml").write_text(robot.build(params.robot), encoding="utf-8")
+    write_text(root / "params.yaml", json.dumps(params.model_dump()))  # JSON is YAML
+    write_text(root / "assets" / "edited.xml", robot.build(params.robot))
     for name in agents:
         train(root, params, name)
     return root, params
@@ -60,60 +59,44 @@ def reproduced(tiny: tuple[Path, Params]) -> reproduction.Reproduction:
     return reproduction.reproduce(*tiny, num_tests=2)
 
 
-def test_tests_of_trained_agents_are_as_long_as_the_articles(
-    reproduced: reproduction.Reproduction,
+def test_values_are_those_of_the_articles_tests(
+    tiny: tuple[Path, Params], reproduced: reproduction.Reproduction
 ) -> None:
     for trace in reproduced.totals.values():
         assert trace.ours.shape == (2, 2, 1000)
         rewards = np.diff(trace.ours)
         assert rewards.min() > -1e-9 and rewards.max() < 10 + 1e-9
         assert len({*trace.ours[:, :, -1].ravel()}) == 4
-    for trace in reproduced.fitness.values():
+    for name, trace in reproduced.fitness.items():
         assert trace.ours.shape == (2, 1, 100)
-
-
-def test_fitness_is_that_of_the_generations_in_the_curve(
-    tiny: tuple[Path, Params], reproduced: reproduction.Reproduction
-) -> None:
-    lines = (
-        (tiny[0] / "models" / "pgpe" / "seed-5" / "curve.csv")
-        .read_text(encoding="utf-8")
-        .splitlines()
-    )
-    rows = [dict(zip(lines[0].split(","), line.split(","), strict=True)) for line in lines[1:]]
-    (row,) = [row for row in rows if row["updates"] == "60"]
-    point = reproduced.fitness["fitness_median"].places()[2]
-    assert (point["at"], point["ours"][1]) == (60, float(row["fitness_median"]))
+        curve = pd.read_csv(Paths(tiny[0]).agent("pgpe").seed(5).curve)
+        assert trace.ours[1, 0, 59] == curve.loc[curve["updates"] == 60, name].item()
 
 
 def test_the_contract_of_the_results(reproduced: reproduction.Reproduction) -> None:
     content = json.loads(json.dumps(reproduced.summary()))
     printed = content["printed"]
-    assert {name: own["value"] for name, own in printed.items()} == {
-        "dqn": 527.5, "sac": 8311.7, "pgpe": 110.4,
-    }  # fmt: skip
+    values = {"dqn": 527.5, "sac": 8311.7, "pgpe": 110.4}
+    assert {name: own["value"] for name, own in printed.items()} == values
     for own in printed.values():
-        assert len(own["ours"]) == 2
+        assert len(own["ours"]) == len(own["tests"]["reached"]) == 2
         assert own["percentile"] in (0, 50, 100)
         assert own["tests"]["each"] == (1 if own is printed["pgpe"] else 2)
-        assert len(own["tests"]["reached"]) == 2
-        found = own["probability"]
-        assert 0 <= found["low"] <= found["value"] <= found["high"] <= 1
+        assert 0 <= own["probability"]["low"] <= own["probability"]["value"]
+        assert own["probability"]["value"] <= own["probability"]["high"] <= 1
         assert own["reproduced"] is not False  # two seeds cannot say so
     control = printed["dqn"]["control"]
     assert (control["command"], control["epsilon"], control["tests"]["each"]) == (4, 0.05, 4)
     assert len(printed["dqn"]["points"]) == len(printed["sac"]["points"]) == 11
     assert printed["dqn"]["points"][-1]["ours"] == printed["dqn"]["ours"]
-    assert [point["at"] for point in printed["pgpe"]["traces"]["fitness_best"]] == [
-        20, 40, 60, 80, 100,
-    ]  # fmt: skip
+    best = printed["pgpe"]["traces"]["fitness_best"]
+    assert [point["at"] for point in best] == [20, 40, 60, 80, 100]
     assert printed["pgpe"]["film"]["value"] == 5276.6  # 50,741.5 + 11,865 in 11,865 steps
     assert len(printed["pgpe"]["trained_normalizer"]["ours"]) == 2
     assert content["seeds"] == [3, 5]
     seconds = content["training"]["seconds"]
-    assert content["training"]["hours_on_2_cores"] == pytest.approx(
-        sum(sum(own) for own in seconds.values()) / 7200
-    )
+    hours = sum(map(sum, seconds.values())) / 7200
+    assert content["training"]["hours_on_2_cores"] == pytest.approx(hours)
     assert all(len(own) == 2 and min(own) > 0 for own in seconds.values())
 
 
@@ -133,16 +116,13 @@ def test_the_table_of_printed_values_tells_what_came_out() -> None:
 def test_figures_show_each_seed_and_what_was_printed(
     reproduced: reproduction.Reproduction,
 ) -> None:
-    drawn = article_figures.draw(
-        reproduced, looks({name: ALGORITHMS[name].family for name in TINY})
-    )
+    families = {name: ALGORITHMS[name].family for name in TINY}
+    drawn = article_figures.draw(reproduced, looks(families))
     assert list(drawn) == ["dqn", "sac", "pgpe"]
-    (axes,) = drawn["sac"].axes
-    *seeds, printed = axes.lines
+    *seeds, printed = drawn["sac"].axes[0].lines
     assert [line.get_ydata()[-1] for line in seeds] == reproduced.totals["sac"].last()["ours"]
-    assert len(seeds) == 2
-    assert list(printed.get_xdata()) == list(printed_values.SAC_TOTALS)
-    assert list(printed.get_ydata()) == list(printed_values.SAC_TOTALS.values())
+    points = zip(printed.get_xdata(), printed.get_ydata(), strict=True)
+    assert dict(points) == printed_values.SAC_TOTALS
     assert printed.get_linewidth() > 2 * seeds[0].get_linewidth()
     assert [len(panel.lines) for panel in drawn["pgpe"].axes] == [3, 3, 3]
     for figure in drawn.values():
@@ -155,7 +135,6 @@ def nine_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Further trainings by the preset, and a folder for results."""
     monkeypatch.setattr(command, "RESULTS", tmp_path)
     monkeypatch.setattr(command, "MORE_TESTS", tmp_path / "tests.csv")
-    monkeypatch.setattr(reproduction, "NUM_TESTS", 2)
     rows = [f"preset,{seed},0,{500 + seed}\npreset,{seed},1,540" for seed in reversed(range(9))]
     text = "\n".join(["run,seed,test,return", "original,3,0,1", *rows, ""])
     (tmp_path / "tests.csv").write_text(text, encoding="utf-8")
@@ -170,27 +149,28 @@ def test_measuring_writes_into_the_project(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """The nine runs are of other settings, and so do not count."""
-    monkeypatch.setattr(
-        sys, "argv", ["article", "--measure", "--tests", "2", "--folder", str(tiny[0])]
-    )
+    options = ["--measure", "--tests", "2", "--folder", str(tiny[0])]
+    monkeypatch.setattr(sys, "argv", ["article", *options])
     command.main()
     content = json.loads((tmp_path / "article.json").read_text(encoding="utf-8"))
     is_articles, machine = content.pop("article_settings"), content.pop("machine")
     assert content == json.loads(json.dumps(reproduced.summary())), "the same models, tested alike"
     assert is_articles is False
     assert machine["cores"] >= 1 and machine["versions"]["mujoco"]
-    assert sorted(path.name for path in (tmp_path / "article").iterdir()) == [
-        "dqn.png", "pgpe.png", "sac.png",
-    ]  # fmt: skip
+    pictures = sorted(path.name for path in (tmp_path / "article").iterdir())
+    assert pictures == ["dqn.png", "pgpe.png", "sac.png"]
     assert "hours on 2 cores" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("nine_runs")
 def test_dqns_value_rests_on_all_seeds_of_its_run(
-    tiny: tuple[Path, Params], monkeypatch: pytest.MonkeyPatch
+    tiny: tuple[Path, Params],
+    reproduced: reproduction.Reproduction,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     root, params = tiny
     monkeypatch.setattr(presets, "load", lambda name: params)
+    monkeypatch.setattr(reproduction, "reproduce", lambda *_: reproduced)
     dqn = command.measure(root, 2)["printed"]["dqn"]
     assert dqn["ours"] == [500.0 + seed for seed in range(9)]
     assert dqn["tests"] == {"each": 2, "reached": [1] * 9}
@@ -218,27 +198,23 @@ def test_a_part_is_measured_alone(
         assert content["printed"][name]["ours"] == reproduced.summary()["printed"][name]["ours"][1:]
         assert (root / "results" / "article" / f"{name}.png").is_file()
     assert [path.name for path in tmp_path.iterdir()] == ["tests.csv"]
-    with pytest.raises(InputError, match="--seeds: given 9, allowed: 3, 5, trained in "):
-        command.measure(root, 2, ["dqn"], [9])
 
 
 @pytest.mark.parametrize(
     ("options", "seeds", "targets"),
     [
-        ([], range(30, 38), []),
-        (["--agents", "sac", "dqn"], range(30, 38), ["train@dqn", "train@sac"]),
-        (["--seeds", "3", "70", "3"], [3, 70], ["train@dqn", "train@sac", "train@pgpe"]),
+        ("", range(30, 38), []),
+        ("--agents sac dqn", range(30, 38), ["train@dqn", "train@sac"]),
+        ("--seeds 3 70 3", [3, 70], ["train@dqn", "train@sac", "train@pgpe"]),
     ],
 )
 def test_a_part_is_trained_alone(
-    options: list[str], seeds: list[int], targets: list[str], monkeypatch: pytest.MonkeyPatch
+    options: str, seeds: list[int], targets: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ran: list[Any] = []
     monkeypatch.setattr(preset, "run", lambda *given: ran.append(given))
-    monkeypatch.setattr(
-        command, "measure", lambda *given: {"training": {"hours_on_2_cores": len(given)}}
-    )
-    monkeypatch.setattr(sys, "argv", ["article", *options])
+    monkeypatch.setattr(command, "measure", lambda *_: {"training": {"hours_on_2_cores": 1}})
+    monkeypatch.setattr(sys, "argv", ["article", *options.split()])
     command.main()
     ((folder, params, stages),) = ran
     assert folder == PROJECT_ROOT / ".presets" / "article"
@@ -246,58 +222,30 @@ def test_a_part_is_trained_alone(
     assert params.agents == presets.load("article").agents
 
 
-def test_a_seed_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_there_is_refused(
+    tiny: tuple[Path, Params], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, params = tiny
     monkeypatch.setattr(sys, "argv", ["article", "--seeds", "-3"])
     with pytest.raises(InputError, match=r"--seeds: seeds\.0: .*given -3"):
         command.main()
-
-
-def test_measuring_nothing_says_so(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="given no project, allowed: what `make article`"):
         command.measure(tmp_path, 2)
-
-
-def test_an_agent_that_is_not_trained_is_named(tiny: tuple[Path, Params]) -> None:
-    root, params = tiny
+    with pytest.raises(InputError, match="--seeds: given 4, allowed: 3, 5, trained in"):
+        command.measure(root, 2, seeds=[4])
     with pytest.raises(InputError, match=r"dqn/seed-9/final.zip: No such file"):
         reproduction.reproduce(root, params.model_copy(update={"seeds": [3, 9]}))
-
-
-def test_a_shorter_evolution_is_refused(tiny: tuple[Path, Params], tmp_path: Path) -> None:
-    root, params = tiny
-    *rows, last = (
-        (root / "models" / "pgpe" / "seed-3" / "curve.csv")
-        .read_text(encoding="utf-8")
-        .splitlines(keepends=True)[:52]
-    )
-    evaluated = last.split(",")[:3] + ["", "", "", "", "1.0", "0.0"]
-    cells = evaluated + [""] * (last.count(",") + 1 - len(evaluated))
-    short = tmp_path / "models" / "pgpe" / "seed-3" / "curve.csv"
-    short.parent.mkdir(parents=True)
-    short.write_text("".join([*rows, ",".join(cells) + "\n"]), encoding="utf-8")
-    half = params.agent("pgpe").model_copy(update={"generations": 50})
-    fewer = params.model_copy(update={"agents": {"pgpe": half}})
-    with pytest.raises(InputError, match="given 50 generations, allowed: 100 or more"):
-        reproduction._fitness(tmp_path, fewer, [3])
+    monkeypatch.setattr(printed_values, "PGPE_TRACES", {"fitness_mean": {200: 1.0}})
+    with pytest.raises(InputError, match="given 100 generations, allowed: 200 or more"):
+        reproduction._fitness(root, params, [3])
 
 
 def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: Path) -> None:
-    copy = tmp_path / "copy"
-    renew_project(copy)
-    code = copy / "jumping_ant" / "params" / "article.py"
-    assert code.read_text(encoding="utf-8") == (
-        PROJECT_ROOT / "jumping_ant" / "params" / "article.py"
-    ).read_text(encoding="utf-8")
-    assert not (copy / "results").exists() and not (copy / "dvc.lock").exists()
+    copy, code = tmp_path / "copy", Path("jumping_ant/params/article.py")
     kept = [".checkpoints/sac/a", "models/sac/policy.zip", "results/a.json", "dvc.lock"]
-    for name in kept:
-        (copy / name).parent.mkdir(parents=True, exist_ok=True)
-        (copy / name).write_text("kept", encoding="utf-8")
-    code.write_text("old", encoding="utf-8")
-    (copy / "jumping_ant" / "gone.py").write_text("old", encoding="utf-8")
+    for name in (*kept, code, "jumping_ant/gone.py"):
+        write_text(copy / name, "old")
     renew_project(copy)
-    assert code.read_text(encoding="utf-8") == (
-        PROJECT_ROOT / "jumping_ant" / "params" / "article.py"
-    ).read_text(encoding="utf-8")
+    assert (copy / code).read_bytes() == (PROJECT_ROOT / code).read_bytes()
     assert not (copy / "jumping_ant" / "gone.py").exists()
-    assert {(copy / name).read_text(encoding="utf-8") for name in kept} == {"kept"}
+    assert {(copy / name).read_text(encoding="utf-8") for name in kept} == {"old"}

@@ -36,41 +36,24 @@ def swing(frequency: float = 2.0, seconds: float = 6.0) -> Array:
     return np.stack([np.sin(2 * np.pi * frequency * times + phase) for phase in (0, np.pi / 2)], 1)
 
 
-def jerks(num_rows: int) -> Array:
-    """Angles of two joints whose velocity jumps between -3 and 3 ranges a second, any time."""
-    signs = np.random.default_rng(0).choice([-3.0, 3.0], (num_rows - 1, 2))
-    return np.concatenate([np.zeros((1, 2)), np.cumsum(DT * signs, axis=0)])
-
-
 @pytest.mark.parametrize(
-    ("airborne", "min_length", "count"),
+    ("airborne", "min_length", "expected"),
     [
-        ("", 1, 0),
-        ("....", 1, 0),
-        ("####", 1, 1),
-        ("####", 4, 1),
-        ("####", 5, 0),
-        ("#..#", 1, 2),
-        ("##.#.###", 2, 2),
-        ("##.#.###", 3, 1),
-        ("##.#.###", 2.5, 1),
-        (".#.#.#", 0, 3),
+        ("", 1, []),
+        ("....", 1, []),
+        ("####", 4, [[0, 4]]),
+        ("####", 5, []),
+        ("#..#", 1, [[0, 1], [3, 4]]),
+        ("##.#.###", 2, [[0, 2], [5, 8]]),
+        ("##.#.###", 2.5, [[5, 8]]),
+        ("###", (0.1 + 0.05) / 0.05, [[0, 3]]),  # rounded, three steps and a little more
     ],
 )
-def test_phases_are_counted_by_their_length(airborne: str, min_length: float, count: int) -> None:
+def test_phases_are_runs_that_are_long_enough(
+    airborne: str, min_length: float, expected: list[list[int]]
+) -> None:
     mask = np.array([sign == "#" for sign in airborne], dtype=np.bool_)
-    assert len(phases(mask, min_length)) == count
-
-
-def test_minimal_times_are_not_lost_to_rounding() -> None:
-    mask = np.ones(3, dtype=np.bool_)
-    assert 0.15 / 0.05 < 3 < (0.1 + 0.05) / 0.05  # what division makes of three steps
-    assert len(phases(mask, (0.1 + 0.05) / 0.05)) == 1
-
-
-def test_phases_are_where_the_mask_is_true() -> None:
-    mask = np.array([True, True, False, True, False, True, True, True])
-    assert phases(mask, 2).tolist() == [[0, 2], [5, 8]]
+    assert phases(mask, min_length).tolist() == expected
 
 
 def test_the_apex_is_a_mean_over_jumps() -> None:
@@ -79,36 +62,41 @@ def test_the_apex_is_a_mean_over_jumps() -> None:
     assert apex(heights, np.empty((0, 2), dtype=np.int64)) == 9.0
 
 
-def test_the_arc_length_of_the_authors_example() -> None:
-    times = np.arange(-1, 1, 0.01)  # in the docstring of their `sparc`
-    assert spectral_arc_length(np.exp(-5 * times**2), 0.01) == pytest.approx(-1.41403, abs=1e-5)
-
-
-def test_the_arc_length_of_an_impulse_is_that_of_a_level_line() -> None:
-    assert spectral_arc_length(np.eye(40)[7], DT) == pytest.approx(-1.0)
+@pytest.mark.parametrize(
+    ("signal", "dt", "length"),
+    [
+        # in the docstring of the authors' `sparc`
+        (np.exp(-5 * np.arange(-1, 1, 0.01) ** 2), 0.01, -1.41403),
+        (np.eye(40)[7], DT, -1.0),  # an impulse: a level line
+    ],
+)
+def test_arc_lengths(signal: Array, dt: float, length: float) -> None:
+    assert spectral_arc_length(signal, dt) == pytest.approx(length, abs=1e-5)
 
 
 def test_jerks_make_a_movement_less_fluid() -> None:
     angles = swing()
-    steady, jerky = fluidity(angles, DT), fluidity(angles + jerks(len(angles)), DT)
-    assert jerky < steady - 0.5 < 0
+    signs = np.random.default_rng(0).choice([-3.0, 3.0], (len(angles) - 1, 2))  # [ranges/s]
+    jerks = np.concatenate([np.zeros((1, 2)), np.cumsum(DT * signs, axis=0)])
+    assert fluidity(angles + jerks, DT) < fluidity(angles, DT) - 0.5 < 0
 
 
-def test_neither_strength_nor_tempo_nor_offset_makes_a_movement_fluid() -> None:
-    reference = fluidity(swing(), DT)
-    assert fluidity(100 * swing(), DT) == pytest.approx(reference)
-    assert fluidity(swing() + 7.0, DT) == pytest.approx(reference)
-    for frequency in (1.5, 3.0, 4.0):
-        assert fluidity(swing(frequency), DT) == pytest.approx(reference, abs=0.1)
+FOUR_SECONDS = swing(seconds=4.0)
 
 
-def test_joints_and_times_at_rest_do_not_count() -> None:
-    angles = swing(seconds=4.0)
-    reference = fluidity(angles, DT)
-    held = np.concatenate([angles, np.repeat(angles[-1:], 80, axis=0)])
-    assert fluidity(held, DT) == pytest.approx(reference)
-    with_still_joint = np.concatenate([angles, np.ones((len(angles), 1))], axis=1)
-    assert fluidity(with_still_joint, DT) == pytest.approx(reference)
+@pytest.mark.parametrize(
+    ("angles", "difference"),
+    [
+        (100 * FOUR_SECONDS, 1e-9),  # stronger
+        (FOUR_SECONDS + 7.0, 1e-9),  # elsewhere
+        *((swing(frequency), 0.1) for frequency in (1.5, 3.0, 4.0)),
+        (np.concatenate([FOUR_SECONDS, np.repeat(FOUR_SECONDS[-1:], 80, axis=0)]), 1e-9),  # rests
+        (np.concatenate([FOUR_SECONDS, np.ones((81, 1))], axis=1), 1e-9),  # beside a joint at rest
+        (FOUR_SECONDS[:41], 0.01),  # a whole window is enough
+    ],
+)
+def test_what_does_not_make_a_movement_fluid(angles: Array, difference: float) -> None:
+    assert fluidity(angles, DT) == pytest.approx(fluidity(FOUR_SECONDS, DT), abs=difference)
 
 
 @pytest.mark.filterwarnings("error")
@@ -123,10 +111,6 @@ def test_joints_and_times_at_rest_do_not_count() -> None:
 )
 def test_without_a_window_that_moves_there_is_no_fluidity(angles: Array) -> None:
     assert np.isnan(fluidity(angles, DT))
-
-
-def test_a_whole_window_is_enough() -> None:
-    assert np.isfinite(fluidity(swing(seconds=2.0), DT))
 
 
 def test_a_robot_that_swings_is_more_fluid_than_one_at_random(

@@ -9,6 +9,8 @@ import pytest
 from commands import COMMAND_SIGNS
 
 from jumping_ant.evaluation import episodes, variants
+from jumping_ant.evaluation.variants import NearestCommand, NearestLevels
+from jumping_ant.params.blocks import EvaluateParams
 from jumping_ant.params.model import SELECTION_EPISODES, Params
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
@@ -18,19 +20,13 @@ from jumping_ant.sim import rollout
 from jumping_ant.sim.world import World
 
 
-def linear(spread: float, hold: int = 1) -> LinearPolicy:
+def linear(spread: float) -> LinearPolicy:
     generator = np.random.default_rng(3)
     weight = generator.normal(0, 0.3, (8, 27)).astype(np.float32)
     bias = generator.normal(0, 0.3, 8).astype(np.float32)
-    return LinearPolicy(
-        weight,
-        bias,
-        np.zeros(27, np.float32),
-        np.ones(27, np.float32),
-        np.full_like(weight, spread),
-        np.full_like(bias, spread),
-        ActionSet(hold=hold),
-    )
+    mean, stdev = np.zeros(27, np.float32), np.ones(27, np.float32)
+    spreads = np.full_like(weight, spread), np.full_like(bias, spread)
+    return LinearPolicy(weight, bias, mean, stdev, *spreads, ActionSet())
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +45,8 @@ def made(
 class Chooser:
     """A policy whose torques the test chooses."""
 
-    def __init__(self, torques: list[list[float]], amplitude: float = 1.0) -> None:
-        self.actions = ActionSet(amplitude=amplitude, hold=2)
+    def __init__(self, torques: list[list[float]]) -> None:
+        self.actions = ActionSet(amplitude=0.5, hold=2)
         self._torques = np.array(torques)
 
     def start(self, episode_seeds) -> None:
@@ -60,35 +56,24 @@ class Chooser:
         return self._torques
 
 
-TORQUES = [[0.2] * 8, [0.3] * 8, [0.9, 0.1] * 2 + [-0.2] * 4, [-1.0] * 4 + [0.1] * 4]
-OBSERVATIONS = np.zeros((4, 27))
-
-
-def test_rounding_takes_the_nearest_command() -> None:
-    rounded = variants.NearestCommand(Chooser(TORQUES), 0.5 * COMMAND_SIGNS)
-    assert rounded.act(OBSERVATIONS).tolist() == [
-        [0.0] * 8,
-        [0.5] * 8,
-        [0.5] * 4 + [-0.5] * 4,
-        [-0.5] * 4 + [0.5] * 4,
-    ]
-    assert rounded.actions.hold == 2
+CHOOSER = Chooser([[0.2] * 8, [0.3] * 8, [0.9, 0.1] * 2 + [-0.2] * 4, [-1.0] * 4 + [0.1] * 4])
+FEET = [[0.5] * 4 + [-0.5] * 4, [-0.5] * 4 + [0.5] * 4]  # commands 3 and 4 at half torque
+FEET_OR_NONE = [[0.5, 0.0] * 2 + [0.0] * 4, [-0.5] * 4 + [0.0] * 4]
 
 
 @pytest.mark.parametrize(
-    ("levels", "expected"),
+    ("variant", "levels", "expected"),
     [
-        (2, [[0.5] * 8, [0.5] * 8, [0.5] * 4 + [-0.5] * 4, [-0.5] * 4 + [0.5] * 4]),
-        (3, [[0.0] * 8, [0.5] * 8, [0.5, 0.0] * 2 + [0.0] * 4, [-0.5] * 4 + [0.0] * 4]),
+        (NearestCommand(CHOOSER, 0.5 * COMMAND_SIGNS), None, [[0.0] * 8, [0.5] * 8, *FEET]),
+        (NearestLevels(CHOOSER, 2), 2, [[0.5] * 8, [0.5] * 8, *FEET]),
+        (NearestLevels(CHOOSER, 3), 3, [[0.0] * 8, [0.5] * 8, *FEET_OR_NONE]),
     ],
 )
-def test_levels_are_the_nearest_up_to_the_agents_amplitude(
-    levels: int, expected: list[list[float]]
+def test_torques_become_the_nearest_of_a_few(
+    variant: Policy, levels: int | None, expected: list[list[float]]
 ) -> None:
-    chooser = Chooser(TORQUES, amplitude=0.5)
-    nearest = variants.NearestLevels(chooser, levels)
-    assert nearest.act(OBSERVATIONS).tolist() == expected
-    assert (nearest.actions.levels, nearest.actions.hold) == (levels, 2)
+    assert variant.act(np.zeros((4, 27))).tolist() == expected
+    assert (variant.actions.levels, variant.actions.hold) == (levels, 2)
 
 
 def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, params: Params) -> None:
@@ -108,7 +93,7 @@ def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, params
 
 
 def test_what_claims_compare_is_played_on_more_episodes(known_params: Params) -> None:
-    evaluate = known_params.evaluate.model_copy(update={"episodes": 32, "baseline_episodes": 16})
+    evaluate = EvaluateParams(episodes=32, baseline_episodes=16, seed=0)
 
     def played_more(agent: str) -> set[str]:
         counts = episodes.num_episodes(known_params.agent(agent), evaluate)
@@ -147,8 +132,3 @@ def test_the_best_sample_wins_two_rounds_of_validation(robot_xml: str, params: P
         finalists = np.argsort(first)[-variants.NUM_FINALISTS :]
         best = finalists[returns[finalists].sum(axis=1).argmax()]
         np.testing.assert_array_equal(found[seed]["best_sample"].weight, samples[best].weight)
-
-
-def test_without_spread_the_best_sample_is_the_center(robot_xml: str, params: Params) -> None:
-    found = made(robot_xml, params, "pgpe", {0: linear(0.0)})
-    np.testing.assert_array_equal(found[0]["best_sample"].weight, linear(0.0).weight)

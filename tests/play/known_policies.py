@@ -26,16 +26,12 @@ def policies(observations: int, motors: int) -> dict[str, Policy]:
     def numbers(*shape: int) -> np.ndarray:
         return generator.normal(0, 0.3, shape).astype(np.float32)
 
-    def network(outputs: int) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    def network(kind: type, actions: ActionSet, outputs: int) -> Policy:
         layers = [
             (numbers(16, observations), numbers(16)),
             (numbers(outputs, 16), numbers(outputs)),
         ]
-        return np.linspace(0.1, 1, observations, dtype=np.float32), layers
-
-    def of(kind: type, actions: ActionSet, outputs: int) -> Policy:
-        factors, layers = network(outputs)
-        return kind(factors, actions, layers)
+        return kind(np.linspace(0.1, 1, observations, dtype=np.float32), actions, layers)
 
     def linear(actions: ActionSet, outputs: int) -> Policy:
         weight, bias = numbers(outputs, observations), numbers(outputs)
@@ -44,11 +40,11 @@ def policies(observations: int, motors: int) -> dict[str, Policy]:
 
     waves = Oscillators(*generator.normal(0, 0.6, (3, motors)), np.array([0.4, 0.9]))
     return {
-        "tanh": of(TanhActor, TORQUES, motors),
-        "commands": of(GreedyCommands, commands, 5),
-        "levels": of(GreedyCommands, LEVELS, 3 * motors),
-        "probable command": of(ActorCritic, commands, 5),
-        "mean": of(ActorCritic, TORQUES, motors),
+        "tanh": network(TanhActor, TORQUES, motors),
+        "commands": network(GreedyCommands, commands, 5),
+        "levels": network(GreedyCommands, LEVELS, 3 * motors),
+        "probable command": network(ActorCritic, commands, 5),
+        "mean": network(ActorCritic, TORQUES, motors),
         "linear": linear(TORQUES, motors),
         "linear levels": linear(LEVELS, motors),
         "linear commands": linear(commands, 5),

@@ -10,13 +10,9 @@ import pytest
 
 from jumping_ant.base.files import CODE_ROOT
 
+SEED = {"seed": 30, "starts": [{"qpos": [0, 0, 0], "qvel": [0, 0]}]}
 CONTENT = {
-    "agents": {
-        "sac": {
-            "robot": "edited",
-            "seeds": [{"seed": 30, "starts": [{"qpos": [0, 0, 0], "qvel": [0, 0]}]}],
-        }
-    },
+    "agents": {"sac": {"robot": "edited", "seeds": [SEED]}},
     "robots": {"edited": {"motors": ["hip"]}},
     "sliders": [],
     "task": {"max_episode_steps": 100, "frame_skip": 5},

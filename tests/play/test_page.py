@@ -10,6 +10,7 @@ import native
 import pytest
 from browser import Visit, launched, open_page
 
+from jumping_ant.base.paths import Paths
 from jumping_ant.params.model import Params
 from jumping_ant.play import content
 from jumping_ant.policies import policy_file
@@ -19,6 +20,7 @@ from jumping_ant.sim.world import World
 MOVED = "Boolean(window.page?.hasMoved)"
 HEIGHT = "page.plots.histories[0].at(-1)?.height"
 STEPS = "page.frames[0]?.steps"
+FOLLOW = "(link) => { page.hash = ''; location.hash = '#'; location.hash = link; }"
 
 
 @pytest.fixture(scope="module")
@@ -53,11 +55,11 @@ def test_physics_agrees_with_the_native_simulator_here_too(
 ) -> None:
     world = World(robot.read(project), settings.env)
     for name in ("sac", "pgpe"):
-        path = project / "models" / name / "seed-1" / "policy.zip"
-        policy = policy_file.load(path, (name, 1))
-        told = native.record(world, policy, "edited", 9, longest=100)
+        paths = Paths(project).agent(name).seed(1)
+        policy = policy_file.load(paths.policy, paths.owner)
+        reference = native.record(world, policy, "edited", 9, longest=100)
         form = content.policy(project, name, 1)
-        own = ask(visit, "verify", policy=form, reference=told)
+        own = ask(visit, "verify", policy=form, reference=reference)
         assert own["one_step_error"] < 1e-11 and own["max_error"] < 1e-10
         assert own["horizon"] == 100 and own["policy_error"] < 1e-6
 
@@ -67,13 +69,12 @@ def test_the_robot_can_be_dragged_and_pushed(visit: Visit) -> None:
     visit.page.click("#restart")
     visit.page.evaluate("page.stage.draw()")
     box = visit.page.locator("#stage").bounding_box()
-    assert box
     spot = visit.page.evaluate(
         """() => { const { width, height } = page.stage;
         for (let y = 10; y < height; y += 6) for (let x = 10; x < width; x += 6)
           if (page.stage.hit(x, y)?.slot === 0) return [x, y]; }"""
     )
-    assert spot, "the robot is not in the picture"
+    assert box and spot, "the robot is not in the picture"
     mouse = visit.page.mouse
     mouse.move(box["x"] + spot[0], box["y"] + spot[1])
     mouse.down()
@@ -129,18 +130,17 @@ def test_every_control_is_reached_and_works_by_keyboard(visit: Visit) -> None:
 
 
 def test_a_visitor_drives_with_five_keys_beside_an_agent(visit: Visit) -> None:
-    visit.page.select_option("#agent-a", "you, with keys 1 to 5")
-    visit.page.select_option("#agent-b", "sac")
+    own = visit.page
+    own.select_option("#agent-a", "you, with keys 1 to 5")
+    own.select_option("#agent-b", "sac")
     visit.wait_for("page.frames.every((own) => own)")
-    visit.page.evaluate("document.activeElement.blur()")
-    visit.page.keyboard.press("4")
+    own.evaluate("document.activeElement.blur()")
+    own.keyboard.press("4")
     torques = "[...page.plots.histories[0].at(-1).torques]"
     visit.wait_for(f"String({torques}) === '1,1,1,1,-1,-1,-1,-1'")
-    assert visit.page.locator("#commands [aria-pressed=true]").inner_text() == "4"
-    assert "steps" in visit.page.inner_text("#here-a") and "steps" in visit.page.inner_text(
-        "#here-b"
-    )
-    visit.page.select_option("#agent-b", "")
+    assert own.locator("#commands [aria-pressed=true]").inner_text() == "4"
+    assert all("steps" in own.inner_text(f"#here-{slot}") for slot in "ab")
+    own.select_option("#agent-b", "")
 
 
 def test_a_link_carries_the_very_moment(visit: Visit) -> None:
@@ -156,13 +156,13 @@ def test_a_link_carries_the_very_moment(visit: Visit) -> None:
     own.click("#step")
     own.wait_for_timeout(200)
     expected = ask(visit, "save")
-    own.evaluate("(link) => { page.hash = ''; location.hash = '#'; location.hash = link; }", link)
+    own.evaluate(FOLLOW, link)
     visit.wait_for(f"{STEPS} === {expected[0][1]['steps']} - 1")
     own.click("#step")
     visit.wait_for(f"{STEPS} === {expected[0][1]['steps']}")
-    (found,), (wanted,) = ask(visit, "save"), expected
-    assert found[1]["steps"] == wanted[1]["steps"]
-    assert found[1]["state"][:29] == pytest.approx(wanted[1]["state"][:29], abs=1e-9)
+    ((_, found),), ((_, wanted),) = ask(visit, "save"), expected
+    assert found["steps"] == wanted["steps"]
+    assert found["state"][:29] == pytest.approx(wanted["state"][:29], abs=1e-9)
     assert own.input_value("#speed") == "0.25"
     own.select_option("#speed", "1")
 
@@ -173,7 +173,7 @@ def test_a_link_to_an_episode_that_has_ended_plays_no_step(visit: Visit) -> None
     moment = ask(visit, "save")
     moment[0][1] |= {"ended": True, "substep": 0}
     link = f"#a=dqn.1.0&run=1&moment={b64encode(json.dumps(moment).encode()).decode()}"
-    own.evaluate("(link) => { page.hash = ''; location.hash = '#'; location.hash = link; }", link)
+    own.evaluate(FOLLOW, link)
     visit.wait_for(f"page.frames[0]?.ended && {STEPS} === {moment[0][1]['steps']}")
     own.wait_for_timeout(200)
     ((_, saved),) = ask(visit, "save")
@@ -192,7 +192,7 @@ def test_a_round_against_the_metronome_ends_with_scores(visit: Visit) -> None:
     assert own.inner_text("#game-result").startswith(("You beat", "The metronome wins"))
 
 
-def test_marks_and_sizes(visit: Visit, live: str) -> None:
+def test_marks_and_sizes(visit: Visit) -> None:
     own = visit.page
     own.evaluate("page.choose({ a: { agent: 'sac', seed: 1, start: 0 }, b: null })")
     visit.wait_for(

@@ -19,21 +19,16 @@ from jumping_ant.play.vendor import Package
 
 def archive(text: bytes) -> bytes:
     """Return a package's archive with one file."""
-    buffer = io.BytesIO()
+    buffer, member = io.BytesIO(), tarfile.TarInfo("package/build/one.js")
+    member.size = len(text)
     with tarfile.open(fileobj=buffer, mode="w:gz") as opened:
-        member = tarfile.TarInfo("package/build/one.js")
-        member.size = len(text)
         opened.addfile(member, io.BytesIO(text))
     return buffer.getvalue()
 
 
 CONTENT = archive(b"export const one = 1;")
-PACKAGE = Package(
-    "@some/one",
-    "1.2.3",
-    base64.b64encode(hashlib.sha512(CONTENT).digest()).decode(),
-    ("build/one.js",),
-)
+SHA512 = base64.b64encode(hashlib.sha512(CONTENT).digest()).decode()
+PACKAGE = Package("@some/one", "1.2.3", SHA512, ("build/one.js",))
 
 
 @pytest.fixture
@@ -50,30 +45,25 @@ def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[
         server.shutdown()
 
 
-def test_a_package_is_fetched_once(registry: tuple[str, Path], tmp_path: Path) -> None:
-    address, file = registry
-    folder = tmp_path / "share"
+def test_a_package_is_fetched_once_and_again_if_damaged(
+    registry: tuple[str, Path], tmp_path: Path
+) -> None:
+    (address, file), folder = registry, tmp_path / "share"
     vendor.fetch(folder, {"NPM_CONFIG_REGISTRY": address})
     assert vendor.files(folder) == {"one.js": b"export const one = 1;"}
-    file.unlink()
-    vendor.fetch(folder, {"npm_config_registry": address})  # asks nobody
-
-
-def test_a_damaged_package_is_fetched_again(registry: tuple[str, Path], tmp_path: Path) -> None:
-    folder = tmp_path / "share"
-    vendor.fetch(folder, {"npm_config_registry": registry[0]})
     (folder / PACKAGE.archive).write_bytes(CONTENT[:-1])
     with pytest.raises(InputError, match=r"one-1\.2\.3\.tgz: given another file"):
         vendor.files(folder)
-    vendor.fetch(folder, {"npm_config_registry": registry[0]})
+    vendor.fetch(folder, {"npm_config_registry": address})
+    file.unlink()
+    vendor.fetch(folder, {"npm_config_registry": address})  # asks nobody
     assert list(vendor.files(folder)) == ["one.js"]
 
 
 def test_another_package_is_refused(registry: tuple[str, Path], tmp_path: Path) -> None:
-    address, file = registry
-    file.write_bytes(archive(b"steal()"))
+    registry[1].write_bytes(archive(b"steal()"))
     with pytest.raises(InputError, match="of another digest, allowed: @some/one 1.2.3"):
-        vendor.fetch(tmp_path / "share", {"npm_config_registry": address})
+        vendor.fetch(tmp_path / "share", {"npm_config_registry": registry[0]})
     assert not (tmp_path / "share").exists()
 
 
@@ -92,6 +82,5 @@ def test_the_registry_is_npms(tmp_path: Path) -> None:
     assert vendor.registry({"HOME": str(tmp_path)}) == vendor.REGISTRY
     (tmp_path / ".npmrc").write_text("x=1\nregistry = https://here/npm/\n", encoding="utf-8")
     assert vendor.registry({"HOME": str(tmp_path)}) == "https://here/npm"
-    assert vendor.registry({"HOME": str(tmp_path), "npm_config_registry": "https://there"}) == (
-        "https://there"
-    )
+    environment = {"HOME": str(tmp_path), "npm_config_registry": "https://there"}
+    assert vendor.registry(environment) == "https://there"
