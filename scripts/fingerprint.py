@@ -41,22 +41,26 @@ def published() -> dict[str, Any]:
 
 def compare(known: Mapping[str, Any]) -> tuple[dict[str, str], list[str]]:
     """Compute and print every layer; return the digests, and which differ from the published."""
-    found, different = {}, []
-    is_same = known["versions"] == versions()
+    ours, different = {}, []
     started = time.perf_counter()
-    for name, compute in layers.layers():
+    for name, parts in layers.layers():
         with warnings.catch_warnings(action="ignore"):  # of libraries, about themselves
-            found[name] = compute()
-        if (theirs := known["layers"].get(name)) not in (None, found[name]):
+            ours[name] = layers.digest(parts)
+        if (theirs := known["layers"].get(name)) not in (None, ours[name]):
             different.append(name)
         verdict = "new" if theirs is None else "differs" if name in different else EQUAL
-        print(f"{name:32}{found[name][:12]}  {verdict}", flush=True)
-    if not is_same:
-        told = f"the published layers are of {_changes(known['versions'], versions())}"
-    else:
-        told = f"{different[0]!r} differs first" if different else "all layers are equal"
-    print(f"{machine.processor()}, {time.perf_counter() - started:.0f} s: {told}")
-    return found, different
+        print(f"{name:32}{ours[name][:12]}  {verdict}", flush=True)
+    summary = f"{different[0]!r} differs first" if different else "all layers are equal"
+    then = known["versions"]
+    changes = [
+        f"{name} {then.get(name, 'none')} (here {here})"
+        for name, here in versions().items()
+        if then.get(name) != here
+    ]
+    if changes:
+        summary = f"the published layers are of {', '.join(changes)}"
+    print(f"{machine.processor()}, {time.perf_counter() - started:.0f} s: {summary}")
+    return ours, different
 
 
 def main() -> None:
@@ -65,23 +69,15 @@ def main() -> None:
     parser.add_argument("--publish", action="store_true", help="add this processor")
     options = parser.parse_args()
     known = published() if PATH.exists() else {"versions": {}, "layers": {}, "processors": {}}
-    found, different = compare(known)
+    ours, different = compare(known)
     if options.publish:
         has_changed = known["processors"].get(machine.processor(), different) != different
-        if known["versions"] != versions() or has_changed or found.keys() != known["layers"].keys():
-            known, different = {"versions": versions(), "layers": found, "processors": {}}, []
+        if known["versions"] != versions() or has_changed or ours.keys() != known["layers"].keys():
+            known, different = {"versions": versions(), "layers": ours, "processors": {}}, []
         known["processors"][machine.processor()] = different
         write_json(PATH, known)
         publish.replace_section(publish.TABLES, "layers", table(known))
     sys.exit(bool(different))
-
-
-def _changes(theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
-    return ", ".join(
-        f"{name} {theirs.get(name, 'none')} (here {version})"
-        for name, version in ours.items()
-        if theirs.get(name) != version
-    )
 
 
 def table(known: Mapping[str, Any]) -> str:
@@ -89,7 +85,7 @@ def table(known: Mapping[str, Any]) -> str:
     processors = known["processors"]
     lines = ["| layer | " + " | ".join(processors) + " |", "| --- |" + " --- |" * len(processors)]
     for name, digest in known["layers"].items():
-        cells = ["**differs**" if name in own else EQUAL for own in processors.values()]
+        cells = ["**differs**" if name in each else EQUAL for each in processors.values()]
         lines.append(f"| {name} (`{digest[:8]}`) | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 

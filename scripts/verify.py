@@ -26,7 +26,7 @@ from jumping_ant.base.errors import InputError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.params import params_file
-from scripts.checkout import Checkout
+from scripts.checkout import Checkout, git
 
 
 def main() -> None:
@@ -36,15 +36,19 @@ def main() -> None:
     parser.add_argument("--seed", type=int, help="one seed; by default the first")
     parser.add_argument("--all", action="store_true", help="every seed")
     options = parser.parse_args()
+    if git("rev-parse", "--is-shallow-repository").strip() == "true":
+        raise InputError(f"{PROJECT_ROOT}: given a shallow clone, allowed: one with its history")
+    commit = git("log", "-1", "--format=%h", "--", "results/agents").strip()
     with tempfile.TemporaryDirectory() as folder:
         published, retrained = Path(folder, "published"), Checkout(Path(folder, "retrained"))
-        commit = _published()
-        _extract(commit, published)
-        _extract(commit, retrained.folder)
+        git("archive", "-o", str(Path(folder, "files.tar")), commit)
+        for copy in (published, retrained.folder):
+            copy.mkdir()  # Python's tar has a filter in newer versions than the oldest that we run
+            subprocess.run(["tar", "-xf", "../files.tar"], cwd=copy, check=True)
         # Not checked: they fit the models of that commit.
         params = params_file.read(published / "params.yaml")
-        agents = [options.agent] if options.agent else list(params["agents"])
         seeds = params["seeds"] if options.all else [_seed(params, options.seed)]
+        agents = [options.agent] if options.agent else list(params["agents"])
         retrained.write_params(chosen(params, agents, seeds))
         _run(retrained, agents)
         are_equal = [
@@ -57,29 +61,6 @@ def main() -> None:
 
         fingerprint.compare(fingerprint.published())
         sys.exit(1)
-
-
-def _extract(commit: str, folder: Path) -> None:
-    """Write the files of a commit into a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    # Not Python's, whose filters are newer than the oldest version that runs this.
-    subprocess.run(["tar", "-x"], cwd=folder, input=_git("archive", commit), check=True)
-
-
-def _published() -> str:
-    """Return the short name of the commit that published the results."""
-    if _git("rev-parse", "--is-shallow-repository").strip() == b"true":
-        raise InputError(f"{PROJECT_ROOT}: given a shallow clone, allowed: one with its history")
-    return _git("log", "-1", "--format=%h", "--", "results/agents").decode().strip()
-
-
-def _git(*command: str) -> bytes:
-    """Run git in the project and return its output."""
-    done = subprocess.run(["git", "-C", str(PROJECT_ROOT), *command], capture_output=True)
-    if done.returncode:
-        reason = done.stderr.decode().strip()
-        raise InputError(f"{PROJECT_ROOT}: given {reason}, allowed: a clone of the repository")
-    return done.stdout
 
 
 def _seed(params: Mapping[str, Any], seed: int | None) -> int:
@@ -105,7 +86,7 @@ def chosen(
 
 def _run(project: Checkout, agents: Sequence[str]) -> None:
     """Train and evaluate agents; the pipeline shows its progress."""
-    (project.folder / "dvc.lock").unlink()  # nothing is there that it tells of
+    (project.folder / "dvc.lock").unlink()  # of outputs that are not there
     stages = [f"evaluate@{agent}" for agent in agents]
     for command in (["git", "init", "-q"], ["dvc", "repro", *stages]):
         done = subprocess.run(command, cwd=project.folder, env=project.environment)
@@ -118,36 +99,31 @@ def compare(published: Path, retrained: Path, agent: str, seed: int, commit: str
     theirs, ours = (Paths(root).agent(agent) for root in (published, retrained))
     before, after = digests(theirs, seed), digests(ours, seed)
     different = [name for name, digest in before.items() if after.get(name) != digest]
-    if (episodes := _episodes(theirs, seed)) != _episodes(ours, seed):
+    then, now = _episodes(theirs, seed), _episodes(ours, seed)
+    if then != now:
         different.append(theirs.episodes.name)
-    if not different:
-        print(f"{agent} seed {seed}: same bytes as published (commit {commit})", flush=True)
-        return True
-    now, then = (_mean_return(paths, seed) for paths in (ours, theirs))
-    print(
-        f"{agent} seed {seed}: {', '.join(different)} differ from what is published (commit "
-        f"{commit}); mean return {now:,.1f}, published {then:,.1f} over "
-        f"{len(episodes)} episodes",
-        flush=True,
-    )
-    return False
+    if different:
+        old, new = (fmean(float(row["return"]) for row in rows) for rows in (then, now))
+        verdict = (
+            f"{', '.join(different)} differ from what is published (commit {commit}); mean return "
+            f"{new:,.1f}, published {old:,.1f} over {len(then)} episodes"
+        )
+    else:
+        verdict = f"same bytes as published (commit {commit})"
+    print(f"{agent} seed {seed}: {verdict}", flush=True)
+    return not different
 
 
 def digests(paths: AgentPaths, seed: int) -> dict[str, str]:
     """Return the digests of the files that a seed's training wrote, by name."""
-    by_seed = json.loads(paths.training.read_text(encoding="utf-8"))
-    digests: dict[str, str] = by_seed[str(seed)]
-    return digests
+    by_seed: dict[str, dict[str, str]] = json.loads(paths.training.read_text(encoding="utf-8"))
+    return by_seed[str(seed)]
 
 
 def _episodes(paths: AgentPaths, seed: int) -> list[dict[str, str]]:
     """Return a seed's held-out episodes, as they are written."""
     with paths.episodes.open(newline="", encoding="utf-8") as file:
         return [row for row in csv.DictReader(file) if row["seed"] == str(seed)]
-
-
-def _mean_return(paths: AgentPaths, seed: int) -> float:
-    return fmean(float(row["return"]) for row in _episodes(paths, seed))
 
 
 if __name__ == "__main__":
