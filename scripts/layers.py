@@ -76,8 +76,8 @@ def renderer() -> str:
         # It binds to the library of the backend that MuJoCo has chosen, or else to one of a screen.
         from OpenGL import GL
 
-        told = GL.glGetString(GL.GL_VERSION), GL.glGetString(GL.GL_RENDERER)
-        return ", ".join(part.decode() for part in told)
+        names = GL.glGetString(GL.GL_VERSION), GL.glGetString(GL.GL_RENDERER)
+        return ", ".join(part.decode() for part in names)
 
 
 @cache

@@ -31,6 +31,7 @@ def test_settings_are_named_and_documented(name: str) -> None:
     assert settings.model_fields["algorithm"].annotation.__args__ == (name,)
     assert all(field.description for field in settings.model_fields.values())
     assert not row(AGENTS[name]).learner or callable(resolve_name(row(AGENTS[name]).learner))
+    assert ALGORITHMS[name].is_baseline == (ALGORITHMS[name].family == BASELINE)
 
 
 def test_names_are_printed_as_the_literature_writes_them() -> None:
@@ -39,24 +40,13 @@ def test_names_are_printed_as_the_literature_writes_them() -> None:
     assert catalogue.label("sac-wide", "sac") == "sac-wide"
 
 
-@pytest.mark.parametrize("name", ALGORITHMS)
-def test_baselines_are_a_family(name: str) -> None:
-    assert ALGORITHMS[name].is_baseline == (ALGORITHMS[name].family == BASELINE)
-
-
 @dataclass(frozen=True)
 class Run:
-    """A whole training, which leaves a checkpoint wherever it can.
-
-    Attributes:
-        job: What was trained.
-        events: All that it reported.
-        used: The settings that it read, by name.
-    """
+    """A whole training, which leaves a checkpoint wherever it can."""
 
     job: Job[Any]
     events: list[Event]
-    used: set[str]
+    used: set[str]  # the settings that it read
 
 
 @cache
@@ -90,6 +80,9 @@ def test_training_ends_with_a_policy_that_acts(name: str, robot_xml: str) -> Non
     header = json.loads(Archive(last.policy)["policy.json"])
     assert header["kind"] == ALGORITHMS[name].policy_kind
     assert header["num_motors"] == 8 and header["num_observations"] in (27, None)
+    logged = {key.partition("/")[2] for key in ALGORITHMS[name].logged}
+    extra = [event.extra for event in run.events if isinstance(event, Progress)][-1:]
+    assert all(logged <= row.keys() and np.isfinite([*row.values()]).all() for row in extra)
     policy = policy_file.parse(last.policy)
     policy.start(range(3))
     torques = policy.act(np.random.default_rng(0).normal(size=(3, 27)))
@@ -122,16 +115,8 @@ def test_a_resumed_training_is_the_same_to_the_last_bit(name: str, robot_xml: st
     assert len(places) > 2
     for place in (places[0], places[len(places) // 2], places[-1]):
         rest = list(trainer_of(run.job.agent)(replace(run.job, checkpoint=events[place].content)))
-        # Checkpoints' content may differ.
-        told = [repr(event) for event in rest if not isinstance(event, Checkpoint)]
-        whole = [event for event in events[place + 1 :] if not isinstance(event, Checkpoint)]
-        assert told == [repr(event) for event in whole]
-
-
-@pytest.mark.parametrize("name", LEARNERS)
-def test_rows_tell_what_the_catalogue_says(name: str, robot_xml: str) -> None:
-    run = run_of(name, robot_xml)
-    rows = [event for event in run.events if isinstance(event, Progress)]
-    logged = {key.partition("/")[2] for key in row(run.job.agent).logged}
-    assert logged <= set(rows[-1].extra)
-    assert np.isfinite([rows[-1].extra[key] for key in rows[-1].extra]).all()
+        resumed, whole = (  # checkpoints' content may differ
+            [repr(event) for event in part if not isinstance(event, Checkpoint)]
+            for part in (rest, events[place + 1 :])
+        )
+        assert resumed == whole

@@ -11,24 +11,18 @@ from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.world import World
 
-EPISODE_STEPS, NUM_STARTS = 10, 6
-NETWORKS = {
-    "total_steps": 240,
-    "num_envs": NUM_STARTS,
-    "episode_steps": EPISODE_STEPS,
-    "long_episodes": 0.0,
-    "tumbled_starts": 0.0,
-    "learning_starts": 1000,
-    "net_arch": [8],
+NUM_STARTS = 6
+SIZES = {
+    **dict.fromkeys(("num_envs", "population_size", "episodes"), NUM_STARTS),
+    **{"episode_steps": 10, "long_episodes": 0.0, "tumbled_starts": 0.0},
+    "learning_starts": 1000,  # it is about the starts
 }
-POPULATION = {"generations": 2, "population_size": NUM_STARTS, "episode_steps": EPISODE_STEPS}
-RHYTHMS = {"half_periods": [2, 3], "episodes": NUM_STARTS, "episode_steps": EPISODE_STEPS}
-ROUNDS = {name: value for name, value in NETWORKS.items() if name != "learning_starts"}
-SMALL = {"off_policy": NETWORKS, "on_policy": ROUNDS, "evolution": POPULATION, "baselines": RHYTHMS}
 AGENTS = {
-    name: agent.model_copy(update=SMALL[row(agent).package])
+    name: agent.model_copy(
+        update={key: size for key, size in SIZES.items() if key in type(agent).model_fields}
+    )
     for name, agent in small_agents.agents().items()
-    if row(agent).package in SMALL and agent.algorithm != "random"
+    if row(agent).package != "imitation" and name != "random"
 }
 
 
