@@ -167,4 +167,4 @@ lock:
 	@scripts/environment.sh lock
 
 clean: ## remove .venv and caches; results stay
-	rm -rf .venv .hypothesis .mypy_cache .pytest_cache .ruff_cache build *.egg-info
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache build *.egg-info

@@ -1,4 +1,4 @@
-"""The environment as the article's script creates it, on Gymnasium's own Ant."""
+"""What the rows work on: robot and task, agents as in the article, and its own environment."""
 
 import tempfile
 from typing import Any
@@ -8,25 +8,33 @@ import numpy as np
 from gymnasium.envs.mujoco.ant_v5 import AntEnv
 from numpy.typing import NDArray
 
-from benchmarks.settings import default_world
+from jumping_ant.params import params_file, presets
 from jumping_ant.policies.actions import ActionSet
+from jumping_ant.sim import robot
+from jumping_ant.sim.world import World
+
+
+def default_world() -> World:
+    """Return robot and task of `params.yaml`, whether the pipeline has built it or not."""
+    params = params_file.load()
+    return World(robot.build(params.robot), params.env)
+
+
+def article_agent(name: str) -> Any:
+    """Return an agent's block with `presets/article` applied."""
+    return presets.load("article").agent(name)
 
 
 class ArticleAnt(AntEnv):
-    """Gymnasium's `Ant-v5` on the edited robot, rewarded for the height of its torso.
+    """Gymnasium's `Ant-v5` on the edited robot, as the article's script creates it.
 
-    Observation, action, reward and termination are the project's, as is the physics.
-
-    Args:
-        options: Further arguments of `AntEnv`, such as `render_mode`.
+    Observation, action, reward, termination and physics are the project's.
     """
 
     def __init__(self, **options: Any) -> None:
         world = default_world()
         self._task = world.env
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", suffix=".xml"
-        ) as file:  # it needs a path
+        with tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".xml") as file:
             file.write(world.xml)
             file.flush()
             super().__init__(

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from benchmarks.measure import Row, row
-from benchmarks.settings import CORES, default_world
+from benchmarks.article_ant import default_world
+from benchmarks.measure import CORES, Row, row
 from jumping_ant.agents.events import Checkpoint
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy.algorithms import DQNParams

@@ -9,10 +9,8 @@ import ray
 from evotorch.algorithms import PGPE
 from evotorch.neuroevolution import GymNE
 
-from benchmarks.apart import compare_apart
-from benchmarks.article_ant import ArticleAnt
-from benchmarks.measure import Row, rate
-from benchmarks.settings import CORES, article_agent, default_world
+from benchmarks.article_ant import ArticleAnt, article_agent, default_world
+from benchmarks.measure import CORES, Row, compare_apart, rate
 from jumping_ant.agents.evolution import trainer
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.kernels import use_portable_kernels

@@ -11,9 +11,8 @@ from functools import partial
 import numpy as np
 
 from benchmarks import evolution, off_policy
-from benchmarks.apart import Contender, apart
-from benchmarks.measure import Row, row
-from benchmarks.settings import CORES, article_agent
+from benchmarks.article_ant import article_agent
+from benchmarks.measure import CORES, Contender, Row, apart, row
 
 SEEDS = 4
 REPEATS = 3

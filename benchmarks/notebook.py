@@ -14,8 +14,7 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
 from benchmarks import evolution
-from benchmarks.article_ant import ArticleAnt, Commanded
-from benchmarks.settings import article_agent, default_world
+from benchmarks.article_ant import ArticleAnt, Commanded, article_agent, default_world
 from jumping_ant.policies.actions import ActionSet
 
 STEPS = 300  # of real training, so that networks and optimisers are allocated

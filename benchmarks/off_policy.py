@@ -8,10 +8,8 @@ from typing import Any
 
 import torch
 
-from benchmarks.apart import Contender, compare_apart
-from benchmarks.article_ant import ArticleAnt, Commanded
-from benchmarks.measure import Row, rate
-from benchmarks.settings import article_agent, default_world
+from benchmarks.article_ant import ArticleAnt, Commanded, article_agent, default_world
+from benchmarks.measure import Contender, Row, compare_apart, rate
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.kernels import use_portable_kernels
 from jumping_ant.agents.sb3 import trainer

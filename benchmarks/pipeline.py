@@ -5,9 +5,8 @@ import sys
 from collections.abc import Iterator, Mapping
 from functools import partial
 
-from benchmarks.measure import Row, compare
-from benchmarks.settings import CORES
-from benchmarks.watch import watch
+from benchmarks import memory
+from benchmarks.measure import CORES, Row, compare
 from jumping_ant.agents.off_policy.algorithms import OffPolicyParams
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.params import params_file
@@ -26,16 +25,12 @@ TRACKED_AGENT = "sac"
 TRACKED_SHARES = {"total_steps": 0.4}
 TRACKED_SEEDS = [0, 1]
 TRACKED_REPEATS = 3
-TRAIN = [sys.executable, "-m", "stages.train", TRACKED_AGENT]
-TRAIN_UNTRACKED = [
-    sys.executable,
-    "-c",
-    "from contextlib import nullcontext\n"
-    "from stages import run, train\n"
-    "train.live_tracking = lambda *_: nullcontext()\n"
-    "run(train.main)",
-    TRACKED_AGENT,
-]
+UNTRACKED = """
+from contextlib import nullcontext
+from stages import run, train
+train.live_tracking = lambda *_: nullcontext()
+run(train.main)
+"""
 
 NOOP_REPEATS = 4
 
@@ -59,10 +54,11 @@ def peak_memory(project: Checkout) -> Row:
         "record": settings.record.model_copy(update={"seconds": MEMORY_FILM_SECONDS}),
     }
     project.write_params(brief.model_copy(update=updates))
-    repro = watch(["dvc", "repro"], project.folder, project.environment)
-    script = watch([sys.executable, "-m", "benchmarks.notebook"], PROJECT_ROOT, with_tools())
-    ours = repro.peak_memory + empty_replay_memory(settings, MEMORY_SHARES["total_steps"])
-    return Row("peak_memory", ours, script.peak_memory, "GiB", ratio=ours, spread=0.0)
+    ours = memory.peak(["dvc", "repro"], project.folder, project.environment)
+    ours += empty_replay_memory(settings, MEMORY_SHARES["total_steps"])
+    script = [sys.executable, "-m", "benchmarks.notebook"]
+    peer = memory.peak(script, PROJECT_ROOT, with_tools())
+    return Row("peak_memory", ours, peer, "GiB", ratio=ours, spread=0.0)
 
 
 def noop_repro(project: Checkout) -> Row:
@@ -78,11 +74,11 @@ def tracking_overhead(project: Checkout) -> Row:
     updates = {"seeds": TRACKED_SEEDS, "compute": compute}
     project.write_params(shortened(settings, TRACKED_SHARES).model_copy(update=updates))
 
-    def seconds(command: list[str]) -> float:
+    def seconds(*program: str) -> float:
         shutil.rmtree(project.folder / ".checkpoints", ignore_errors=True)  # train from scratch
-        return project.seconds(*command)
+        return project.seconds(sys.executable, *program, TRACKED_AGENT)
 
-    tracked, untracked = partial(seconds, TRAIN), partial(seconds, TRAIN_UNTRACKED)
+    tracked, untracked = partial(seconds, "-m", "stages.train"), partial(seconds, "-c", UNTRACKED)
     return compare("tracking_overhead", "s", tracked, untracked, TRACKED_REPEATS)
 
 

@@ -7,10 +7,8 @@ from functools import partial
 
 from gymnasium.wrappers import RecordVideo
 
-from benchmarks.apart import compare_apart
-from benchmarks.article_ant import ArticleAnt
-from benchmarks.measure import Row, rate
-from benchmarks.settings import default_world
+from benchmarks.article_ant import ArticleAnt, default_world
+from benchmarks.measure import Row, compare_apart, rate
 from jumping_ant.evaluation import evaluation
 from jumping_ant.media import rendering
 from jumping_ant.params import params_file

@@ -7,29 +7,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.measure import Row
-from benchmarks.settings import CORES
+from benchmarks.measure import CORES, Row
 from jumping_ant.base.files import write_json, write_text
 from jumping_ant.base.machine import processor
 from scripts import markdown
 
 RESULTS_PATH = Path(__file__).with_name("results.json")
 README_PATH = Path(__file__).with_name("README.md")
-PACKAGES = (
-    "mujoco",
-    "gymnasium",
-    "numpy",
-    "torch",
-    "stable-baselines3",
-    "sbx-rl",
-    "jax",
-    "evotorch",
-    "ray",
-    "envpool",
-    "moviepy",
-    "mlflow",
-    "dvc",
-)
+PACKAGES = ["mujoco", "gymnasium", "numpy", "torch", "stable-baselines3", "sbx-rl", "jax"]
+PACKAGES += ["evotorch", "ray", "envpool", "moviepy", "mlflow", "dvc"]
 
 Results = dict[str, Any]
 
@@ -59,8 +45,12 @@ def machine() -> dict[str, Any]:
 
 
 def with_row(results: Results, row: Row, names: Iterable[str]) -> Results:
-    """Return results with a row added, or replacing an older one, in the order of the names."""
-    rows = {old["name"]: old for old in results["rows"]} | {row.name: _rounded(asdict(row))}
+    """Return results with a row, rounded, added or replaced, in the order of the names."""
+    rounded = {
+        key: float(f"{value:.4g}") if isinstance(value, float) else value
+        for key, value in asdict(row).items()
+    }
+    rows = {old["name"]: old for old in results["rows"]} | {row.name: rounded}
     return results | {"rows": [rows[name] for name in names if name in rows]}
 
 
@@ -68,12 +58,12 @@ def fill(text: str, results: Results) -> str:
     """Return a page with its table filled from results, between two markers."""
     computer = results["machine"]
     versions = ", ".join(f"{name} {version}" for name, version in computer["versions"].items())
-    lines = [("row", "ours", "peer", "unit", "ratio", "spread"), ("---",) * 6]
+    rows = []
     for row in results["rows"]:
         ours, peer = shown(row["ours"]), shown(row["peer"])
         ratio, spread = f"**{row['ratio']:.2f}**", f"{row['spread']:.0%}"
-        lines.append((f"`{row['name']}`", ours, peer, row["unit"], ratio, spread))
-    table = "".join(f"| {' | '.join(line)} |\n" for line in lines)
+        rows.append([f"`{row['name']}`", ours, peer, row["unit"], ratio, spread])
+    table = markdown.table(("row", "ours", "peer", "unit", "ratio", "spread"), rows)
     head = f"On {computer['cores']} cores of {computer['cpu']}, with {versions}:\n\n"
     return markdown.replaced(README_PATH, text, "rows", head + table)
 
@@ -81,11 +71,3 @@ def fill(text: str, results: Results) -> str:
 def shown(value: float) -> str:
     """Format a figure with three digits, or with all digits before the decimal point."""
     return f"{value:,.0f}" if value >= 100 or value == 0 else f"{value:.3g}"
-
-
-def _rounded(figures: dict[str, Any]) -> dict[str, Any]:
-    """Round to four digits: the rest is noise."""
-    return {
-        key: float(f"{value:.4g}") if isinstance(value, float) else value
-        for key, value in figures.items()
-    }

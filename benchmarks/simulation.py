@@ -13,14 +13,13 @@ import numpy as np
 from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 from numpy.typing import NDArray
 
-from benchmarks.apart import apart, compare_apart
-from benchmarks.article_ant import ArticleAnt
-from benchmarks.measure import Row, compare, rate
-from benchmarks.settings import CORES, default_world
+from benchmarks.article_ant import ArticleAnt, default_world
+from benchmarks.measure import CORES, Row, apart, compare_apart, rate, row
 from jumping_ant.sim import robot
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
+UNIT = "env-steps/s"
 SEED = 0
 REPEATS = 5
 ENV_STEPS = 64 * 120  # control steps of all environments together in a repeat
@@ -31,37 +30,23 @@ def vector_env_vs_mj_step() -> Row:
     ours = partial(batched, default_world(), 64, CORES, AutoresetMode.DISABLED)
     shares = np.array_split(np.arange(64), CORES)
     peers = [partial(raw, default_world(), 64, share) for share in shares]
-    with apart(ours) as own, apart(*peers) as other:
-        return compare(
-            "vector_env_vs_mj_step",
-            "env-steps/s",
-            lambda: own()[0],
-            lambda: ENV_STEPS / max(other()),
-            REPEATS,
-        )
+    with apart(ours) as first, apart(*peers) as second:
+        pairs = [(first()[0], ENV_STEPS / max(second())) for _ in range(REPEATS)]
+    return row("vector_env_vs_mj_step", UNIT, pairs)
 
 
 def vector_env_vs_async_gymnasium() -> Row:
     """Compare with Gymnasium's environments, each in a process."""
-    return compare_apart(
-        "vector_env_vs_async_gymnasium",
-        "env-steps/s",
-        partial(batched, default_world(), 8, CORES, AutoresetMode.SAME_STEP),
-        partial(asynchronous, 8),
-        REPEATS,
-    )
+    ours = partial(batched, default_world(), 8, CORES, AutoresetMode.SAME_STEP)
+    peer = partial(asynchronous, 8)
+    return compare_apart("vector_env_vs_async_gymnasium", UNIT, ours, peer, REPEATS)
 
 
 def vector_env_vs_envpool() -> Row:
     """Compare with EnvPool's stock Ant, on two threads."""
     stock = World(robot.source_path("ant").read_text(encoding="utf-8"), default_world().env)
-    return compare_apart(
-        "vector_env_vs_envpool",
-        "env-steps/s",
-        partial(batched, stock, 64, 2, AutoresetMode.DISABLED),
-        partial(pooled, 64, 2),
-        REPEATS,
-    )
+    ours = partial(batched, stock, 64, 2, AutoresetMode.DISABLED)
+    return compare_apart("vector_env_vs_envpool", UNIT, ours, partial(pooled, 64, 2), REPEATS)
 
 
 def batched(
@@ -95,11 +80,7 @@ def pooled(num_envs: int, num_threads: int) -> Callable[[], float]:
 
 
 def raw(world: World, num_envs: int, share: NDArray[np.int64]) -> Callable[[], float]:
-    """Set up one process's share of the same simulations, without any environment.
-
-    Returns:
-        A function that runs them, one after the other, and returns the seconds it took.
-    """
+    """Set up a process's share of the same simulations, without environments; measure seconds."""
     model = world.model
     data = mujoco.MjData(model)
     envs = RobotVectorEnv(world, num_envs)
@@ -128,8 +109,8 @@ def steps_per_second(
     torques = random_torques(num_envs)
 
     def play() -> None:
-        for row in torques:
-            step(row)
+        for actions in torques:
+            step(actions)
 
     return rate(play, ENV_STEPS)
 

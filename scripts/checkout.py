@@ -42,11 +42,7 @@ class Checkout:
             YAML().dump(content, file)
 
     def seconds(self, *command: str) -> float:
-        """Run a command in it and return its wall-clock time [s].
-
-        Raises:
-            RuntimeError: The command failed.
-        """
+        """Run a command that must succeed in it; return its wall-clock time [s]."""
         started = time.perf_counter()
         done = self.run(*command)
         seconds = time.perf_counter() - started
@@ -55,7 +51,7 @@ class Checkout:
         return seconds
 
     def run(self, *command: str) -> subprocess.CompletedProcess[str]:
-        """Run a command in it; return its exit status and output, whatever they are."""
+        """Run a command in it; return its exit status and output."""
         return subprocess.run(
             command, cwd=self.folder, env=self.environment, encoding="utf-8", capture_output=True
         )
@@ -82,11 +78,7 @@ def copy_project(folder: Path) -> None:
 
 
 def renew_project(folder: Path) -> None:
-    """Create a repository of the project's code, or update the code of an existing one.
-
-    The outputs of its runs are kept: DVC reruns the stages that the new code affects, and
-    trainings resume from their checkpoints if these are compatible.
-    """
+    """Create a repository of the project's code, or update its code and keep its outputs."""
     names = [name for name in project_files() if name.split("/")[0] not in RESULTS]
     for top in {name.split("/")[0] for name in names if "/" in name and not name.startswith(".")}:
         shutil.rmtree(folder / top, ignore_errors=True)  # with files that no longer exist
@@ -95,8 +87,7 @@ def renew_project(folder: Path) -> None:
 
 def project_files() -> list[str]:
     """Return what git tracks or would track, as paths from the project's root."""
-    listing = git("ls-files", "-z", "--cached", "--others", "--exclude-standard")
-    listed = filter(None, listing.split("\0"))
+    listed = git("ls-files", "-z", "--cached", "--others", "--exclude-standard").split("\0")
     return [name for name in listed if (PROJECT_ROOT / name).is_file()]  # not deleted since
 
 
@@ -104,7 +95,7 @@ def git(*arguments: str) -> str:
     """Return what git prints of the project.
 
     Raises:
-        InputError: It is no repository of this user's, or git refuses; git's message says why.
+        InputError: git refuses, as where the repository is not this user's.
     """
     done = subprocess.run(
         ["git", *arguments], cwd=PROJECT_ROOT, encoding="utf-8", capture_output=True

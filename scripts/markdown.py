@@ -49,11 +49,9 @@ def claim_table(claims: Iterable[dict[str, Any]]) -> str:
 
 
 def replication_table(first: dict[str, Any], again: dict[str, Any]) -> str:
-    """Return the verdicts of the default beside those on other seeds.
+    """Return verdicts on the default's seeds beside those on other seeds.
 
-    Args:
-        first: What `publish.everything` returns of the default.
-        again: The same of `presets/replicate`.
+    Both are what `publish.everything` returns.
     """
     rows = []
     for key in ("claims", "robustness"):
@@ -67,11 +65,7 @@ def _verdict(claim: dict[str, Any]) -> list[str]:
 
 
 def printed_table(printed: dict[str, Any]) -> str:
-    """Return the article's printed values beside ours.
-
-    Args:
-        printed: The value of that key in `results/article.json`.
-    """
+    """Return the article's printed values beside ours, as `results/article.json` has them."""
     values = {
         "DQN's test, total of 1,000 steps": printed["dqn"],
         "SAC's test, total of 1,000 steps": printed["sac"],
@@ -81,32 +75,27 @@ def printed_table(printed: dict[str, Any]) -> str:
     rows = []
     for name, value in values.items():
         median = style.estimate(value["median"], value["low"], value["high"], len(value["ours"]))
-        tests, chance = value["tests"], value["probability"]
-        interval = style.percents(chance["low"], chance["high"])
-        reached = f"{sum(tests['reached'])} of {len(tests['reached']) * tests['each']:,}"
-        shares = f"{reached}: {style.percent(chance['value'])} [{interval}] %"
-        p, verdict = style.p_value(chance["p"]), VERDICTS[value["reproduced"]]
-        rows.append([name, style.number(value["value"]), median, shares, p, verdict])
+        p, verdict = style.p_value(value["probability"]["p"]), VERDICTS[value["reproduced"]]
+        rows.append([name, style.number(value["value"]), median, _share(value), p, verdict])
     if control := printed["dqn"].get("control"):
-        share = {name: style.percent(value) for name, value in control["probability"].items()}
-        reached = f"{sum(control['tests']['reached'])} of {control['tests']['each']:,}"
-        cells = [f"always command {control['command']}, tested as DQN"]
-        cells += [
-            style.number(printed["dqn"]["value"]),
-            f"mean {style.number(control['mean'])}",
-        ]
-        cells += [f"{reached}: {share['value']} [{share['low']}–{share['high']}] %", "", ""]
-        rows.append(cells)
+        name, mean = f"always command {control['command']}, tested as DQN", control["mean"]
+        target = style.number(printed["dqn"]["value"])
+        rows.append([name, target, f"mean {style.number(mean)}", _share(control), "", ""])
     headings = ["value", "printed", "ours, median of the seeds", "tests as far out"]
     return table([*headings, "p", "reproduced"], rows)
 
 
-def tuning_table(searches: Sequence[dict[str, Any]]) -> str:
-    """Return what searches for settings came to.
+def _share(value: dict[str, Any]) -> str:
+    """Return how many tests reached a printed value, and the probability [%] with its interval."""
+    reached, each = value["tests"]["reached"], value["tests"]["each"]
+    chance = value["probability"]
+    interval = style.percents(chance["low"], chance["high"])
+    of = f"{sum(reached)} of {len(reached) * each:,}"
+    return f"{of}: {style.percent(chance['value'])} [{interval}] %"
 
-    Args:
-        searches: Summaries of `results/tuning/`, with those of controls.
-    """
+
+def tuning_table(searches: Sequence[dict[str, Any]]) -> str:
+    """Return what searches for settings found, from summaries with those of controls."""
     rows = []
     for search in searches:
         if "verdict" not in search:
@@ -134,10 +123,7 @@ def _number(value: float | None) -> str:
 
 
 def published_table(root: Path) -> str:
-    """Return SAC's returns in validation beside published ones.
-
-    Args:
-        root: The project's folder, with the models of `presets/run`.
+    """Return SAC's returns in validation, from a run of `presets/run`, beside published ones.
 
     Raises:
         InputError: SAC was not validated at these numbers of control steps.
@@ -159,10 +145,9 @@ def published_table(root: Path) -> str:
 
 
 def kept_table(withstood: dict[str, Any]) -> str:
-    """Return what agents keep of their return under each perturbation.
+    """Return the share [%] of its return that each agent keeps at a perturbation's last level.
 
-    Of each agent the share at the most severe level, in per cent, and the level from which on a
-    metronome is ahead by more than the margin.
+    A level from which on a metronome is ahead by more than the margin stands beside it.
     """
     agents = withstood["agents"]
     rows = []

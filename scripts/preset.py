@@ -2,9 +2,9 @@
 
 Usage: python -m scripts.preset NAME [STAGE ...] (`make preset`)
 
-The copy is `.presets/NAME/`, a whole project: `make ui` and `make view` work in it. The project's
-own results do not change. A stopped run resumes from its checkpoints. A copy has one run at a time.
-Seeds that the project or another copy has trained alike are not trained again.
+The copy is `.presets/NAME/`, a whole project: `make ui` and `make view` work in it. The results in
+this folder do not change. A stopped run resumes from its checkpoints. Seeds that the project or
+another copy has trained alike are not trained again.
 """
 
 import os
@@ -56,12 +56,7 @@ def main() -> None:
 
 
 def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
-    """Run the pipeline in a copy of the project, resuming an earlier run.
-
-    Args:
-        folder: Folder of the copy.
-        params: Its parameters.
-        targets: Stages to run, with those that they need; all by default.
+    """Run stages, by default all, with parameters in a copy's folder, resuming an earlier run.
 
     Raises:
         InputError: Another process does so.
@@ -78,10 +73,12 @@ def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
         _share_trainings(folder, params)
         copy = Checkout(folder)
         copy.write_params(params)
-        with _interrupts_noted() as interrupts:  # DVC gets them, too, and saves a last checkpoint
-            called = ["python", "-m", "scripts.repro", *targets]
-            # It holds the lock, too: a kill of this process alone leaves the pipeline running.
-            done = subprocess.run(called, cwd=folder, env=copy.environment, pass_fds=[lock])
+        interrupts: list[int] = []  # DVC gets them, too, and saves a last checkpoint
+        before = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+        called = ["python", "-m", "scripts.repro", *targets]
+        # It holds the lock, too: a kill of this process alone leaves the pipeline running.
+        done = subprocess.run(called, cwd=folder, env=copy.environment, pass_fds=[lock])
+        signal.signal(signal.SIGINT, before)
     if interrupts:
         raise StoppedError("the same command resumes from the last checkpoints")
     if done.returncode:
@@ -104,11 +101,7 @@ def _share_trainings(folder: Path, params: Params) -> None:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[int]:
-    """Keep other processes from a copy: each would replace the code that the other runs.
-
-    Yields:
-        The descriptor of the lock, which every process that has it open holds.
-    """
+    """Keep others from a copy, whose code they would replace; yield the lock's descriptor."""
     path = folder / ".dvc" / "tmp" / "preset.lock"
     path.parent.mkdir(parents=True, exist_ok=True)
     held: list[int] = []
@@ -119,17 +112,6 @@ def _alone(folder: Path) -> Iterator[int]:
         raise InputError(
             f"{folder}: another process runs this preset; wait for its end, or stop it"
         ) from error
-
-
-@contextmanager
-def _interrupts_noted() -> Iterator[list[int]]:
-    """Have Ctrl-C append to a list instead of raising KeyboardInterrupt."""
-    interrupts: list[int] = []
-    previous = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
-    try:
-        yield interrupts
-    finally:
-        signal.signal(signal.SIGINT, previous)
 
 
 if __name__ == "__main__":

@@ -2,13 +2,11 @@
 
 Usage: python -m scripts.publish [PRESET]
 
-`SECTIONS` says what is written for each preset, from its run in .presets/ (`make preset`) or, for
-`default`, in this folder. `tuning` is what results/tuning/ says of the searches for settings. For
-some presets the comparison is copied into results/ first, and its figures into docs/images/.
+The results are of the preset's run in .presets/ (`make preset`) or, for `default`, of this folder;
+`tuning` takes those in results/tuning/. Some comparisons are copied into results/ first, and their
+figures into docs/images/.
 """
 
-from collections import ChainMap
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +19,19 @@ from jumping_ant.tracking import descriptions
 from scripts import animation, markdown
 from scripts.preset import folder_of
 
-DOCS = PROJECT_ROOT / "docs"
-README = PROJECT_ROOT / "README.md"
-RESULTS = PROJECT_ROOT / "results"
-RESULTS_PAGE = DOCS / "results.md"
-TABLES = DOCS / "tables.md"
+DOCS, RESULTS = PROJECT_ROOT / "docs", PROJECT_ROOT / "results"
+README, TABLES = PROJECT_ROOT / "README.md", DOCS / "tables.md"
 COMPARISONS = {name: RESULTS / f"{name}.json" for name in ("families", "thesis")}  # in git
 REPLICATION = RESULTS / "replicate.json"
 FINALS = DOCS / "published" / "ant_v4.csv"
-CURVES_AND_RETURNS = ("learning_curves", "final_return")
+SECTIONS = [
+    *("default", "ablations", "article", "run", "hopper", "families", "thesis", "replicate"),
+    "tuning",  # is no preset
+]
+WITHOUT_CLAIMS = ("run", "hopper")  # the article makes none for these tasks
 FIGURES = {  # of results/figures/, for docs/images/
-    "default": CURVES_AND_RETURNS,
-    "families": CURVES_AND_RETURNS,
+    "default": ("learning_curves", "final_return"),
+    "families": ("learning_curves", "final_return"),
     "thesis": ("final_return",),
 }
 Sections = dict[tuple[Path, str], str]  # what documents say, by document and mark
@@ -71,87 +70,52 @@ def everything(root: Path) -> dict[str, Any]:
 
 def sections(preset: str) -> Sections:
     """Return what documents say of a preset that has been run."""
-    return dict(ChainMap(*(write(preset) for write in SECTIONS[preset])))
+    if preset == "replicate":
+        first, again = everything(PROJECT_ROOT), _read(REPLICATION)
+        return {(TABLES, preset): markdown.replication_table(first, again)}
+    if preset == "tuning":
+        searches = [_read(path) for path in sorted((RESULTS / "tuning").glob("*.json"))]
+        return {(TABLES, preset): markdown.tuning_table(searches)}
+    compared = _read(COMPARISONS[preset]) if preset in COMPARISONS else results(_folder(preset))
+    agents = "\n".join(descriptions.agent_table(compared["agents"]))
+    claims = markdown.claim_table(compared["claims"])
+    if preset == "default":
+        withstood = _read(Paths().robustness)
+        verdicts = markdown.claim_table(withstood["claims"])
+        return {
+            (README, "ranking"): agents,
+            (DOCS / "results.md", preset): claims,
+            (TABLES, "robustness"): f"{markdown.kept_table(withstood)}\n\n{verdicts}",
+        }
+    found = {(TABLES, preset): agents if preset in WITHOUT_CLAIMS else f"{agents}\n{claims}"}
+    if preset == "article":
+        found |= printed()
+    if preset == "run":
+        found |= {(TABLES, "published"): markdown.published_table(_folder(preset))} | finals()
+    return found
 
 
-def committed_sections() -> Sections:
-    """Return what documents say of results that are in git."""
-    presets = ("default", *COMPARISONS, "replicate", "tuning")
-    return dict(ChainMap(printed("article"), finals("run"), *map(sections, presets)))
-
-
-def comparison(preset: str) -> Sections:
-    """Return the ranking of a preset's agents, and its claims."""
-    verdicts = markdown.claim_table(_compared(preset)["claims"])
-    return {place: f"{agents}\n{verdicts}" for place, agents in ranking(preset).items()}
-
-
-def ranking(preset: str) -> Sections:
-    """Return the ranking of a preset's agents."""
-    agents = "\n".join(descriptions.agent_table(_compared(preset)["agents"]))
-    return {(README, "ranking") if preset == "default" else (TABLES, preset): agents}
-
-
-def claims(preset: str) -> Sections:
-    """Return the verdicts on the default's claims."""
-    return {(RESULTS_PAGE, preset): markdown.claim_table(_compared(preset)["claims"])}
-
-
-def robustness(preset: str) -> Sections:
-    """Return what the agents keep of their return under perturbations, and the claims on it."""
-    withstood = _read(Paths(_folder(preset)).robustness)
-    verdicts = markdown.claim_table(withstood["claims"])
-    return {(TABLES, "robustness"): f"{markdown.kept_table(withstood)}\n\n{verdicts}"}
-
-
-def printed(_: str) -> Sections:
+def printed() -> Sections:
     """Return the article's printed values beside ours, from results/article.json."""
     table = markdown.printed_table(_read(RESULTS / "article.json")["printed"])
     return {(DOCS / "article.md", "printed"): table}
 
 
-def published(preset: str) -> Sections:
-    """Return SAC's returns beside published ones."""
-    return {(TABLES, "published"): markdown.published_table(_folder(preset))}
-
-
-def finals(_: str) -> Sections:
+def finals() -> Sections:
     """Return published returns on Ant-v4."""
     return {(TABLES, "finals"): markdown.finals_table(FINALS)}
 
 
-def replication(preset: str) -> Sections:
-    """Return the verdicts of the default beside those on other seeds."""
-    table = markdown.replication_table(everything(PROJECT_ROOT), _read(REPLICATION))
-    return {(TABLES, preset): table}
-
-
-def tuning(preset: str) -> Sections:
-    """Return what the searches for settings found."""
-    searches = [_read(path) for path in sorted((RESULTS / "tuning").glob("*.json"))]
-    return {(TABLES, preset): markdown.tuning_table(searches)}
-
-
-SECTIONS: dict[str, list[Callable[[str], Sections]]] = {
-    "default": [ranking, claims, robustness],
-    "ablations": [comparison],
-    "article": [comparison, printed],
-    "run": [ranking, published, finals],  # the article makes no claims for this task or hopper's
-    "hopper": [ranking],
-    "families": [comparison],
-    "replicate": [replication],
-    "thesis": [comparison],
-    "tuning": [tuning],
-}
+def committed_sections() -> Sections:
+    """Return what documents say of results that are in git."""
+    found = printed() | finals()
+    for preset in ("default", *COMPARISONS, "replicate", "tuning"):
+        found |= sections(preset)
+    return found
 
 
 def _folder(preset: str) -> Path:
     return PROJECT_ROOT if preset == "default" else folder_of(preset)
-
-
-def _compared(preset: str) -> dict[str, Any]:
-    """Return a preset's comparison: where it is in git, that one."""
-    return _read(COMPARISONS[preset]) if preset in COMPARISONS else results(_folder(preset))
 
 
 def _read(path: Path) -> Any:

@@ -12,7 +12,6 @@ import random
 import sys
 import time
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -24,13 +23,12 @@ from soak import project as projects
 from soak.faults import Faults
 from soak.kills import Killer
 from soak.operations import DVC_STAGE, TARGETS
-from soak.project import AGENT
+from soak.project import AGENT, Count
 
 PATH = PROJECT_ROOT / "results" / "soak.json"
 PARTS = ("kills", "faults", "bad_inputs", "mutations", "operations", "records")
 SECTIONS = ("kills", "faults", "bad_inputs", "payloads", "mutations", "operations", "records")
 MUTATIONS = 500  # changed versions of each file
-INPUTS = 5  # cut versions of each file
 OPERATIONS_SECONDS = 25.0  # for each stage and kind of interruption
 
 Figures = dict[str, Any]
@@ -39,38 +37,34 @@ Figures = dict[str, Any]
 def main() -> None:
     """Parse the command line, run the parts, and exit with 1 if anything went wrong."""
     parser = command_line.parser(__doc__, "python -m soak")
-    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
+    parser.add_argument("parts", nargs="*", metavar="PART", choices=PARTS, help=", ".join(PARTS))
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    parts = arguments.parts or PARTS
-    unknown = set(parts) - set(PARTS)
-    if unknown:
-        parser.error(f"given {sorted(unknown)}, allowed: {', '.join(PARTS)}")
+    options = parser.parse_args()
+    parts = options.parts or PARTS
     started = time.monotonic()
-    deadline = started + 60 * arguments.minutes
     figures: Figures = {}
     troubles: list[str] = []
-    generator = random.Random(arguments.seed)
+    generator = random.Random(options.seed)
     with checkout() as project:
         projects.prepare(project)
         if "bad_inputs" in parts:
-            figures |= give_bad_inputs(project, generator, troubles)
+            figures["bad_inputs"] = inputs.give(project, generator, troubles)
         if "mutations" in parts:
-            figures |= change_files(project, arguments.seed, troubles)
+            figures |= change_files(project, options.seed, troubles)
         if "operations" in parts:
-            figures |= interrupt_operations(project, arguments.seed, troubles)
+            figures |= interrupt_operations(project, options.seed, troubles)
         if "records" in parts:
             figures["records"] = records.keep(project, generator, troubles)
             project.write_params(projects.settings())
+        deadline = started + 60 * options.minutes
         figures |= disturb_trainings(project, generator, deadline, parts, troubles)
-    minutes = (time.monotonic() - started) / 60
-    figures = {"minutes": round(minutes, 1)} | {name: figures.get(name, {}) for name in SECTIONS}
-    if arguments.parts and PATH.exists():
+    minutes = round((time.monotonic() - started) / 60, 1)
+    figures = {"minutes": minutes} | {name: figures.get(name, {}) for name in SECTIONS}
+    if options.parts and PATH.exists():
         figures = added(json.loads(PATH.read_text(encoding="utf-8")), figures)
     write_json(PATH, figures)
-    print(json.dumps(figures, indent=2))
-    print("\n".join(troubles))
+    print(json.dumps(figures, indent=2), *troubles, sep="\n")
     raise SystemExit(bool(troubles))
 
 
@@ -84,32 +78,13 @@ def added(stored: Figures, new: Figures) -> Figures:
     }
 
 
-def give_bad_inputs(
-    project: Checkout, generator: random.Random, troubles: list[str], each: int = INPUTS
-) -> Figures:
-    """Give the stages files that are cut short; add unclear answers to the troubles."""
-    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
-    figures: Figures = {}
-    for _ in range(each):
-        own = asdict(inputs.give(project, generator))
-        troubles += own.pop("troubles")
-        figures = added(figures, {"bad_inputs": own})
-    return figures
-
-
 def change_files(
     project: Checkout, seed: int, troubles: list[str], each: int = MUTATIONS
 ) -> Figures:
     """Change every kind of file; add what is not answered clearly, or runs, to the troubles."""
     project.write_params(projects.settings_of(*mutations.AGENTS))
     mutations.prepare(project)
-    options = ("--seed", str(seed), "--each", str(each))
-    figures = _run(project, troubles, "soak.mutations", str(project.folder), *options)
-    for name, own in figures.get("mutations", {}).items():
-        troubles += [f"{name}: {line}" for line in own.pop("troubles")]
-    if figures.get("payloads", {}).get("executed"):
-        troubles.append(f"code ran: {figures['payloads']}")
-    return figures
+    return _run(project, troubles, "mutations", str(project.folder), str(seed), str(each))
 
 
 def interrupt_operations(
@@ -122,23 +97,19 @@ def interrupt_operations(
     """Interrupt operations on files; add what was not survived to the troubles."""
     project.write_params(projects.settings_of(AGENT))
     project.seconds("dvc", "repro", DVC_STAGE, *(set(targets) - {"dvc"}))
-    options = ("--seconds", str(seconds), "--seed", str(seed))
-    counts = _run(project, troubles, "soak.operations", AGENT, *targets, *options)
-    for kinds in counts.values():
-        for own in kinds.values():
-            troubles += own.pop("troubles")
-    return {"operations": counts}
+    return _run(project, troubles, "operations", AGENT, str(seed), str(seconds), *targets)
 
 
 def _run(project: Checkout, troubles: list[str], module: str, *arguments: str) -> Figures:
-    """Run a module that prints counts in the project, whose parameters it then puts back."""
-    done = project.run(sys.executable, "-m", module, *arguments)
+    """Run a module that prints figures in the project, whose parameters it then puts back."""
+    done = project.run(sys.executable, "-m", f"soak.{module}", *arguments)
     project.write_params(projects.settings())
     if done.returncode:
         troubles.append(f"{module} ended with {done.returncode}: {done.stderr[-2000:]}")
         return {}
-    print(f"{module} is done", flush=True)
+    print(f"{module}: done", flush=True)
     figures: Figures = json.loads(done.stdout)
+    troubles += figures.pop("troubles")
     return figures
 
 
@@ -150,32 +121,28 @@ def disturb_trainings(
     troubles: list[str],
 ) -> Figures:
     """Kill trainings and cause faults in turn until a deadline, each kind at least once."""
-    kinds: dict[str, dict[str, Callable[[], None]]] = {}
-    counts: dict[str, dict[str, Any]] = {}
+    kinds: dict[str, dict[str, tuple[Callable[[], None], Count]]] = {}
     if "kills" in parts:
         killers = {agent: Killer(project, agent, generator) for agent in projects.LEARNERS}
-        kinds["kills"] = {agent: killer.once for agent, killer in killers.items()}
-        counts["kills"] = {agent: killer.count for agent, killer in killers.items()}
+        kinds["kills"] = {agent: (killer.once, killer.count) for agent, killer in killers.items()}
     if "faults" in parts:
-        faults = Faults(project, generator)
-        kinds["faults"] = {name: partial(faults.once, name) for name in faults.counts}
-        counts["faults"] = faults.counts
+        counts = (faults := Faults(project, generator)).counts
+        kinds["faults"] = {name: (partial(faults.once, name), counts[name]) for name in counts}
     least = max((len(kind) for kind in kinds.values()), default=0)
     for number in itertools.count():
-        if not kinds or (number >= least and time.monotonic() > deadline):
+        if number >= least and (not kinds or time.monotonic() > deadline):
             break
-        for part, kind in kinds.items():
+        for kind in kinds.values():
             name = list(kind)[number % len(kind)]
-            kind[name]()
-            print(f"{name}: {counts[part][name]}", flush=True)
-    figures = {
-        part: {name: asdict(count) for name, count in own.items()} for part, own in counts.items()
-    }
-    for part, own in figures.items():
-        for name, (done, survived) in ((name, count.values()) for name, count in own.items()):
+            disturb, count = kind[name]
+            disturb()
+            print(f"{name}: {count}", flush=True)
+    for part, kind in kinds.items():
+        for name, (_, count) in kind.items():
+            done, survived = count.values()
             if survived < done:
                 troubles.append(f"{part}: {name}: {survived} of {done} survived")
-    return figures
+    return {part: {name: count for name, (_, count) in kinds[part].items()} for part in kinds}
 
 
 if __name__ == "__main__":

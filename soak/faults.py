@@ -1,10 +1,8 @@
 """Faults of what surrounds a training while it runs: a signal, its follower, its MLflow server.
 
-A fault is survived if the models have the same bytes as without it. Faults of single parts are at
-home in their tests.
+A fault is survived if the models have the same bytes as without it.
 """
 
-import hashlib
 import os
 import random
 import shutil
@@ -13,7 +11,6 @@ import socket
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
 
 from scripts.checkout import Checkout
 from soak import project as projects
@@ -23,24 +20,8 @@ TRAIN = (sys.executable, "-m", "stages.train", AGENT)
 MOST_SECONDS = 8.0  # until a signal; a training takes about as long
 
 
-@dataclass
-class Count:
-    """Times a fault was caused, and times it was survived."""
-
-    injected: int = 0
-    survived: int = 0
-
-
 class Faults:
-    """Causes faults while a project trains.
-
-    Args:
-        project: A throw-away copy that has been prepared.
-        generator: Decides when faults occur.
-
-    Attributes:
-        counts: Counts of each fault, by name.
-    """
+    """Causes faults while a prepared project trains, and counts them by name."""
 
     def __init__(self, project: Checkout, generator: random.Random) -> None:
         self._project = project
@@ -51,23 +32,23 @@ class Faults:
             "follower_killed": self._follower_killed,
             "mlflow_slow": self._mlflow_slow,
         }
-        self.counts = {name: Count() for name in self._kinds}
+        self.counts = {name: {"injected": 0, "survived": 0} for name in self._kinds}
         project.seconds(*TRAIN)
-        self._expected = self._digest()
+        self._expected = projects.digests(project, AGENT)
 
     def once(self, name: str) -> None:
         """Train from scratch with a fault, and count whether it was survived."""
         shutil.rmtree(self._project.folder / ".checkpoints", ignore_errors=True)
         self._log.unlink(missing_ok=True)
-        self.counts[name].injected += 1
+        self.counts[name]["injected"] += 1
         after = 600 if name == "interrupt" else 0
         # Workers are for `soak.kills` to disturb.
         self._project.write_params(projects.settings(workers=1, live_after_seconds=after))
         is_done = self._kinds[name]()
-        is_told_clearly = "Traceback" not in self._log.read_text(encoding="utf-8")
-        is_same = self._digest() == self._expected
+        is_clear = "Traceback" not in self._log.read_text(encoding="utf-8")
+        is_same = projects.digests(self._project, AGENT) == self._expected
         self._project.write_params(projects.settings())
-        self.counts[name].survived += is_done and is_told_clearly and is_same
+        self.counts[name]["survived"] += is_done and is_clear and is_same
 
     def _interrupt(self) -> bool:
         """Press Ctrl-C at any time; the next run resumes."""
@@ -82,7 +63,7 @@ class Faults:
         process = self._train()
         projects.await_checkpoint(self._project, AGENT, process)
         everybody = projects.family(process)
-        projects.kill([one for one in everybody if "follow" in projects.command_line(one)])
+        projects.kill([each for each in everybody if "follow" in projects.command_line(each)])
         is_trained = process.wait() == 0
         tracked = self._project.run(sys.executable, "-m", "stages.track")
         return is_trained and tracked.returncode == 0
@@ -95,10 +76,3 @@ class Faults:
 
     def _train(self, **variables: str) -> subprocess.Popen[bytes]:
         return projects.start(self._project, *TRAIN, log=self._log, **variables)
-
-    def _digest(self) -> str:
-        """Return a digest of the agent's models."""
-        whole = hashlib.sha256()
-        for path in sorted((self._project.folder / "models" / AGENT).rglob("*.*")):
-            whole.update(path.name.encode() + path.read_bytes())
-        return whole.hexdigest()

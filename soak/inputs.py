@@ -7,9 +7,9 @@ import random
 import sys
 
 from scripts.checkout import Checkout
-from soak.mutations import Count
-from soak.project import AGENT
+from soak.project import AGENT, Count
 
+EACH = 5  # cut versions of each file
 INPUTS = [  # file, what the error names, the stage that reads the file
     ("params.yaml", "params.yaml", ("build",)),
     ("assets/edited.xml", "robot XML", ("train", "dqn")),
@@ -19,15 +19,13 @@ INPUTS = [  # file, what the error names, the stage that reads the file
 LEAST_CUT = 100  # [bytes]
 
 
-def give(project: Checkout, generator: random.Random) -> Count:
-    """Give each stage a file cut at a random place.
-
-    Args:
-        project: A throw-away copy in which the agent is evaluated.
-        generator: Decides where to cut.
-    """
-    count = Count()
-    for name, named, (stage, *arguments) in INPUTS:
+def give(
+    project: Checkout, generator: random.Random, troubles: list[str], each: int = EACH
+) -> Count:
+    """Evaluate an agent, then give stages files cut at random; add unclear answers to troubles."""
+    project.seconds("dvc", "repro", f"evaluate@{AGENT}")
+    count = {"tried": 0, "clear": 0}
+    for name, named, (stage, *arguments) in each * INPUTS:
         path = project.folder / name
         before = path.read_bytes()
         place = generator.randrange(len(before) - LEAST_CUT)
@@ -35,11 +33,11 @@ def give(project: Checkout, generator: random.Random) -> Count:
         path.write_bytes(before[:place])
         done = project.run(sys.executable, "-m", f"stages.{stage}", *arguments)
         path.write_bytes(before)
-        told = done.stdout + done.stderr
-        is_refused = done.returncode == 2 and "Traceback" not in told
-        is_clear = is_refused and "error: " in told and named in told
-        count.tried += 1
-        count.clear += is_clear
+        answer = done.stdout + done.stderr
+        is_refused = done.returncode == 2 and "Traceback" not in answer
+        is_clear = is_refused and "error: " in answer and named in answer
+        count["tried"] += 1
+        count["clear"] += is_clear
         if not is_clear:
-            count.troubles.append(f"{name} cut at {place}: {done.returncode}: {told[-2000:]}")
+            troubles.append(f"{name} cut at {place}: {done.returncode}: {answer[-2000:]}")
     return count

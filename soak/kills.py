@@ -7,7 +7,6 @@ import random
 import shutil
 import subprocess
 import time
-from dataclasses import dataclass
 
 import psutil  # type: ignore[import-untyped]
 
@@ -18,28 +17,13 @@ AFTER_A_CHECKPOINT = 0.8  # share of kills; much of a short training is its star
 REPRO = ("dvc", "repro", "--single-item", "--no-run-cache")
 
 
-@dataclass
-class Count:
-    """Kills of an agent's trainings, and those that changed no byte of the results."""
-
-    killed: int = 0
-    identical: int = 0
-
-
 class Killer:
-    """Kills the trainings of one agent.
-
-    Args:
-        project: The project to train in.
-        agent: The agent's name.
-        generator: Decides when, how often and which processes to kill.
-        most: Kills in a row.
-    """
+    """Kills an agent's trainings, each up to `most` times; counts kills that changed no byte."""
 
     def __init__(
         self, project: Checkout, agent: str, generator: random.Random, most: int = 4
     ) -> None:
-        self.count = Count()
+        self.count = {"killed": 0, "identical": 0}
         self.log = project.folder / f"{agent}.log"
         self._project = project
         self._agent = agent
@@ -52,14 +36,10 @@ class Killer:
         process.wait()
         self._seconds = time.monotonic() - started
         self._training_seconds = time.monotonic() - first
-        self._expected = projects.recorded_digest(project, agent)
+        self._expected = projects.digests(project, agent)
 
     def once(self) -> None:
-        """Train once, with several kills on the way.
-
-        Raises:
-            RuntimeError: The training fails although it is no longer killed.
-        """
+        """Train once, with several kills on the way."""
         kills = 0
         wanted = self._generator.randint(1, self._most)
         while kills < wanted:
@@ -76,17 +56,15 @@ class Killer:
             process.wait()
         if process.returncode:
             raise RuntimeError(f"train@{self._agent} fails after a kill; see {self.log}")
-        self.count.killed += kills
-        if projects.recorded_digest(self._project, self._agent) == self._expected:
-            self.count.identical += kills
+        is_same = projects.digests(self._project, self._agent) == self._expected
+        self.count["killed"] += kills
+        self.count["identical"] += kills if is_same else 0
 
     def _moment(self, process: subprocess.Popen[bytes]) -> float:
         """Return the seconds until the kill: mostly after a checkpoint, otherwise at any time."""
         if self._generator.random() > AFTER_A_CHECKPOINT:
             return self._generator.uniform(0, self._seconds)
-        before = projects.checkpoints(self._project, self._agent)
-        newest = int(before[-1].suffixes[-2][1:]) if before else 0
-        projects.await_checkpoint(self._project, self._agent, process, after=newest)
+        projects.await_checkpoint(self._project, self._agent, process)
         return self._generator.uniform(0, 0.4 * self._training_seconds)
 
     def _repro(self, *, anew: bool = False) -> subprocess.Popen[bytes]:
@@ -97,7 +75,7 @@ class Killer:
         return projects.start(self._project, *command, log=self.log)
 
     def _victims(self, process: subprocess.Popen[bytes]) -> list[psutil.Process]:
-        """Return which processes to kill: all, or only the training, whose end DVC then sees."""
+        """Return which processes to kill: all, or the training alone, whose end DVC then sees."""
         everybody = projects.family(process)
         if self._generator.random() < 0.5:
             return everybody

@@ -1,14 +1,13 @@
 """Flipped bytes, and code, in every kind of file that the project reads.
 
-Usage: python -m soak.mutations FOLDER [--seed SEED] [--each COUNT]
+Usage: python -m soak.mutations FOLDER SEED COUNT
 
-The folder is the project that this process runs from, in which `AGENTS` are trained. A changed file
-may still be read, or is refused as bad input; nothing else may happen. The stage `compare` runs
-with each changed table, and draws it; with few changes, with one. Each reading has limits of time
-and memory. The counts are printed as JSON.
+The folder is the project that this process runs from, in which `AGENTS` are trained. Of each file
+there are so many changed versions: it may be read, or refused as bad input; nothing else may
+happen. The stage `compare` draws fewer changed tables. Each reading has limits of time and memory.
+The figures are printed as JSON.
 """
 
-import argparse
 import importlib
 import itertools
 import json
@@ -19,9 +18,10 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
+
+import psutil  # type: ignore[import-untyped]
 
 from jumping_ant.agents.imitation.demonstrations import Demonstrations
 from jumping_ant.base.errors import InputError
@@ -38,6 +38,7 @@ from jumping_ant.training import driver
 from jumping_ant.training.checkpoints import Saved, owner_of
 from scripts.checkout import Checkout
 from soak import payloads
+from soak.project import Count
 
 AGENTS = ("dqn", "sac", "pgpe")
 EVALUATED = "pgpe"
@@ -50,61 +51,51 @@ BYTES = 2 * 2**30
 Read = Callable[[], object]
 
 
-@dataclass
-class Count:
-    """Files changed, those answered as they should be, and what happened to the others."""
-
-    tried: int = 0
-    clear: int = 0
-    troubles: list[str] = field(default_factory=list)
-
-
 def main() -> None:
-    """Parse the command line, try all readers, and print the counts."""
-    parser = argparse.ArgumentParser(prog="python -m soak.mutations")
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--each", type=int, default=500, help="changed versions of each file")
-    arguments = parser.parse_args()
-    generator = random.Random(arguments.seed)
+    """Try all readers with changed files, and print the figures."""
+    root, seed, each = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    generator = random.Random(seed)
     for stage, agent in itertools.product(("evaluate", "robustness"), AGENTS):
         run_stage(stage, agent)
     run_stage("compare")
     counts: dict[str, Count] = {}
-    planted = payloads.Count()
+    planted = {"planted": 0, "executed": 0}
+    troubles: list[str] = []
+
+    def read_changed(path: Path, read: Read, changes: Iterable[bytes]) -> None:
+        """Read changed versions of a file, and put it back."""
+        name, content = str(path.relative_to(root)), path.read_bytes()
+        print(name, file=sys.stderr)
+        count = counts.setdefault(name, {"tried": 0, "clear": 0})
+        for changed in changes:
+            path.unlink()  # DVC may have linked it
+            path.write_bytes(changed)
+            trouble = _trouble(read)
+            count["tried"] += 1
+            count["clear"] += not trouble
+            troubles.extend([f"{name}: {trouble}"] if trouble else [])
+        path.unlink()
+        path.write_bytes(content)
+
     with tempfile.TemporaryDirectory() as folder:
-        for path, read in readers(arguments.folder):
-            changes = flips(path.read_bytes(), generator, arguments.each)
-            read_changed(path, read, changes, _count(counts, arguments.folder, path))
+        for path, read in readers(root):
+            read_changed(path, read, flips(path.read_bytes(), generator, each))
             payloads.plant(path, read, Path(folder) / "executed", planted)
-    few = arguments.each // FEWER
+    few = each // FEWER
     # Most of the others are changed by tests/comparison/test_tables.py, without drawing.
-    for path in drawn(arguments.folder)[: None if few else 1]:
+    for path in drawn(root)[: None if few else 1]:
         content = path.read_bytes()
         others = extremes(content, generator, max(1, few))
         changes = itertools.chain(flips(content, generator, few), others)
-        draw = partial(run_stage, "compare")
-        read_changed(path, draw, changes, _count(counts, arguments.folder, path))
-    found = {name: asdict(count) for name, count in counts.items()}
-    print(json.dumps({"mutations": found, "payloads": asdict(planted)}))
-
-
-def _count(counts: dict[str, Count], folder: Path, path: Path) -> Count:
-    """Return the count of a file, and tell which one it is."""
-    name = str(path.relative_to(folder))
-    print(name, file=sys.stderr)
-    return counts.setdefault(name, Count())
+        read_changed(path, partial(run_stage, "compare"), changes)
+    troubles += ["code ran"] * planted["executed"]
+    print(json.dumps({"mutations": counts, "payloads": planted, "troubles": troubles}))
 
 
 def run_stage(stage: str, *arguments: str) -> None:
     """Run a stage in this process."""
-    module = importlib.import_module(f"stages.{stage}")
-    before = sys.argv
     sys.argv = [stage, *arguments]
-    try:
-        module.main()
-    finally:
-        sys.argv = before
+    importlib.import_module(f"stages.{stage}").main()
 
 
 def prepare(project: Checkout) -> None:
@@ -121,8 +112,7 @@ def readers(root: Path) -> Iterator[tuple[Path, Read]]:
     one = params.model_copy(update={"agents": {EVALUATED: params.agent(EVALUATED)}})
     seed = params.seeds[0]
     yield paths.params, partial(params_file.load, paths.params)
-    own = root / "robots" / "tripod.xml"
-    yield own, partial(_build, root, params, f"robots/{own.name}")
+    yield root / "robots" / "tripod.xml", partial(_build, root, params, "robots/tripod.xml")
     yield paths.assets / robot.FILES["edited"], partial(_simulate, root, params)
     for agent in AGENTS:
         policy = paths.agent(agent).seed(seed).policy
@@ -145,28 +135,6 @@ def drawn(root: Path) -> list[Path]:
     return [curve, evaluated.episodes, evaluated.variants, Paths(root).perturbed(EVALUATED)]
 
 
-def read_changed(path: Path, read: Read, changes: Iterable[bytes], count: Count) -> None:
-    """Read changed versions of a file, and put it back.
-
-    Args:
-        path: The file.
-        read: What reads it.
-        changes: The versions.
-        count: Counts them.
-    """
-    content = path.read_bytes()
-    try:
-        for changed in changes:
-            path.unlink()  # DVC may have linked it
-            path.write_bytes(changed)
-            trouble = _trouble(read)
-            count.tried += 1
-            count.clear += not trouble
-            count.troubles += [trouble] if trouble else []
-    finally:
-        path.write_bytes(content)
-
-
 def _trouble(read: Read) -> str:
     """Return what is wrong with how a changed file is read, nothing if it is as it should be."""
     try:
@@ -183,32 +151,28 @@ def _trouble(read: Read) -> str:
 
 
 def flips(content: bytes, generator: random.Random, count: int) -> Iterator[bytes]:
-    """Yield versions of a file with some bytes changed."""
+    """Yield versions of a file with some bytes changed, cut, or with a part repeated."""
     for _ in range(count):
-        yield _changed(content, generator)
+        changed = bytearray(content)
+        kind = generator.random()
+        if kind < 0.1:
+            del changed[generator.randrange(len(changed)) :]
+        elif kind < 0.2:
+            first, last = sorted(generator.randrange(len(changed)) for _ in range(2))
+            changed = changed[:last] + changed[first:]
+        else:
+            for _ in range(generator.randint(1, MOST_FLIPS)):
+                changed[generator.randrange(len(changed))] = generator.randrange(256)
+        yield bytes(changed)
 
 
 def extremes(content: bytes, generator: random.Random, most: int) -> Iterator[bytes]:
-    """Yield versions of a table with an extreme number in a cell, of each number if so many may."""
+    """Yield versions of a table with an extreme number in a cell, another number in each."""
     for cell in generator.sample(EXTREMES, min(most, len(EXTREMES))):
         rows = [line.split(b",") for line in content.splitlines()]
         row = generator.choice(rows[1:])
         row[generator.randrange(len(row))] = cell.encode()
         yield b"".join(b",".join(row) + b"\n" for row in rows)
-
-
-def _changed(content: bytes, generator: random.Random) -> bytes:
-    """Flip some bytes, cut the file, or repeat a part of it."""
-    changed = bytearray(content)
-    kind = generator.random()
-    if kind < 0.1:
-        return bytes(changed[: generator.randrange(len(changed))])
-    if kind < 0.2:
-        first, last = sorted(generator.randrange(len(changed)) for _ in range(2))
-        return bytes(changed[:last] + changed[first:])
-    for _ in range(generator.randint(1, MOST_FLIPS)):
-        changed[generator.randrange(len(changed))] = generator.randrange(256)
-    return bytes(changed)
 
 
 @contextmanager
@@ -218,9 +182,8 @@ def _limited() -> Iterator[None]:
     def stop(number: int, frame: object) -> None:
         raise TimeoutError(f"still reading after {SECONDS} s")
 
-    pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0])
     before = resource.getrlimit(resource.RLIMIT_AS)
-    limit = pages * resource.getpagesize() + BYTES
+    limit = psutil.Process().memory_info().vms + BYTES
     resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
     signal.signal(signal.SIGALRM, stop)
     signal.alarm(SECONDS)
@@ -232,7 +195,6 @@ def _limited() -> Iterator[None]:
 
 
 def _build(root: Path, params: Params, source: str) -> None:
-    """Build a robot of the project, as it comes."""
     unset = {name: None for name, value in params.robot if isinstance(value, float)}
     changes = {"source": source, "joint_gear": {}, "edits": {}}
     robot.load(robot.build(params.robot.model_copy(update=unset | changes), root))
@@ -245,7 +207,6 @@ def _simulate(root: Path, params: Params) -> None:
 
 
 def _imitate(path: Path) -> None:
-    """Read demonstrations as a trainer does."""
     policy_file.parse(Demonstrations.from_bytes(path.read_bytes()).expert)
 
 
@@ -253,7 +214,7 @@ def _resume(path: Path) -> None:
     try:
         saved = Saved.from_bytes(path.read_bytes(), owner_of(path))
         policy_file.parse(saved.content)
-    except ValueError as error:  # what is damaged is told, and not used
+    except ValueError as error:  # a damaged checkpoint is not used
         raise InputError(str(error)) from error
 
 

@@ -1,17 +1,17 @@
 """Every n-th operation on files fails, or is preceded by a kill, in every stage and in DVC.
 
-Usage: python -m soak.operations AGENT TARGET... [--seconds SECONDS] [--seed SEED]
+Usage: python -m soak.operations AGENT SEED SECONDS TARGET...
 
-Runs in the folder of a project whose stages are up to date, and prints the counts as JSON.
-Operations are those that change files in that folder: opening one to write, flushing, linking,
-renaming, removing. One of them fails as on a full disk, or the process is killed just before it.
+Runs in the folder of a project whose stages are up to date, interrupts each target in both ways for
+so many seconds, and prints the figures as JSON. Operations are those that change files in that
+folder: opening one to write, flushing, linking, renaming, removing. One of them fails as on a full
+disk, or the process is killed just before it.
 After that, each output of a stage is as it was or new. The next run completes the work, with the
 same content.
 
 Every run is a fork of this process, which has imported the target.
 """
 
-import argparse
 import errno
 import importlib
 import json
@@ -25,7 +25,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -35,6 +35,7 @@ from ruamel.yaml import YAML
 
 import stages
 from jumping_ant.base.files import write_bytes
+from soak.project import Count
 
 KINDS = ("fail", "kill")
 DVC_STAGE = "build"
@@ -55,60 +56,39 @@ GROWING = "curve.csv"  # row by row, while training runs
 MEASURED = ("timing.csv", "scaling.csv")  # other seconds each time
 
 
-@dataclass
-class Count:
-    """Operations that failed or preceded a kill, and those after which all was as it should be."""
-
-    interrupted: int = 0
-    survived: int = 0
-    troubles: list[str] = field(default_factory=list)
-
-
 @dataclass(frozen=True)
 class Ended:
-    """A run that has ended, with its exit status, negative for a signal, and its output."""
+    """How a run ended; the status is negative for a signal."""
 
     status: int
-    told: str
+    output: str
 
 
 def main() -> None:
-    """Parse the command line, interrupt the targets, and print the counts."""
-    parser = argparse.ArgumentParser(prog="python -m soak.operations")
-    parser.add_argument("agent")
-    parser.add_argument("targets", nargs="+", choices=TARGETS, metavar="TARGET")
-    parser.add_argument("--seconds", type=float, default=25.0, help="for each target and kind")
-    parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    generator = random.Random(arguments.seed)
-    counts = {}
-    for name in arguments.targets:
-        target = Target(name, arguments.agent)
-        found = target.interrupt(arguments.seconds, generator)
-        counts[name] = {kind: asdict(count) for kind, count in found.items()}
+    """Interrupt the targets, and print the figures."""
+    agent, seed, seconds, *names = sys.argv[1:]
+    generator = random.Random(int(seed))
+    counts, troubles = {}, []
+    for name in names:
+        target = Target(name, agent)
+        counts[name] = target.interrupt(float(seconds), generator)
+        troubles += target.troubles
         print(f"operations: {name}: {counts[name]}", file=sys.stderr, flush=True)
-    print(json.dumps(counts))
+    print(json.dumps({"operations": counts, "troubles": troubles}))
 
 
 class Target:
-    """A stage, or DVC when it runs a stage.
-
-    Args:
-        name: One of `TARGETS`.
-        agent: The agent, for a stage that takes one.
-    """
+    """One of `TARGETS`: a stage, for an agent if it takes one, or DVC when it runs a stage."""
 
     def __init__(self, name: str, agent: str) -> None:
+        self.troubles: list[str] = []
         self._name = name
         stage = DVC_STAGE if name == "dvc" else name
-        locked = YAML(typ="safe", pure=True).load(Path("dvc.lock").read_text(encoding="utf-8"))[
-            "stages"
-        ]
-        full_names = [name for name in locked if name.partition("@")[0] == stage]
-        own = f"{stage}@{agent}"
-        full_name = own if own in full_names else full_names[0]
+        lock = YAML(typ="safe", pure=True).load(Path("dvc.lock").read_text(encoding="utf-8"))
+        full_names = [name for name in lock["stages"] if name.partition("@")[0] == stage]
+        full_name = f"{stage}@{agent}" if f"{stage}@{agent}" in full_names else full_names[0]
         arguments = full_name.split("@")[1:]
-        self._outs = [Path(out["path"]) for out in locked[full_name].get("outs", [])]
+        self._outs = [Path(out["path"]) for out in lock["stages"][full_name].get("outs", [])]
         for preloaded in PRELOADED.get(name, ()):  # as the target does later
             importlib.import_module(preloaded)
         module = importlib.import_module(f"stages.{stage}")
@@ -118,17 +98,12 @@ class Target:
             self._again = partial(dvc, ["repro", full_name])
 
     def interrupt(self, seconds: float, generator: random.Random) -> dict[str, Count]:
-        """Interrupt every operation in turn; return the counts.
-
-        Args:
-            seconds: Time for each kind of interruption, after which a few must do.
-            generator: Decides which ones come first.
-        """
+        """Interrupt each operation once, or as many as there is time for; return the counts."""
         self._reset()
         undisturbed = self._run(self._first)
         new = self._contents()
-        total = int(undisturbed.told.rpartition(TOTAL)[2])
-        counts = {kind: Count() for kind in KINDS}
+        total = int(undisturbed.output.rpartition(TOTAL)[2])
+        counts = {kind: {"interrupted": 0, "survived": 0} for kind in KINDS}
         for kind, count in counts.items():
             deadline = time.monotonic() + seconds
             for done, number in enumerate(generator.sample(range(total), total)):
@@ -138,13 +113,13 @@ class Target:
                 ended = self._run(self._first, kind, number)
                 is_whole = self._is_whole(kind, ended, new)
                 again = self._run(self._again)
-                if MARK in ended.told:  # there may be fewer operations than the first time
+                if MARK in ended.output:  # there may be fewer operations than the first time
                     is_survived = is_whole and again.status == 0 and self._is_done(new)
-                    count.interrupted += 1
-                    count.survived += is_survived
+                    count["interrupted"] += 1
+                    count["survived"] += is_survived
                     if not is_survived:
-                        told = " ".join((ended.told + again.told).split())
-                        count.troubles.append(f"{self._name}: {kind} {number}: {told[-1000:]}")
+                        output = " ".join((ended.output + again.output).split())
+                        self.troubles.append(f"{self._name}: {kind} {number}: {output[-1000:]}")
         return counts
 
     def _is_whole(self, kind: str, ended: Ended, new: dict[Path, bytes]) -> bool:
@@ -152,8 +127,12 @@ class Target:
         if self._name == "dvc":  # removes a stage's outputs before it runs it
             return True
         found = self._contents()
-        states = {_state(found.get(path), new[path]) for path in new if path.name != GROWING}
-        if kind == "fail" and ("Traceback" in ended.told or ended.status not in (0, 1, 2)):
+        states = {
+            {None: "missing", OLD: "old", content: "new"}.get(found.get(path), "torn")
+            for path, content in new.items()
+            if path.name != GROWING
+        }
+        if kind == "fail" and ("Traceback" in ended.output or ended.status not in (0, 1, 2)):
             return False
         if self._name == "train":  # removes its outputs as well, and writes them seed by seed
             return states <= {"old", "new", "missing"}
@@ -164,7 +143,7 @@ class Target:
     def _is_done(self, new: dict[Path, bytes]) -> bool:
         """Tell whether all is as without interruptions."""
         if self._name == "track":  # its outputs are in MLflow
-            return not re.search("created|replaced", self._run(self._again).told)
+            return not re.search("created|replaced", self._run(self._again).output)
         return self._contents() == new
 
     def _reset(self) -> None:
@@ -182,7 +161,6 @@ class Target:
         return sorted(path for path in listed if path.is_file())
 
     def _contents(self) -> dict[Path, bytes]:
-        """Return what the outputs hold, apart from what differs in each run."""
         return {path: _content(path) for path in self._files()}
 
     def _run(self, target: Callable[[], int], kind: str = "", number: int = -1) -> Ended:
@@ -258,12 +236,6 @@ def _run_stage(stage: Callable[[], None], command_line: list[str]) -> int:
     return 0
 
 
-def _state(found: bytes | None, new: bytes) -> str:
-    if found is None:
-        return "missing"
-    return "old" if found == OLD else "new" if found == new else "torn"
-
-
 def _content(path: Path) -> bytes:
     """Return what a file holds that is the same in every run."""
     content = path.read_bytes()
@@ -271,9 +243,7 @@ def _content(path: Path) -> bytes:
         return content
     if path.suffix == ".rrd":  # its ids differ
         return content[:4]
-    if path.name in MEASURED:
-        return re.sub(rb"[^,\n]", b"", content)
-    return content
+    return re.sub(rb"[^,\n]", b"", content) if path.name in MEASURED else content
 
 
 if __name__ == "__main__":

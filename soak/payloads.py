@@ -6,7 +6,7 @@ import pickle
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +14,7 @@ import torch
 
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.training.checkpoints import Saved, owner_of
-
-
-@dataclass
-class Count:
-    """Payloads planted, and those that ran."""
-
-    planted: int = 0
-    executed: int = 0
+from soak.project import Count
 
 
 class Payload:
@@ -35,23 +28,16 @@ class Payload:
 
 
 def plant(path: Path, read: Callable[[], object], mark: Path, count: Count) -> None:
-    """Read versions of a file with a payload in it, and put it back.
-
-    Args:
-        path: The file.
-        read: What reads it.
-        mark: The file that a payload creates.
-        count: Counts them.
-    """
+    """Read versions of a file with a payload in it, which creates the mark; put the file back."""
     content = path.read_bytes()
     try:
         for changed in _versions(path, content, Payload(mark)):
             path.unlink()  # DVC may have linked it
             path.write_bytes(changed)
-            count.planted += 1
+            count["planted"] += 1
             with suppress(Exception):  # refusing it is one way of not running it
                 read()
-            count.executed += mark.exists()
+            count["executed"] += mark.exists()
             mark.unlink(missing_ok=True)
     finally:
         path.write_bytes(content)

@@ -1,43 +1,38 @@
 """A throw-away copy of the project whose trainings take seconds."""
 
-import os
-import signal
 import subprocess
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import psutil  # type: ignore[import-untyped]
-from ruamel.yaml import YAML
 
+from jumping_ant.base.paths import Paths
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
 from scripts.checkout import Checkout
 
 SEEDS = [0, 1]
 AGENT = "pgpe"  # trains the fastest
+METRONOME = {"half_periods": [3], "episodes": 2, "episode_steps": 50}
 # Large enough that a training lasts for several checkpoints, small enough for many trainings.
 BUDGETS: dict[str, dict[str, Any]] = {
     "dqn": {"total_steps": 16_000, "learning_starts": 500, "log_interval": 500},
     "sac": {"total_steps": 2_400, "learning_starts": 200, "log_interval": 100},
-    "metronome": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
-    "metronome-full": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
-    "metronome-unedited": {"half_periods": [3], "episodes": 2, "episode_steps": 50},
+    **dict.fromkeys(("metronome", "metronome-full", "metronome-unedited"), METRONOME),
     "pgpe": {"generations": 24, "population_size": 10, "episode_steps": 30},
 }
 LEARNERS = ("dqn", "sac", "pgpe")
-DEMONSTRATIONS = {
-    "agent": AGENT,
-    "steps": 400,
-    "episode_steps": 100,
-    "tumbled_starts": 0.25,
-    "seed": 6_000_000,
-}
+DEMONSTRATIONS = {"agent": AGENT, "steps": 400, "episode_steps": 100}
+DEMONSTRATIONS |= {"tumbled_starts": 0.25, "seed": 6_000_000}
 LITTLE: dict[str, dict[str, Any]] = {
     "dqn": {"total_steps": 1_200, "learning_starts": 200, "net_arch": [32, 32]},
     "sac": {"total_steps": 600, "learning_starts": 100, "net_arch": [32, 32]},
 }
 CHECKPOINT_SECONDS = 0.3
+
+Count = dict[str, int]  # how often something was tried, and how often it went as it should
 
 
 def settings(**compute: float) -> Params:
@@ -45,12 +40,8 @@ def settings(**compute: float) -> Params:
     content = params_file.load().model_dump()
     content["seeds"] = SEEDS
     content["env"]["max_episode_steps"] = 100
-    content["training"] |= {
-        "evaluations": 3,
-        "evaluation_episodes": 4,
-        "finalists": 2,
-        "finalist_episodes": 3,
-    }
+    content["training"] |= {"evaluations": 3, "evaluation_episodes": 4}
+    content["training"] |= {"finalists": 2, "finalist_episodes": 3}
     content["compute"] |= {"checkpoint_seconds": CHECKPOINT_SECONDS} | compute
     content["evaluate"] |= {"episodes": 2, "baseline_episodes": 2}
     content["record"] |= {"width": 160, "height": 120}
@@ -113,35 +104,26 @@ def command_line(process: psutil.Process) -> str:
 
 
 def kill(processes: list[psutil.Process]) -> None:
-    """Kill processes with SIGKILL, which they cannot catch, and wait until they are gone."""
+    """Kill processes, and wait until they are gone."""
     for process in processes:
-        try:
-            os.kill(process.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            continue
+        with suppress(psutil.NoSuchProcess):
+            process.kill()
     psutil.wait_procs(processes, timeout=30)
 
 
-def checkpoints(project: Checkout, agent: str) -> list[Path]:
-    """Return all checkpoints of an agent, the newest last."""
-    found = (project.folder / ".checkpoints" / agent).rglob("*.checkpoint")
-    return sorted(found, key=lambda path: int(path.suffixes[-2][1:]))
+def await_checkpoint(project: Checkout, agent: str, process: subprocess.Popen[bytes]) -> None:
+    """Wait for an agent's next checkpoint, or the end of a process."""
 
+    def newest() -> int:
+        paths = (project.folder / ".checkpoints" / agent).rglob("*.checkpoint")
+        return max((int(path.suffixes[-2][1:]) for path in paths), default=0)
 
-def await_checkpoint(
-    project: Checkout, agent: str, process: subprocess.Popen[bytes], after: int = 0
-) -> Path | None:
-    """Wait for a checkpoint with a number above `after`; None if the process ends before."""
-    while process.poll() is None:
-        for path in checkpoints(project, agent):
-            if int(path.suffixes[-2][1:]) > after:
-                return path
+    before = newest()
+    while process.poll() is None and newest() <= before:
         time.sleep(0.01)
-    return None
 
 
-def recorded_digest(project: Checkout, agent: str) -> str:
-    """Return DVC's digest of an agent's models, from `dvc.lock`."""
-    lock = YAML(typ="safe").load((project.folder / "dvc.lock").read_text(encoding="utf-8"))
-    outs = lock["stages"][f"train@{agent}"]["outs"]
-    return next(out["md5"] for out in outs if out["path"] == f"models/{agent}")
+def digests(project: Checkout, agent: str) -> list[dict[str, str]]:
+    """Return the digests of the files of an agent's seeds."""
+    paths = Paths(project.folder).agent(agent)
+    return [paths.seed(seed).digests() for seed in SEEDS]

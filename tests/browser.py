@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, Request, expect, sync_playwright
 
 SECONDS = 120.0  # before a page has failed: other tests run beside this one, perhaps slowly
 # Beside other tests, drawing may take longer than the watchdog of Chromium's GPU process allows.
@@ -17,30 +17,18 @@ expect.set_options(timeout=1000 * SECONDS)
 
 @dataclass
 class Visit:
-    """An open page.
-
-    Attributes:
-        page: The page, in Playwright's hands.
-        requests: The address of everything it asked for, `data:` and `blob:` left out.
-        console_errors: Errors in its console.
-        page_errors: Exceptions that nothing in the page caught.
-    """
+    """A page, what it asked for, and its complaints."""
 
     page: Page
-    requests: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)  # but `data:` and `blob:`
     console_errors: list[str] = field(default_factory=list)
-    page_errors: list[str] = field(default_factory=list)
+    page_errors: list[str] = field(default_factory=list)  # exceptions that nothing caught
 
     def note_all(self) -> None:
         """Take note from now on."""
-        self.page.on("request", lambda request: self._note_request(request.url))
+        self.page.on("request", self._note_request)
         self.page.on("pageerror", lambda error: self.page_errors.append(str(error)))
-        self.page.on(
-            "console",
-            lambda message: (
-                self.console_errors.append(message.text) if message.type == "error" else None
-            ),
-        )
+        self.page.on("console", self._note_message)
 
     def wait_for(self, condition: str, seconds: float = SECONDS) -> None:
         """Wait until an expression is true, even on a page whose policy forbids `eval`."""
@@ -50,9 +38,13 @@ class Visit:
             assert time.monotonic() < deadline, seen
             self.page.wait_for_timeout(10)
 
-    def _note_request(self, address: str) -> None:
-        if not address.startswith(("data:", "blob:")):
-            self.requests.append(address)
+    def _note_request(self, request: Request) -> None:
+        if not request.url.startswith(("data:", "blob:")):
+            self.requests.append(request.url)
+
+    def _note_message(self, message: ConsoleMessage) -> None:
+        if message.type == "error":
+            self.console_errors.append(message.text)
 
 
 OpenPage = Callable[..., Visit]

@@ -67,8 +67,7 @@ EVALUATE = EvaluateParams(episodes=10, baseline_episodes=10, seed=1000000)
 # What `make test-all` runs alone, `-m "not long"` being the default: modules that start servers,
 # clusters, browsers or whole pipelines, and the algorithms that share a trainer with another one.
 LONG = {
-    *("test_benchmarks_pipeline.py", "test_cluster.py"),
-    *("test_fingerprint.py", "test_live.py", "test_pages.py"),
+    *("test_cluster.py", "test_fingerprint.py", "test_live.py", "test_pages.py"),
     *("test_postgres.py", "test_search.py"),
     *("test_portable.py", "test_report_in_browser.py", "test_soak.py"),
     *("test_stages_on_cluster.py", "test_stops.py", "test_surroundings.py", "test_ui.py"),

@@ -20,16 +20,15 @@ BACK = "git stash -u && dvc checkout"
 
 @dataclass(frozen=True)
 class State:
-    """Digests of what a command may not lose, by path."""
+    """Digests, by path, of the parameters and all outputs, and of DVC's cache."""
 
-    files: dict[str, str]  # the parameters and all outputs
-    objects: dict[str, str]  # DVC's cache
+    files: dict[str, str]
+    objects: dict[str, str]
 
     def changes(self, earlier: "State") -> list[str]:
         """Return the files that differ from earlier, and the objects that are changed or gone."""
-        files = {name for name, _ in self.files.items() ^ earlier.files.items()}
-        objects = {name for name, _ in earlier.objects.items() - self.objects.items()}
-        return sorted(files | objects)
+        changed = self.files.items() ^ earlier.files.items()
+        return sorted(dict(changed | (earlier.objects.items() - self.objects.items())))
 
 
 class Project(Checkout):
@@ -39,10 +38,9 @@ class Project(Checkout):
     def environment(self) -> dict[str, str]:
         """Without the user's settings, and without a display or a browser."""
         home = str(self.folder.parent / "home")
-        own = {"XDG_CONFIG_HOME": home, "XDG_DATA_HOME": home, "BROWSER": "true"}
-        inherited = super().environment.items()
-        shared = {name: value for name, value in inherited if name not in DISPLAYS}
-        return shared | own | {"GIT_CONFIG_GLOBAL": os.devnull}
+        kept = {name: it for name, it in super().environment.items() if name not in DISPLAYS}
+        kept |= {"XDG_CONFIG_HOME": home, "XDG_DATA_HOME": home}
+        return kept | {"BROWSER": "true", "GIT_CONFIG_GLOBAL": os.devnull}
 
     def run(self, *command: str, check: bool = True) -> subprocess.CompletedProcess[str]:
         done = super().run(*command)
@@ -68,16 +66,18 @@ class Project(Checkout):
 
     def change_params(self, **blocks: object) -> None:
         """Replace blocks of `params.yaml`."""
-        path = self.folder / "params.yaml"
-        settings = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-        with path.open("w", encoding="utf-8") as file:
-            YAML().dump(settings | blocks, file)
+        text = (self.folder / "params.yaml").read_text(encoding="utf-8")
+        self.write_params(YAML(typ="safe").load(text) | blocks)
 
 
 def finish(folder: Path) -> Project:
     """Copy the project into a folder, run everything, and commit it on the branch `main`."""
     copy_project(folder)
-    _shorten_lock(folder / "dvc.lock")
+    path = folder / "dvc.lock"  # of one agent's stages: DVC reads and writes it after each stage
+    lock = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
+    lock["stages"] = {name: it for name, it in lock["stages"].items() if name.endswith("@dqn")}
+    with path.open("w", encoding="utf-8") as file:
+        YAML().dump(lock, file)
     for path in (folder / "results" / "tuning").iterdir():  # MLflow gets a run for each trial
         if path.stem != "dqn":
             path.unlink()
@@ -88,18 +88,8 @@ def finish(folder: Path) -> Project:
     return project
 
 
-def _shorten_lock(path: Path) -> None:
-    """Leave one agent's stages, as DVC reads and writes all of them after each stage."""
-    lock = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-    lock["stages"] = {name: own for name, own in lock["stages"].items() if name.endswith("@dqn")}
-    with path.open("w", encoding="utf-8") as file:
-        YAML().dump(lock, file)
-
-
 def _digests(root: Path, *names: str) -> dict[str, str]:
-    """Return the SHA-256 of all files below some folders and files, by path from the root."""
-    tops = [root / name for name in names]
-    files = [top for top in tops if top.is_file()]
-    files += [path for top in tops for path in top.rglob("*") if path.is_file()]
-    kept = [path for path in files if path.name != ".gitignore"]  # DVC renews these
+    """Return the SHA-256 of files and of all files in folders, by path from the root."""
+    paths = [path for name in names for path in (root / name, *(root / name).rglob("*"))]
+    kept = [path for path in paths if path.is_file() and path.name != ".gitignore"]  # DVC's
     return {str(path.relative_to(root)): digest(path) for path in kept}

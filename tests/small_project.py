@@ -52,15 +52,15 @@ def block(algorithm: str) -> AgentBlock:
     """Return the block of an agent with the budget of `BUDGETS`."""
     agent = small_agents.agents()[algorithm]
     has_steps = hasattr(agent, "total_steps") and algorithm in BUDGETS
-    own = {"total_steps": BUDGETS[algorithm]} if has_steps else {}
-    return type(agent).model_validate(agent.model_dump() | own)
+    budget = {"total_steps": BUDGETS[algorithm]} if has_steps else {}
+    return type(agent).model_validate(agent.model_dump() | budget)
 
 
 def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
-    """Write the episodes, curves, timing and machines of every agent.
+    """Write the episodes, variants, curves, timing and machines of every agent.
 
     Seed number i returns its algorithm's level plus 10 * i, in each episode up to a spread of
-    symmetric noise, and reaches it half way through its budget.
+    symmetric noise, and reaches it half way through its budget; in variants, 7 less.
     """
     for name, algorithm in agents.items():
         paths, episodes, timing = Paths(root).agent(name), [], []
@@ -75,7 +75,14 @@ def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -
         write_csv(paths.episodes, episodes)
         write_csv(paths.timing, timing)
         write_json(paths.machines, {str(seed): MACHINE for seed in seeds})
-    write_variants(root, agents, seeds)
+        variants = [
+            {"agent": name, "seed": seed, "variant": variant, "episodes": EPISODES}
+            | measures(LEVELS[algorithm] + 10 * i)
+            | {"return": LEVELS[algorithm] + 10 * i - 7}
+            for i, seed in enumerate(seeds)
+            for variant in held_out.variant_names(block(algorithm))
+        ]
+        write_csv(paths.variants, variants)
 
 
 def play_only(monkeypatch: pytest.MonkeyPatch, **values: Sequence[float]) -> None:
@@ -94,19 +101,6 @@ def write_perturbed(
             for case in perturbed.cases(params, name)
         }
         write_text(Paths(root).perturbed(name), perturbed.to_csv(name, returns))
-
-
-def write_variants(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
-    """Write variants of every agent: like its policies, with 7 less of return."""
-    for name, algorithm in agents.items():
-        rows = [
-            {"agent": name, "seed": seed, "variant": variant, "episodes": EPISODES}
-            | measures(LEVELS[algorithm] + 10 * i)
-            | {"return": LEVELS[algorithm] + 10 * i - 7}
-            for i, seed in enumerate(seeds)
-            for variant in held_out.variant_names(block(algorithm))
-        ]
-        write_csv(Paths(root).agent(name).variants, rows)
 
 
 def write_curve(root: Path, agent: str, seed: int, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -164,24 +158,20 @@ def measures(value: float) -> dict[str, Any]:
 
 def curve_rows(budget: int, level: float) -> list[dict[str, Any]]:
     """Return the rows of a `curve.csv`: every second one holds an evaluation, and the last."""
-    if budget == 0:
-        return [curve_row(0, level)]
-    returns = ["" if i % 2 else min(level, level * i / 4) for i in range(1, 9)]
-    return [curve_row(budget * i // 8, mean) for i, mean in enumerate(returns, start=1)]
-
-
-def curve_row(env_steps: int, evaluation: float | str) -> dict[str, Any]:
-    """Return a row of `curve.csv`, with the columns of an algorithm that has a loss."""
-    return {
-        "env_steps": env_steps,
-        "updates": env_steps // 2,
-        "episodes": env_steps // 100,
-        "return_mean": "",
-        "return_std": "",
-        "evaluation_return_mean": evaluation,
-        "evaluation_return_std": "" if evaluation == "" else 3.0,
-        "loss": 0.25,
-    }
+    means = {budget * i // 8: "" if i % 2 else min(level, level * i / 4) for i in range(1, 9)}
+    return [
+        {
+            "env_steps": steps,
+            "updates": steps // 2,
+            "episodes": steps // 100,
+            "return_mean": "",
+            "return_std": "",
+            "evaluation_return_mean": mean,
+            "evaluation_return_std": "" if mean == "" else 3.0,
+            "loss": 0.25,
+        }
+        for steps, mean in (means.items() if budget else [(0, level)])
+    ]
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:
@@ -189,5 +179,4 @@ def read_csv(path: Path) -> list[dict[str, str]]:
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as a CSV file, the first row's keys as header."""
     write_text(path, tables.to_csv(rows))

@@ -15,6 +15,29 @@ ENTRIES: dict[str, Any] = {
     "agents": {"algorithm": "random", "robot": "edited"},
     "demonstrations": {"agent": "random", "steps": 100, "seed": 6_000_000},
 }
+REFUSED = "params.yaml: {block}.{name}: "
+IGNORED = " is ignored by .dvcignore"  # DVC removes outputs before a stage runs, but not these
+COMMANDS = [  # block, name, command, error
+    # With and without the stages before, and so `check`.
+    ("agents", INJECTION, "repro --force train@{name}", REFUSED),
+    ("agents", INJECTION, "repro --single-item train@{name}", REFUSED),
+    ("demonstrations", INJECTION, "repro --downstream demonstrate@{name}", REFUSED),
+    *(
+        ("agents", name, "repro --single-item train@{name}", "timing/{name}/timing.csv'" + IGNORED)
+        for name in ("../docs", ".", "sac/../../docs")
+    ),
+    ("demonstrations", "../docs", "repro --single-item demonstrate@{name}", ".zip'" + IGNORED),
+    ("agents", "../docs", "checkout --force", IGNORED),
+]
+EXPERIMENTS = [  # name, options, error
+    (f"x|touch {MARK}|true", (), "params.yaml: agents.x|touch"),  # DVC allows no `;` here
+    ("../docs", ("--temp",), IGNORED),
+    (
+        "../../../x",
+        (),
+        "params.yaml: agents.../../../x: String should match",
+    ),  # DVC removes nothing
+]
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +47,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Checkout:
     copy_project(project.folder)
     (project.folder / "dvc.lock").unlink()  # DVC reads and writes all of it after each stage
     project.seconds("git", "add", "-A")
-    author = ("-c", "user.name=Test", "-c", "user.email=test@example.org")
-    project.seconds("git", *author, "commit", "-qm", "Start")
+    project.seconds("git", "commit", "-qm", "Start")
     project.seconds("dvc", "repro", "build")
     return project
 
@@ -38,92 +60,41 @@ def project(built: Checkout) -> Iterator[Checkout]:
     (built.folder / MARK).unlink(missing_ok=True)
 
 
-def add(project: Checkout, block: str, name: str) -> None:
-    """Add an entry to a block of `params.yaml`, which the check has not seen."""
+def refusal(project: Checkout, *command: str) -> str:
+    """Run a command that must fail without running or removing anything; return its output."""
+    done = project.run("dvc", *command)
+    printed = done.stdout + done.stderr
+    assert done.returncode != 0 and "Traceback" not in printed, printed
+    assert not list(project.folder.rglob(MARK)), printed
+    assert (project.folder / "docs" / "results.md").is_file(), printed
+    return printed
+
+
+@pytest.mark.parametrize(("block", "name", "command", "error"), COMMANDS)
+def test_a_name_reaches_no_shell_and_no_other_folder(
+    project: Checkout, block: str, name: str, command: str, error: str
+) -> None:
     path = project.folder / "params.yaml"
     params = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     params[block][name] = ENTRIES[block]
-    with path.open("w", encoding="utf-8") as file:
-        YAML().dump(params, file)
-    for dependency in (
-        *(".inputs/checked", "models/random"),
-        f".inputs/code/train-{name.replace('/', '')}.json",
-    ):
+    project.write_params(params)
+    # What the stages depend on, as if the check had run.
+    code = f".inputs/code/train-{name.replace('/', '')}.json"
+    for dependency in (".inputs/checked", "models/random", code):
         (project.folder / dependency).write_text("{}", encoding="utf-8")
-
-
-def refusal(project: Checkout, *command: str) -> str:
-    """Run a command that must fail without running anything; return its output."""
-    done = project.run(*command)
-    told = done.stdout + done.stderr
-    assert done.returncode != 0, told
-    assert "Traceback" not in told
-    assert not list(project.folder.rglob(MARK)), told
-    assert (project.folder / "docs" / "results.md").is_file(), told
-    return told
-
-
-@pytest.mark.parametrize(
-    ("stage", "block", "option"),
-    [
-        ("train", "agents", "--force"),
-        ("train", "agents", "--single-item"),
-        ("demonstrate", "demonstrations", "--downstream"),
-    ],
-)
-def test_a_name_reaches_no_shell(project: Checkout, stage: str, block: str, option: str) -> None:
-    """Neither as DVC runs all stages nor as it leaves out those before, and so `check`."""
-    add(project, block, INJECTION)
-    told = refusal(project, "dvc", "repro", option, f"{stage}@{INJECTION}")
-    assert f"params.yaml: {block}.{INJECTION}: " in told and f", given '{INJECTION}'" in told
+    printed = refusal(project, *(word.format(name=name) for word in command.split()))
+    assert error.format(block=block, name=name) in printed
 
 
 def test_no_command_holds_a_name() -> None:
-    stages = YAML(typ="safe").load((PROJECT_ROOT / "dvc.yaml").read_text(encoding="utf-8"))[
-        "stages"
-    ]
-    for stage in stages.values():
+    pipeline = YAML(typ="safe").load((PROJECT_ROOT / "dvc.yaml").read_text(encoding="utf-8"))
+    for stage in pipeline["stages"].values():
         assert "$" not in stage.get("do", stage)["cmd"]
 
 
-ELSEWHERE = ["../docs", ".", "sac/../../docs"]
-
-
-@pytest.mark.parametrize("name", ELSEWHERE)
-def test_an_agents_name_leads_to_no_other_folder(project: Checkout, name: str) -> None:
-    """DVC removes outputs before it runs a stage, and all that it cannot check out."""
-    add(project, "agents", name)
-    told = refusal(project, "dvc", "repro", "--single-item", f"train@{name}")
-    assert f"results/timing/{name}/timing.csv' is ignored by .dvcignore" in told
-
-
-def test_neither_does_an_algorithms_name_or_one_that_is_checked_out(project: Checkout) -> None:
-    add(project, "demonstrations", "../docs")
-    told = refusal(project, "dvc", "repro", "--single-item", "demonstrate@../docs")
-    assert ".inputs/train/../docs/demonstrations.zip' is ignored by .dvcignore" in told
-    add(project, "agents", "../docs")
-    assert "is ignored by .dvcignore" in refusal(project, "dvc", "checkout", "--force")
-
-
-EXPERIMENTS = [
-    (f"x|touch {MARK}|true", "params.yaml: agents.x|touch", ()),  # DVC allows no `;` here
-    ("../docs", "is ignored by .dvcignore", ("--temp",)),
-    # Outside, where DVC removes nothing.
-    ("../../../x", "params.yaml: agents.../../../x: String should match", ()),
-]
-
-
-@pytest.mark.parametrize(("name", "said", "options"), EXPERIMENTS)
+@pytest.mark.parametrize(("name", "options", "error"), EXPERIMENTS)
 def test_overrides_of_an_experiment_are_checked_first(
-    project: Checkout, name: str, said: str, options: tuple[str, ...]
+    project: Checkout, name: str, options: tuple[str, ...], error: str
 ) -> None:
     override = f"+agents={{{name}:{{algorithm:random,robot:edited}}}}"
-    assert said in refusal(project, "dvc", "exp", "run", *options, "-S", override)
-
-
-def test_a_comment_reruns_the_check_alone(project: Checkout) -> None:
-    project.seconds("dvc", "repro", "build")
-    with (project.folder / "params.yaml").open("a", encoding="utf-8") as file:
-        file.write("# A comment.\n")
-    ran = project.run("dvc", "repro", "build").stdout
-    assert [line for line in ran.splitlines() if "Running" in line] == ["Running stage 'check':"]
+    assert error in refusal(project, "exp", "run", *options, "-S", override)

@@ -1,14 +1,14 @@
-"""The commands and paths that the documents name exist; tests/test_smoke.py runs the main ones."""
+"""The commands, paths and links of the documents exist; tests/test_smoke.py runs the main ones."""
 
 import re
 import shlex
 import shutil
 import subprocess
-import sys
 from fnmatch import fnmatch
-from functools import cache
 from itertools import takewhile
+from pathlib import Path
 
+import pytest
 from dvc.cli import DvcParserError
 from dvc.cli.parser import get_main_parser
 from ruamel.yaml import YAML
@@ -16,11 +16,13 @@ from ruamel.yaml import YAML
 from jumping_ant.base.files import PROJECT_ROOT as ROOT
 from scripts import checkout
 
-DOCUMENTS = ["README.md", "CONTRIBUTING.md", "benchmarks/README.md"]
-DOCUMENTS += sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))
+DOCUMENTS = {"README.md", "CONTRIBUTING.md", "benchmarks/README.md"}
+DOCUMENTS |= {f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")}
 TOOLS = ("make", "dvc", "git", "python", "mlflow", "rerun", "pytest", "ruff", "mypy", "ray", "gto")
 OF_THE_SYSTEM = ("cd", "export", "source", "sudo")
 BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\((?!\w+:)([^)\s#]*)#?([^)\s]*)\)")  # but addresses
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 PATH = re.compile(r"[\w.<>*-]+(/[\w.<>*-]+)*/?")
 CODE = (".py", ".js", ".sh", ".yaml", ".lock")  # files that are also named without their folders
 EARLIER = re.compile(r"`[^`]+`,? of\s+commit\s+[0-9a-f]{7}")  # a script that has gone
@@ -52,7 +54,7 @@ def missing(text: str) -> list[str]:
 
 
 def is_command(tool: str, *words: str) -> bool:
-    """Whether a tool is there, and has the subcommand, target, stage, name or option."""
+    """Tell whether a tool is there, and has the subcommand, target, stage, name or option."""
     if "=" in tool:  # a variable of the environment
         return is_command(*words)
     if tool == "make":
@@ -61,8 +63,6 @@ def is_command(tool: str, *words: str) -> bool:
         return dvc_takes(*words)
     if tool == "python" and words[:1] == ("-m",):
         return module_takes(*words[1:])
-    if tool == "git" and words:
-        return words[0] in subprocess.getoutput("git --list-cmds=main").split()
     return tool in OF_THE_SYSTEM or bool(shutil.which(tool, path=checkout.with_tools()["PATH"]))
 
 
@@ -89,23 +89,13 @@ def module_takes(module: str, *words: str) -> bool:
     source = "".join(file.read_text(encoding="utf-8") for file in files)
     values = takewhile(lambda word: word[0] != "-", words)
     names = [word for word in values if word not in AGENTS and not PLACEHOLDER.fullmatch(word)]
-    flags = [word for word in words if word[0] == "-" and f'"{word}"' not in source]
-    if source and flags:  # perhaps made of the fields of a dataclass
-        source += help_of(module)
-    return (
-        source != ""
-        and all(f'"{name}"' in source for name in names)
-        and all(flag in source for flag in flags)
-    )
-
-
-@cache
-def help_of(module: str) -> str:
-    return subprocess.getoutput(f"{sys.executable} -m {module} --help")
+    options = [word for word in words if word[0] == "-"]  # or in the usage, its first lines
+    is_known = all(f'"{name}"' in source for name in names) and all(map(source.count, options))
+    return source != "" and is_known
 
 
 def is_path(word: str) -> bool:
-    """Whether a path ends that of a file or folder, or git ignores it, as outputs of stages."""
+    """Tell whether a path ends that of a file or folder, or git ignores it as a stage's output."""
     if word in ELSEWHERE or ("/" not in word and not word[1:].endswith(CODE)):
         return True
     pattern = f"*/{PLACEHOLDER.sub('*', word).rstrip('/')}/*"
@@ -113,16 +103,45 @@ def is_path(word: str) -> bool:
     return any(fnmatch(name, pattern) for name in FILES) or subprocess.call(ignored, cwd=ROOT) == 0
 
 
-def test_what_the_documents_name_exists() -> None:
-    texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in DOCUMENTS}
-    lacking = [f"{name}: {what}" for name, text in texts.items() for what in missing(text)]
-    assert not lacking, "\n".join(lacking)
+def broken_links(document: Path, files: set[Path]) -> list[str]:
+    """Return the links of a document that lead to no file or heading."""
+    broken = []
+    for link, anchor in LINK.findall(BLOCK.sub("", document.read_text(encoding="utf-8"))):
+        target = (document.parent / link).resolve() if link else document
+        is_there = any(path == target or target in path.parents for path in files)
+        if not is_there or (anchor and anchor not in anchors(target.read_text(encoding="utf-8"))):
+            broken.append(f"{link}#{anchor}" if anchor else link)
+    return broken
 
 
-def test_what_does_not_exist_is_found() -> None:
+def anchors(text: str) -> set[str]:
+    """Return the anchors that GitHub gives the headings of a document."""
+    headings = HEADING.findall(BLOCK.sub("", text))
+    return {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("name", [name.strip("/") for name in FILES if name.endswith(".md/")])
+def test_what_a_document_names_exists(name: str) -> None:
+    files = {ROOT / path.strip("/") for path in FILES}
+    lacking = broken_links(ROOT / name, files)
+    if name in DOCUMENTS:
+        lacking += missing((ROOT / name).read_text(encoding="utf-8"))
+    assert not lacking
+
+
+def test_what_does_not_exist_is_found(tmp_path: Path) -> None:
     wrong = ["make nothing", "make ui NO=1", "make preset PRESET=no", "make preset STAGES=no"]
-    wrong += ["make publish PRESET=no", "dvc exp rn", "dvc repro no", "dvc dag --no", "git no"]
+    wrong += ["make publish PRESET=no", "dvc exp rn", "dvc repro no", "dvc dag --no"]
     wrong += ["python -m scripts.no", "python -m scripts.tune sac --no", "X=1 no", "stages/no.py"]
     right = "make ui PORT=1 && dvc repro train@sac && python -m scripts.tune sac --trials 1 # why"
     text = "".join(f"```console\n{line}\n```\n" for line in [right, *wrong])
     assert missing(f"{text} `no.py`, `media/<agent>.mp4`") == [*wrong, "no.py", "stages/no.py"]
+    other, document = tmp_path / "other.md", tmp_path / "document.md"
+    other.write_text("# One, two: *three*\n```\n# no heading\n```\n", "utf-8")
+    document.write_text(
+        "## Here\n[a](other.md) [b](other.md#one-two-three) [c](#here) [d](https://x.org#y)\n"
+        "[e](other.md#no-heading) [f](none.md) [g](#there)\n",
+        "utf-8",
+    )
+    broken = broken_links(document, {other, document})
+    assert broken == ["other.md#no-heading", "none.md", "#there"]

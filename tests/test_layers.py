@@ -51,7 +51,7 @@ def test_stages_import_no_stage() -> None:
         assert others == {"__init__.py"}
 
 
-def test_no_name_is_one_of_the_standard_library() -> None:
+def test_no_module_is_named_as_one_of_the_standard_library() -> None:
     names = {Path(part).stem for path in FILES for part in path.relative_to(LIBRARY).parts}
     assert not (names - {"__init__", "__main__"}) & sys.stdlib_module_names
 

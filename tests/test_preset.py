@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from jumping_ant.params import params_file, presets
 from scripts import preset
 from scripts.checkout import Checkout
 
+QUICK = presets.load("quick")
 AGAIN = """
 from pathlib import Path
 from jumping_ant.base.errors import reported
@@ -22,7 +24,6 @@ from scripts import preset
 with reported():
     preset.run(Path.cwd(), presets.load("quick"))
 """
-QUICK = presets.load("quick")
 
 
 @pytest.fixture
@@ -30,30 +31,25 @@ def copy(tmp_path: Path) -> Path:
     return tmp_path / ".presets" / "quick"
 
 
-def replace_python(monkeypatch: pytest.MonkeyPatch, folder: Path, script: str) -> None:
-    """Have copies find a shell script in place of Python."""
-    (folder / "python").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
-    (folder / "python").chmod(0o755)
-    monkeypatch.setattr(Checkout, "environment", {"PATH": f"{folder}:/bin:/usr/bin"})
+@pytest.fixture
+def pipeline_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Have copies run a shell script in place of Python; `$AGAIN` runs the preset once more."""
+    python, again = tmp_path / "python", tmp_path / "again.py"
+    again.write_text(AGAIN, encoding="utf-8")
+    variables = {"PATH": f"{tmp_path}:/bin:/usr/bin", "PYTHONPATH": str(PROJECT_ROOT)}
+    monkeypatch.setattr(Checkout, "environment", variables | {"AGAIN": f"{sys.executable} {again}"})
 
+    def replace(script: str) -> None:
+        python.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+        python.chmod(0o755)
 
-def run_again(folder: Path) -> str:
-    """Return a shell command that runs the preset from its copy, with its errors in `told`."""
-    (folder / "again.py").write_text(AGAIN, encoding="utf-8")
-    return f"PYTHONPATH={PROJECT_ROOT} {sys.executable} {folder}/again.py 2> told"
-
-
-def run_command(monkeypatch: pytest.MonkeyPatch, copy: Path, *stages: str) -> None:
-    """Call the command with `quick` and stages."""
-    monkeypatch.setattr(preset, "folder_of", lambda name: copy)
-    monkeypatch.setattr("sys.argv", ["preset", "quick", *stages])
-    preset.main()
+    return replace
 
 
 def test_what_was_trained_elsewhere_is_not_trained_again(
-    tmp_path: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, copy: Path, pipeline_is: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    replace_python(monkeypatch, tmp_path, "exit 0")
+    pipeline_is("exit 0")
     monkeypatch.setattr(preset, "PROJECT_ROOT", tmp_path)
     elsewhere = [
         ".checkpoints/sac/a1/seed-1.finished",
@@ -73,32 +69,19 @@ def test_what_was_trained_elsewhere_is_not_trained_again(
         }
 
 
-def test_a_pipeline_that_fails_is_reported(
-    tmp_path: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    replace_python(monkeypatch, tmp_path, "exit 3")
-    with pytest.raises(WorkerError, match="ended with status 3; .* the same command resumes"):
-        preset.run(copy, QUICK)
-
-
-def test_the_same_preset_does_not_run_twice_at_once(
-    tmp_path: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_same_preset_does_not_run_twice_at_once(copy: Path, pipeline_is: Callable) -> None:
     """The code of the first run would change under it."""
-    replace_python(monkeypatch, tmp_path, f"{run_again(tmp_path)}; exit 0")
+    pipeline_is("$AGAIN 2> errors; exit 0")
     for _ in range(2):  # the first has ended
         preset.run(copy, QUICK)
-        told = (copy / "told").read_text(encoding="utf-8")
-        assert told == (
+        assert (copy / "errors").read_text(encoding="utf-8") == (
             f"error: {copy}: another process runs this preset; wait for its end, or stop it\n"
         )
 
 
-def test_a_preset_whose_process_was_killed_still_runs(
-    tmp_path: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_preset_whose_process_was_killed_still_runs(copy: Path, pipeline_is: Callable) -> None:
     """The pipeline that it started does: the lock is the pipeline's, too."""
-    replace_python(monkeypatch, tmp_path, f"kill -9 $PPID; sleep 1; {run_again(tmp_path)}")
+    pipeline_is("kill -9 $PPID; sleep 1; $AGAIN 2> errors")
     copy.mkdir(parents=True)
     code = f"from scripts.checkout import Checkout\nCheckout.environment = {Checkout.environment}\n"
     killed = subprocess.run(
@@ -108,37 +91,43 @@ def test_a_preset_whose_process_was_killed_still_runs(
         capture_output=True,  # waits for what still writes
     )
     assert killed.returncode == -signal.SIGKILL
-    assert "another process runs this preset" in (copy / "told").read_text(encoding="utf-8")
+    errors = (copy / "errors").read_text(encoding="utf-8")
+    assert "another process runs this preset" in errors
 
 
-def test_an_interrupt_waits_for_the_pipeline_to_save(
-    tmp_path: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("script", "error", "message"),
+    [
+        ("exit 3", WorkerError, "ended with status 3; .* the same command resumes"),
+        ("kill -INT $PPID; sleep 1; touch saved", StoppedError, "resumes from the last checkp"),
+    ],
+)
+def test_a_pipeline_that_ends_early_has_saved_and_is_reported(
+    copy: Path, pipeline_is: Callable, script: str, error: type[Exception], message: str
 ) -> None:
-    replace_python(monkeypatch, tmp_path, "kill -INT $PPID; sleep 1; touch saved")
-    with pytest.raises(StoppedError, match="resumes from the last checkpoints"):
+    pipeline_is(script)
+    with pytest.raises(error, match=message):
         preset.run(copy, QUICK)
-    assert (copy / "saved").exists()
+    assert (copy / "saved").exists() == ("saved" in script)
 
 
-def test_some_stages_alone_can_be_asked_for(
-    tmp_path: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("stages", [[], ["compare", "timing"]], ids=["all", "some"])
+def test_the_command_runs_stages_and_says_what_they_made(
+    copy: Path,
+    pipeline_is: Callable,
+    stages: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    replace_python(monkeypatch, tmp_path, 'echo "$PWD $@" > called')
-    run_command(monkeypatch, copy, "compare", "timing")
+    pipeline_is('echo "$PWD $@" > called')
+    monkeypatch.setattr(preset, "folder_of", lambda name: copy)
+    monkeypatch.setattr("sys.argv", ["preset", "quick", *stages])
+    preset.main()
     called = (copy / "called").read_text(encoding="utf-8")
-    assert called == f"{copy} -m scripts.repro compare timing\n"
+    assert called.split() == [str(copy), "-m", "scripts.repro", *stages]
     assert params_file.load(copy / "params.yaml") == QUICK
-    told = capsys.readouterr().out
-    assert f"{copy}/results" in told
-    assert "report.html" not in told  # nobody has made it
-
-
-def test_what_is_made_is_told_and_that_few_seeds_prove_nothing(
-    tmp_path: Path, copy: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    replace_python(monkeypatch, tmp_path, "exit 0")
-    run_command(monkeypatch, copy)
-    told = capsys.readouterr().out
-    assert f"{copy}/results/report.html" in told
-    assert "2 seeds show what the robot does; they prove nothing" in told
     assert (copy / ".venv").resolve() == (PROJECT_ROOT / ".venv").resolve()
+    printed = capsys.readouterr().out
+    assert f"{copy}/results" in printed
+    assert (f"{copy}/results/report.html" in printed) == (not stages)
+    assert "2 seeds show what the robot does; they prove nothing" in printed

@@ -48,6 +48,9 @@ def test_stages_are_listed_with_their_last_seconds(project: Checkout) -> None:
     listed, ran, _ = repro(project, "build")
     assert (listed, ran) == (dict.fromkeys([*cheap, "sum"], "-"), cheap)
     assert repro(project, "build") == ({}, [], UP_TO_DATE)
+    with (project.folder / "params.yaml").open("a", encoding="utf-8") as file:
+        file.write("# A comment.\n")
+    assert repro(project, "build")[1] == ["check"]
     params = params_file.load().model_dump()
     params["robot"]["density"] *= 2
     project.write_params(params)

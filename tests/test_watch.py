@@ -47,14 +47,14 @@ def test_the_best_is_chosen_and_others_are_refused(root: Path) -> None:
     params = params_file.load(root / "params.yaml")
     assert watch.choose(root, params, None, None) == ("sac", [35, 30]), "a baseline is no learner"
     assert watch.choose(root, params, "sac", 30) == ("sac", [30, 35])
-    with pytest.raises(InputError, match="agent: given 'nobody', allowed: random, "):
-        watch.choose(root, params, "nobody", None)
-    with pytest.raises(InputError, match="seed of sac: given 31, allowed: 30, 35$"):
-        watch.choose(root, params, "sac", 31)
-    with pytest.raises(InputError, match="of dqn: none yet; `dvc repro train@dqn` trains them"):
-        watch.choose(root, params, "dqn", None)
-    with pytest.raises(InputError, match="of learners: none yet; `make repro` trains them"):
-        watch.choose(root / "assets", params, None, None)
+    for folder, agent, seed, message in [
+        (root, "nobody", None, "agent: given 'nobody', allowed: random, "),
+        (root, "sac", 31, "seed of sac: given 31, allowed: 30, 35$"),
+        (root, "dqn", None, "of dqn: none yet; `dvc repro train@dqn` trains them"),
+        (root / "assets", None, None, "of learners: none yet; `make repro` trains them"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            watch.choose(folder, params, agent, seed)
 
 
 def started(root: Path, display: str) -> subprocess.Popen[str]:
