@@ -89,7 +89,7 @@ def module_takes(module: str, *words: str) -> bool:
     source = "".join(file.read_text(encoding="utf-8") for file in files)
     values = takewhile(lambda word: word[0] != "-", words)
     names = [word for word in values if word not in AGENTS and not PLACEHOLDER.fullmatch(word)]
-    options = [word for word in words if word[0] == "-"]  # or in the usage, its first lines
+    options = [word for word in words if word[0] == "-" and word != "--help"]
     is_known = all(f'"{name}"' in source for name in names) and all(map(source.count, options))
     return source != "" and is_known
 
