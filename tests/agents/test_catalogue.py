@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import small_agents
 
-from jumping_ant.agents import catalogue
 from jumping_ant.agents.catalogue import ALGORITHMS, row
 from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Snapshot
 from jumping_ant.agents.families import BASELINE
@@ -32,12 +31,6 @@ def test_settings_are_named_and_documented(name: str) -> None:
     assert all(field.description for field in settings.model_fields.values())
     assert not row(AGENTS[name]).learner or callable(resolve_name(row(AGENTS[name]).learner))
     assert ALGORITHMS[name].is_baseline == (ALGORITHMS[name].family == BASELINE)
-
-
-def test_names_are_printed_as_the_literature_writes_them() -> None:
-    printed = {name: catalogue.label(name, name) for name in ("sac", "qrdqn", "cmaes", "random")}
-    assert printed == {"sac": "SAC", "qrdqn": "QR-DQN", "cmaes": "CMA-ES", "random": "random"}
-    assert catalogue.label("sac-wide", "sac") == "sac-wide"
 
 
 @dataclass(frozen=True)

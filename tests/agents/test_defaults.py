@@ -4,7 +4,6 @@ import inspect
 from pkgutil import resolve_name
 from typing import Any
 
-import gymnasium as gym
 import pytest
 import small_agents
 from evotorch.algorithms import CMAES
@@ -13,6 +12,7 @@ from sb3_contrib import ARS
 
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.policies.actions import ActionSet
+from jumping_ant.sim.env import RobotEnv, article_world
 
 SB3 = [*small_agents.of_package("off_policy"), *small_agents.of_package("on_policy")]
 
@@ -45,7 +45,7 @@ def test_networks_have_the_sizes_of_stable_baselines3(name: str) -> None:
     robot: Any = {
         "commands": "CartPole-v1",
         "torques": "Pendulum-v1",
-        "levels": gym.make("JumpingAnt-v0", actions=ActionSet(levels=2)),
+        "levels": RobotEnv(article_world(), actions=ActionSet(levels=2)),
     }[settings.actions.kind]  # type: ignore[attr-defined]
     replay = {"buffer_size": 10} if "buffer_size" in own_defaults(name) else {}
     sizes = learner("MlpPolicy", robot, **replay).policy.net_arch
@@ -73,8 +73,5 @@ def test_defaults_are_allowed(name: str) -> None:
     """Pydantic does not check them."""
     settings = ALGORITHMS[name].settings
     block = next(agent for agent in small_agents.PARAMS.agents.values() if agent.algorithm == name)
-    given = {
-        key: value for key, value in block.model_dump().items() if key not in own_defaults(name)
-    }
-    least = settings.model_validate(given)
+    least = settings.model_validate(block.model_dump(exclude=set(own_defaults(name))))
     assert settings.model_validate(least.model_dump()) == least

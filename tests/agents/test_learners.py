@@ -18,7 +18,6 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from jumping_ant.agents.catalogue import ALGORITHMS
 from jumping_ant.agents.job import Job
 from jumping_ant.agents.off_policy.lean.adam import FlatAdam, denormals_flushed
-from jumping_ant.agents.off_policy.lean.mlp import MLP, Pass
 from jumping_ant.agents.off_policy.lean.replay import BatchedReplayBuffer
 from jumping_ant.agents.sb3 import trainer
 from jumping_ant.agents.sb3.model import make_envs
@@ -154,15 +153,6 @@ def test_each_environment_and_each_motor_explores_alone(
         assert correlation(partial(DQN.predict, model)) > 0.5
 
 
-def test_sb3_sees_the_state_of_the_optimizers(robot_xml: str) -> None:
-    lean = filled_model(robot_xml, "sac")
-    lean.train(gradient_steps=3, batch_size=64)
-    for optimizer in (lean.actor.optimizer, lean.critic.optimizer):
-        states = optimizer.state_dict()["state"].values()
-        assert len(states) == len(optimizer.param_groups[0]["params"])
-        assert all(state["step"] == 3 and state["exp_avg_sq"].any() for state in states)
-
-
 @pytest.mark.parametrize("n_steps", [1, 3])
 @pytest.mark.parametrize("num_added", [50, 130])  # before and after the buffer of 80 rows is full
 def test_batches_are_those_of_sb3(n_steps: int, num_added: int) -> None:
@@ -193,31 +183,6 @@ def test_batches_are_those_of_sb3(n_steps: int, num_added: int) -> None:
         discounts = 0.9 if sample.discounts is None else sample.discounts
         assert torch.equal(batch.discounts, (1 - sample.dones) * discounts)
     assert len(batches) == 3
-
-
-def test_gradients_are_those_of_autograd() -> None:
-    torch.manual_seed(0)
-    layers = [torch.nn.Linear(6, 9), torch.nn.Linear(9, 7), torch.nn.Linear(7, 1)]
-    relu = torch.nn.ReLU()
-    network = torch.nn.Sequential(layers[0], relu, layers[1], relu, layers[2])
-    reference = copy.deepcopy(network)
-    FlatAdam(torch.optim.Adam(network.parameters()))  # gives every parameter a gradient to fill
-    mlp = MLP(layers)
-    inputs = torch.randn(20, 6, requires_grad=True)
-    gradient = torch.randn(20, 1)
-    gradient[::3] = 0
-    outputs = reference(inputs)
-    outputs.backward(gradient)
-    with torch.no_grad():
-        kept, other = Pass(), Pass()
-        assert torch.allclose(mlp.forward(inputs, kept), outputs, atol=1e-6)
-        mlp.forward(torch.ones(20, 6), other)  # leaves the first pass alone
-        by_part = mlp.input_gradient(gradient, kept, first=2)
-        assert torch.allclose(by_part, inputs.grad[:, 2:], atol=1e-6)
-        by_inputs = mlp.backward(gradient.clone(), kept, to_inputs=True)
-    assert torch.allclose(by_inputs, inputs.grad, atol=1e-6)
-    for mine, theirs in zip(network.parameters(), reference.parameters(), strict=True):
-        assert torch.allclose(mine.grad, theirs.grad, atol=1e-6)
 
 
 def test_means_of_silent_neurons_vanish() -> None:

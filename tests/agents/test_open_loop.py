@@ -26,48 +26,40 @@ AGENT = OpenLoopParams(
 
 
 @pytest.fixture(scope="module")
-def events(robot_xml: str, known_params: Params) -> list:
-    return list(search(Job(World(robot_xml, known_params.env), AGENT, seed=5, evaluations=9)))
+def world(robot_xml: str, known_params: Params) -> World:
+    """A task in which some episodes end early, at a height of 0.55 m."""
+    return World(robot_xml, known_params.env.model_copy(update={"min_torso_height": 0.55}))
 
 
-def test_the_best_rhythm_is_kept(events: list, robot_xml: str, known_params: Params) -> None:
-    """Each rhythm's returns are those of its policy's episodes from the seed's start states."""
-    env = known_params.env.model_copy(update={"max_episode_steps": AGENT.episode_steps})
-    starts, returns = derive_all(5, "starts", AGENT.episodes), {}
+@pytest.fixture(scope="module")
+def events(world: World) -> list:
+    return list(search(Job(world, AGENT, seed=5, evaluations=9)))
+
+
+def test_the_best_rhythm_is_kept(events: list, world: World) -> None:
+    """Each rhythm's returns are those of its policy's episodes from the seed's start states.
+
+    Control steps of episodes that end early count until their end.
+    """
+    limit = {"max_episode_steps": AGENT.episode_steps}
+    short = World(world.xml, world.env.model_copy(update=limit))
+    starts, returns, steps = derive_all(5, "starts", AGENT.episodes), {}, 0
     rows = [event for event in events if isinstance(event, Progress)]
     for row, half_period in zip(rows, AGENT.half_periods, strict=True):
-        episodes = rollout.run(
-            World(robot_xml, env), metronome(AGENT, known_params.env, half_period), starts
-        )
+        episodes = rollout.run(short, metronome(AGENT, world.env, half_period), starts)
         values = np.array([episode.rewards.sum() for episode in episodes])
+        steps += sum(len(episode.rewards) for episode in episodes)
         assert (row.return_mean, row.return_std) == pytest.approx((values.mean(), values.std()))
-        assert row.extra == {"half_period": half_period}
+        assert (row.env_steps, row.extra) == (steps, {"half_period": half_period})
         returns[half_period] = values.mean()
+    assert steps < AGENT.max_env_steps == 3 * AGENT.episodes * AGENT.episode_steps
     assert len(set(returns.values())) == 3
     best = max(returns, key=returns.__getitem__)
     assert best != AGENT.half_periods[0], "not by being the first"
     snapshot, finished = events[-2:]
     assert isinstance(snapshot, Snapshot) and isinstance(finished, Finished)
-    assert snapshot.policy == finished.policy == metronome(AGENT, known_params.env, best).to_bytes()
-
-
-def test_control_steps_are_counted(robot_xml: str, known_params: Params, events: list) -> None:
-    """Those of episodes that end early until their end."""
-    full = AGENT.episodes * AGENT.episode_steps
-    assert [event.env_steps for event in events] == [full, 2 * full, 3 * full, 3 * full, 3 * full]
-    assert AGENT.max_env_steps == 3 * full
-    high = known_params.env.model_copy(update={"min_torso_height": 0.55})
-    starts = derive_all(5, "starts", AGENT.episodes)
-    events, expected = search(Job(World(robot_xml, high), AGENT, 5)), []
-    steps = [event.env_steps for event in events]
-    limited = high.model_copy(update={"max_episode_steps": AGENT.episode_steps})
-    for half_period in AGENT.half_periods:
-        episodes = rollout.run(
-            World(robot_xml, limited), metronome(AGENT, known_params.env, half_period), starts
-        )
-        expected.append(sum(len(episode.rewards) for episode in episodes))
-    assert steps[:3] == np.cumsum(expected).tolist()
-    assert expected[0] < full
+    assert snapshot.env_steps == finished.env_steps == steps
+    assert snapshot.policy == finished.policy == metronome(AGENT, world.env, best).to_bytes()
 
 
 def test_the_policy_plays_a_square_wave(events: list, robot_xml: str, known_params: Params) -> None:

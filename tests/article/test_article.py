@@ -1,12 +1,9 @@
 """The article's settings."""
 
-import inspect
 from typing import Any
 
 import pytest
 from dvc.utils.hydra import to_hydra_overrides
-from evotorch.optimizers import ClipUp
-from stable_baselines3 import DQN, SAC
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
@@ -108,25 +105,6 @@ def test_the_preset_sets_every_value_as_the_article_did(
     ours = {key: value for key, value in overrides.items() if key.startswith(f"{name}.")}
     assert {key: ours[key] for key in ours if not key.endswith("log_interval")} == keys
     assert {key: value for key, value in flat(block).items() if key not in ASIDE} == settings
-
-
-@pytest.mark.parametrize(
-    ("algorithm", "settings", "given"),
-    [
-        # learning_starts was 50,000 in Stable-Baselines3 2.0.0, and 100 in later versions
-        (DQN, DQN_SETTINGS, {"learning_rate", "exploration_fraction", "learning_starts"}),
-        (SAC, SAC_SETTINGS, {"learning_rate", "ent_coef"}),
-        (ClipUp, PGPE_SETTINGS, {"max_speed"}),
-    ],
-)
-def test_what_the_article_does_not_set_is_the_librarys_default(
-    algorithm: Any, settings: dict[str, Any], given: set[str]
-) -> None:
-    parameters = inspect.signature(algorithm).parameters
-    shared = (set(settings) & set(parameters)) - given
-    assert len(shared) >= 1
-    defaults = {name: parameters[name].default for name in shared}
-    assert defaults == {name: settings[name] for name in shared}
 
 
 def test_a_preset_that_is_not_there_names_those_that_are() -> None:

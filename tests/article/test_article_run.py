@@ -113,9 +113,7 @@ def test_the_table_of_printed_values_tells_what_came_out() -> None:
     assert film.startswith("| PGPE's film, ") and film.endswith("| yes |")
 
 
-def test_figures_show_each_seed_and_what_was_printed(
-    reproduced: reproduction.Reproduction,
-) -> None:
+def test_figures_show_each_seed_and_what_was_printed(reproduced: reproduction.Reproduction) -> None:
     families = {name: ALGORITHMS[name].family for name in TINY}
     drawn = article_figures.draw(reproduced, looks(families))
     assert list(drawn) == ["dqn", "sac", "pgpe"]
@@ -237,7 +235,7 @@ def test_what_is_not_there_is_refused(
         reproduction.reproduce(root, params.model_copy(update={"seeds": [3, 9]}))
     monkeypatch.setattr(printed_values, "PGPE_TRACES", {"fitness_mean": {200: 1.0}})
     with pytest.raises(InputError, match="given 100 generations, allowed: 200 or more"):
-        reproduction._fitness(root, params, [3])
+        reproduction.reproduce(root, params, agents=["pgpe"], seeds=[3])
 
 
 def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: Path) -> None:

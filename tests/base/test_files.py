@@ -20,6 +20,16 @@ def test_folders_are_made_and_the_content_is_as_given(tmp_path: Path) -> None:
         assert path.read_bytes() == (content if isinstance(content, bytes) else content.encode())
 
 
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o077, 0o600)])
+def test_permissions_are_those_that_open_gives(tmp_path: Path, umask: int, mode: int) -> None:
+    before = os.umask(umask)
+    try:
+        files.write_text(tmp_path / "a", "new")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == mode
+
+
 def test_a_link_is_replaced_and_not_followed(tmp_path: Path) -> None:
     """DVC may have linked an output to its cache."""
     cached, path = tmp_path / "cached", tmp_path / "a"

@@ -114,34 +114,7 @@ def test_a_fault_is_told_or_changes_nothing_but_by_numbers(project, table):
             compared(project, FEW)
 
 
-@pytest.mark.parametrize(
-    ("one", "other", "table", "fault"),
-    [
-        ("models/sac/seed-3", "models/sac/seed-1", "/curve.csv", "column seed: given '1'"),
-        ("models/dqn", "models/sac", "/seed-3/curve.csv", "column agent: given 'sac'"),
-        ("results/agents/dqn", "results/agents/sac", "/episodes.csv", "column agent: given 'sac'"),
-        ("results/timing/dqn", "results/timing/sac", "/timing.csv", "column agent: given 'sac'"),
-    ],
-)
-def test_swapped_files_are_noticed(project, one, other, table, fault):
-    (project / one).rename(project / "kept")
-    (project / other).rename(project / one)
-    (project / "kept").rename(project / other)
-    with pytest.raises(InputError) as caught:
-        compared(project)
-    assert str(caught.value).startswith(f"{project}/{one}{table}: row 1, {fault}")
-
-
 def test_rows_are_those_asked_for(project):
-    path = Paths(project).agent("sac").episodes
-    rows = read_csv(path)
-    write_csv(path, rows[:4] + rows[5:])
-    with pytest.raises(InputError, match="given 0 rows of seed 1, episode 1, .* allowed: 1;"):
-        episodes.read(project, PARAMS, "sac")
-    write_csv(path, [*rows, rows[4]])
-    with pytest.raises(InputError, match=r"given 2 rows of seed 1, episode 1, .* allowed: 1;"):
-        episodes.read(project, PARAMS, "sac")
-    write_csv(path, rows)
     later = PARAMS.evaluate.model_copy(update={"seed": 5})  # and 3 x 3 on
     with pytest.raises(InputError, match=r"given 0 rows of seed 3, episode 0, episode_seed 14,"):
         episodes.read(project, PARAMS.model_copy(update={"evaluate": later}), "sac")

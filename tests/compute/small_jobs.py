@@ -4,7 +4,8 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,10 @@ from jumping_ant.compute.processes import Work
 def count(key: str, length: int, stop: threading.Event) -> Iterator[str]:
     for number in range(length):
         yield f"{key}{number}"
+
+
+def send_back(given: Any, stop: threading.Event) -> Iterator[Any]:
+    yield given
 
 
 def fail(stop: threading.Event) -> Iterator[str]:
@@ -56,6 +61,21 @@ def wait(folder: Path, given: Mapping[int, str], num_threads: int) -> None:
     for seed in given:
         (folder / str(seed)).touch()
     time.sleep(600)
+
+
+@contextmanager
+def once_begun(folder: Path, count: int, act: Callable[[], object]) -> Iterator[None]:
+    """Act when so many jobs have left a file in a folder."""
+
+    def wait_and_act() -> None:
+        while len(list(folder.iterdir())) < count:
+            time.sleep(0.01)
+        act()
+
+    thread = threading.Thread(target=wait_and_act)
+    thread.start()
+    yield
+    thread.join()
 
 
 def collect(started: Mapping[str, Work], workers: int) -> dict[str, list[Any]]:

@@ -6,7 +6,6 @@ import os
 import re
 import signal
 import tempfile
-import threading
 import time
 from functools import partial
 from pathlib import Path
@@ -21,6 +20,7 @@ from small_jobs import (
     count,
     die_once,
     fail,
+    once_begun,
     tell,
     wait,
     wait_for_the_end,
@@ -70,16 +70,11 @@ def test_another_worker_takes_over_a_seed(
 
 
 def test_a_signal_ends_what_cannot_be_resumed(on_cluster: str, tmp_path: Path) -> None:
-    def send() -> None:
-        while len(list(tmp_path.iterdir())) < 2:
-            time.sleep(0.01)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    sender = threading.Thread(target=send)
-    sender.start()
-    with pytest.raises(StoppedError, match="the next run begins this stage anew"):
+    with (
+        once_begun(tmp_path, 2, lambda: os.kill(os.getpid(), signal.SIGINT)),
+        pytest.raises(StoppedError, match="the next run begins this stage anew"),
+    ):
         jobs.by_seed(partial(wait, tmp_path), {3: "x", 1: "y"}, 0, "sac")
-    sender.join()
 
 
 def loss(folder: Path) -> str:
@@ -97,8 +92,6 @@ def test_a_cluster_that_is_lost_is_told(monkeypatch: pytest.MonkeyPatch, tmp_pat
     monkeypatch.setenv("RAY_ADDRESS", f"127.0.0.1:{port}")
 
     def lose() -> None:
-        while len(list(tmp_path.iterdir())) < 2:
-            time.sleep(0.01)
         servers = psutil.Process(ray.pid).children(True)
         next(server for server in servers if server.name() == "gcs_server").kill()
 
@@ -106,12 +99,10 @@ def test_a_cluster_that_is_lost_is_told(monkeypatch: pytest.MonkeyPatch, tmp_pat
         tempfile.TemporaryDirectory(prefix="ray") as folder,
         small_ray.started(folder, port) as ray,
         multiprocessing.get_context("spawn").Pool(1) as driver,
+        once_begun(tmp_path, 2, lose),
     ):
-        loser = threading.Thread(target=lose)
-        loser.start()
         told = driver.apply(loss, (tmp_path,))
         assert re.match(r"the Ray cluster at 127.0.0.1:\d+ is lost; once", told)
-        loser.join()
 
 
 @pytest.mark.parametrize("given", [None, "auto"])
@@ -129,8 +120,7 @@ def test_a_cluster_that_is_not_there_is_named_at_once(
 
 
 @pytest.mark.parametrize(
-    ("given", "address"),
-    [("", None), ("local", None), ("10.0.0.1:6379", "10.0.0.1:6379")],
+    ("given", "address"), [("", None), ("local", None), ("10.0.0.1:6379", "10.0.0.1:6379")]
 )
 def test_which_values_name_a_cluster(
     monkeypatch: pytest.MonkeyPatch, given: str, address: str | None

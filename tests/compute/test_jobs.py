@@ -6,7 +6,6 @@ import stat
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
@@ -14,10 +13,24 @@ from pathlib import Path
 
 import psutil
 import pytest
-from small_jobs import COUNTS, EXPECTED, collect, count, die, fail, tell, wait_for_the_end
+import small_agents
+from small_jobs import (
+    COUNTS,
+    EXPECTED,
+    collect,
+    count,
+    die,
+    fail,
+    once_begun,
+    send_back,
+    tell,
+    wait_for_the_end,
+)
 
+from jumping_ant.agents.job import Job
 from jumping_ant.base.errors import InputError, WorkerError
 from jumping_ant.compute import jobs
+from jumping_ant.sim.world import World
 
 pytestmark = pytest.mark.usefixtures("no_cluster")
 
@@ -27,6 +40,12 @@ def test_items_and_errors_arrive(workers: int) -> None:
     assert collect(COUNTS, workers) == EXPECTED
     with pytest.raises(InputError, match="a clear line"):
         collect({"good": partial(count, "x", 2), "bad": fail}, workers)
+
+
+def test_a_training_with_all_its_defaults_goes_to_another_process(robot_xml: str) -> None:
+    world = World(robot_xml, small_agents.PARAMS.env)
+    trainings = [Job(world, agent, seed=3) for agent in small_agents.agents().values()]
+    assert collect({"all": partial(send_back, trainings)}, 2) == {"all": [trainings]}
 
 
 def test_a_worker_that_dies_is_replaced_until_the_job_is_given_up(
@@ -57,16 +76,12 @@ def test_a_signal_asks_for_an_end(tmp_path: Path, workers: int, number: signal.S
     waiting = {key: partial(wait_for_the_end, tmp_path, key) for key in ("a", "b", "c")}
 
     def send() -> None:
-        while len(list(tmp_path.iterdir())) < workers:
-            time.sleep(0.01)
         for child in psutil.Process().children():  # as of Ctrl-C, which all processes get
             child.send_signal(number)
         os.kill(os.getpid(), number)
 
-    sender = threading.Thread(target=send)
-    sender.start()
-    items = collect(waiting, workers)
-    sender.join()
+    with once_begun(tmp_path, workers, send):
+        items = collect(waiting, workers)
     assert list(items.values()) == [["begun", "stopped"]] * workers + [[]] * (3 - workers)
     assert signal.getsignal(number) == before
 

@@ -3,12 +3,7 @@
 import numpy as np
 
 from jumping_ant.policies.actions import ActionSet
-from jumping_ant.policies.blind import (
-    OpenLoopPolicy,
-    OscillatorPolicy,
-    Oscillators,
-    UniformPolicy,
-)
+from jumping_ant.policies.blind import OpenLoopPolicy, OscillatorPolicy, Oscillators, UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.networks import ActorCritic, GreedyCommands, TanhActor
 from jumping_ant.policies.policy import Policy

@@ -35,18 +35,6 @@ CONDITIONS = [
 ]
 EXACT = "commands"  # a policy that sees, and whose torques have no rounding
 START, STEPS = 7, 30  # the seed of an episode, and its control steps
-CONDITIONS = [  # what the sliders set, each at a level that shows
-    NONE,
-    Condition("gravity", 1.5),
-    Condition("friction", 0.1),
-    Condition("torso_mass", 1.2),
-    Condition("motor_strength", 0.6),
-    Condition("damping", 3.0),
-    Condition("slope", 20.0),
-    Condition("push", 40.0),
-    Condition("action_delay", 2.0),
-    Condition("observation_delay", 3.0),
-]
 pytestmark = pytest.mark.skipif(
     not shutil.which("node"), reason="no node here; run `scripts/environment.sh browser`"
 )

@@ -18,13 +18,16 @@ from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies import policy_file, tensors
 
-SIZES = {"num_observations": 27, "num_motors": 8}
+HEADER = {"num_observations": 27, "num_motors": 8, "format": 3, "seed": 0}
+HEADER |= {"hold": 1, "amplitude": 1.0}
 
 
-def archive(kind: Any, /, table: Any = None, hold: Any = 1, **entries: bytes) -> bytes:
-    header = SIZES | {"format": 3, "kind": kind, "amplitude": 1.0, "hold": hold}
-    tables = {} if table is None else {"commands.npy": npy(table)}
-    return pack({"policy.json": json.dumps(header | {"seed": 0}).encode(), **tables, **entries})
+def archive(
+    kind: Any = "uniform", table: Any = None, network: bytes | None = None, **header: Any
+) -> bytes:
+    entries = {"policy.json": json.dumps(HEADER | {"kind": kind} | header).encode()}
+    entries |= {} if table is None else {"commands.npy": npy(table)}
+    return pack(entries | ({} if network is None else {"policy.pth": network}))
 
 
 def npy(array: Any) -> bytes:
@@ -43,29 +46,13 @@ def state_dict(**state: Any) -> bytes:
     return saved({name: torch.from_numpy(value) for name, value in state.items()})
 
 
-def one_layer(prefix: str, outputs: Any, bias: Any) -> bytes:
-    network = prefix.partition(".")[0]
-    factors = {f"{network}.features_extractor.factors": np.ones(27)}
-    layer = {f"{prefix}.weight": np.ones(outputs), f"{prefix}.bias": np.ones(bias)}
-    return state_dict(**factors, **layer)
-
-
-HEADER = SIZES | {"format": 3, "kind": "uniform", "seed": 0, "hold": 1, "amplitude": 1.0}
-
-
-def with_header(**fields: Any) -> bytes:
-    return pack({"policy.json": json.dumps(HEADER | fields).encode()})
-
-
-def actor(*weights: Any) -> dict[str, Any]:
-    """TD3's network of these layers, as its file has it."""
-    state = {"actor.features_extractor.factors": np.ones(27)}
+def layers(prefix: str, *weights: Any) -> bytes:
+    """The tensors of a network of these layers: `actor.mu` is TD3's, `q_net.q_net` DQN's."""
+    state = {f"{prefix.partition('.')[0]}.features_extractor.factors": np.ones(27)}
     for number, weight in enumerate(weights):
-        state |= {
-            f"actor.mu.{number}.weight": weight,
-            f"actor.mu.{number}.bias": weight[:, 0].copy(),
-        }
-    return state
+        name = f"{prefix}.{number}"
+        state |= {f"{name}.weight": weight, f"{name}.bias": np.ones(len(weight))}
+    return state_dict(**state)
 
 
 def bomb(*shape: int) -> bytes:
@@ -95,22 +82,11 @@ def says(shape: tuple[int, ...]) -> bytes:
     return small[:10] + header.encode().ljust(117) + b"\n" + small[128:]
 
 
-NETWORK_OF_FIVE = one_layer("q_net.q_net.0", (5, 27), 5)
-
-
-NETWORK_OF_NINE = one_layer("q_net.q_net.0", (9, 27), 9)
-
-
+NETWORK_OF_FIVE = layers("q_net.q_net", np.ones((5, 27)))
 OPEN_LOOP = dict(Archive(NUMBERS["open loop"].to_bytes()))
 OSCILLATORS = dict(Archive(NUMBERS["oscillator"].to_bytes()))
-
-
 LINEAR = linear_policy().to_bytes()
-
-
 ARRAYS = dict(Archive(LINEAR))
-
-
 LEVELLED = OPEN_LOOP["policy.json"].replace(b"}", b', "levels": 2}')
 DAMAGED = {
     "empty": b"",
@@ -128,12 +104,14 @@ DAMAGED = {
     "too few torques": pack(
         ARRAYS | {"weight.npy": npy(np.zeros((7, 27))), "bias.npy": npy(np.zeros(7))}
     ),
-    "no network": archive("sac", **{"policy.pth": state_dict()}),
-    "other network": archive("sac", **{"policy.pth": one_layer("actor.mu", (8, 26), 8)}),
-    "flat network": archive("sac", **{"policy.pth": one_layer("actor.mu", 27, 1)}),
-    "too many commands": archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_NINE}),
-    "commands without a table": archive("dqn", **{"policy.pth": NETWORK_OF_FIVE}),
-    "torn tensors": archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE[:-50]}),
+    "no network": archive("sac", network=state_dict()),
+    "other network": archive("td3", network=layers("actor.mu", np.ones((8, 26)))),
+    "flat network": archive("td3", network=layers("actor.mu", np.ones(27))),
+    "too many commands": archive(
+        "dqn", COMMAND_SIGNS, network=layers("q_net.q_net", np.ones((9, 27)))
+    ),
+    "commands without a table": archive("dqn", network=NETWORK_OF_FIVE),
+    "torn tensors": archive("dqn", COMMAND_SIGNS, network=NETWORK_OF_FIVE[:-50]),
     "open loop without a table": archive("open_loop"),
     "table without rows": archive("open_loop", COMMAND_SIGNS[:0]),
     "table of other width": archive("open_loop", COMMAND_SIGNS[:, :7]),
@@ -148,16 +126,16 @@ DAMAGED = {
     "oscillator without a phase": pack(OSCILLATORS | {"phases.npy": npy(np.ones(7))}),
     "three speeds": pack(OSCILLATORS | {"speeds.npy": npy(np.ones(3))}),
     "speed not a number": pack(OSCILLATORS | {"speeds.npy": npy(np.array([1, np.nan]))}),
-    "held for no time": archive("uniform", hold=0),
-    "held backwards": archive("uniform", hold=-3),
-    "held for a word": archive("uniform", hold="long"),
-    "held for half a step": archive("uniform", hold=0.5),
+    "held for no time": archive(hold=0),
+    "held backwards": archive(hold=-3),
+    "held for a word": archive(hold="long"),
+    "held for half a step": archive(hold=0.5),
     "amplitude missing": pack({"policy.json": b'{"kind": "uniform", "seed": 0, "hold": 1}'}),
-    "amplitude no number": with_header(amplitude="loud"),
-    "amplitude not finite": with_header(amplitude=float("nan")),
-    "amplitude beyond the peak torque": with_header(amplitude=2.0),
-    "one level": with_header(levels=1),
-    "levels without end": with_header(levels=10**9),
+    "amplitude no number": archive(amplitude="loud"),
+    "amplitude not finite": archive(amplitude=float("nan")),
+    "amplitude beyond the peak torque": archive(amplitude=2.0),
+    "one level": archive(levels=1),
+    "levels without end": archive(levels=10**9),
     "levels and a table": pack(OPEN_LOOP | {"policy.json": LEVELLED}),
     "later format": pack({"policy.json": ARRAYS["policy.json"].replace(b": 3,", b": 4,")}),
     "weight not a number": pack(ARRAYS | {"weight.npy": npy(np.full((8, 27), np.nan))}),
@@ -166,17 +144,15 @@ DAMAGED = {
     "mean for all": pack(ARRAYS | {"mean.npy": npy(np.zeros(()))}),
     "weight of terabytes": pack(ARRAYS | {"weight.npy": says((1_000_000, 1_000_000))}),
     "compressed": compressed(LINEAR),
-    "compressed tensors": archive("sac", **{"policy.pth": compressed(bomb(8, 27))}),
-    "one number for all": archive("sac", **{"policy.pth": bomb(8, 27)}),
-    "one number for terabytes": archive("sac", **{"policy.pth": bomb(1_000_000, 1_000_000)}),
-    "network not a number": archive(
-        "td3", **{"policy.pth": state_dict(**actor(np.full((8, 27), np.nan)))}
-    ),
+    "compressed tensors": archive("sac", network=compressed(bomb(8, 27))),
+    "one number for all": archive("sac", network=bomb(8, 27)),
+    "one number for terabytes": archive("sac", network=bomb(1_000_000, 1_000_000)),
+    "network not a number": archive("td3", network=layers("actor.mu", np.full((8, 27), np.nan))),
     "layers of other widths": archive(
-        "td3", **{"policy.pth": state_dict(**actor(np.ones((9, 27)), np.ones((8, 10))))}
+        "td3", network=layers("actor.mu", np.ones((9, 27)), np.ones((8, 10)))
     ),
-    "motors beyond number": with_header(num_motors=10**9),
-    "observations beyond number": with_header(num_observations=10**12),
+    "motors beyond number": archive(num_motors=10**9),
+    "observations beyond number": archive(num_observations=10**12),
 }
 
 
@@ -201,16 +177,15 @@ def test_what_does_not_belong_to_a_policy_is_not_read(tmp_path: Path) -> None:
 def test_the_damage_is_all_that_is_wrong() -> None:
     """What the damaged files above are made of is accepted."""
     for content in (
-        archive("uniform", hold=3),
+        archive(hold=3),
         archive("open_loop", COMMAND_SIGNS),
-        archive("dqn", COMMAND_SIGNS, **{"policy.pth": NETWORK_OF_FIVE}),
-        with_header(amplitude=0.5, levels=2),
+        archive("dqn", COMMAND_SIGNS, network=NETWORK_OF_FIVE),
+        archive(amplitude=0.5, levels=2),
         pack(OPEN_LOOP),
         pack(OSCILLATORS),
         pack(ARRAYS),
-        archive("td3", **{"policy.pth": state_dict(**actor(np.ones((8, 27))))}),
-        archive("td3", **{"policy.pth": state_dict(**actor(np.ones((9, 27)), np.ones((8, 9))))}),
-        with_header(),
+        archive("td3", network=layers("actor.mu", np.ones((8, 27)))),
+        archive("td3", network=layers("actor.mu", np.ones((9, 27)), np.ones((8, 9)))),
     ):
         assert policy_file.parse(content).actions.hold >= 1
 
@@ -230,8 +205,8 @@ def test_pickled_code_is_not_run(tmp_path: Path) -> None:
     planted = tmp_path / "planted"
     payload = Payload(planted)
     files = [
-        archive("sac", **{"policy.pth": pickle.dumps(payload)}),
-        archive("dqn", **{"policy.pth": saved(payload)}),
+        archive("sac", network=pickle.dumps(payload)),
+        archive("dqn", network=saved(payload)),
         pack(ARRAYS | {"weight.npy": npy(np.array([payload], dtype=object))}),
         pack(ARRAYS | {"mean.npy": pickle.dumps(payload)}),
         pickle.dumps(payload),

@@ -143,10 +143,3 @@ def test_pictures_are_shown_as_fast_as_the_robot_moves(
 ) -> None:
     env = RobotEnv(World(robot_xml, task(known_params, frame_skip=4)))
     assert env.metadata["render_fps"] == 25
-
-
-def test_without_a_render_mode_nothing_is_drawn(env: RobotEnv) -> None:
-    env.reset(seed=0)
-    assert env.render() is None
-    env.close()
-    env.close()

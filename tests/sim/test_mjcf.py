@@ -98,21 +98,8 @@ HOSTILE = [
         for name in ("njmax", "nconmax", "nstack", "nkey", "nuserdata", "nuser_body", "nuser_geom")
     ),
     *(
-        (model(f'<size nkey="{number}"/>'), f"<size nkey={number!r}>, allowed: whole numbers up to")
-        for number in (
-            "1e9",
-            "-1k",
-            "+5",
-            "0x10",
-            " 5",
-            "5 ",
-            "5.0",
-            "inf",
-            "",
-            "-2",
-            "٣",
-            "9" * 30,
-        )
+        (model(f'<size nkey="{size}"/>'), f"<size nkey={size!r}>, allowed: whole numbers up to")
+        for size in ("1e9", "-1k", "+5", "0x10", " 5", "5 ", "5.0", "inf", "", "-2", "٣", "9" * 30)
     ),
 ]
 

@@ -37,10 +37,6 @@ def poses(*heights: float, quaternion: tuple[float, ...] = (1, 0, 0, 0)) -> np.n
     return qpos
 
 
-def test_every_term_has_settings_and_every_setting_a_term() -> None:
-    assert list(rewards.TERMS) == list(RewardParams.model_fields)
-
-
 HALF = np.sqrt(0.5)
 NAN, INF = float("nan"), float("inf")
 

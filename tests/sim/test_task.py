@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
-from numpy.typing import NDArray
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.params import article
@@ -85,39 +84,6 @@ def test_the_first_motors_drive_the_front_legs_and_the_others_the_back_legs(robo
     bodies = model.jnt_bodyid[model.actuator_trnid[:, 0]]
     ahead = data.xpos[bodies, 0] - data.body("torso").xpos[0]
     assert (ahead[:4] > 0.1).all() and (ahead[4:] < -0.1).all()
-
-
-def feet_under(command: int, xml: str) -> tuple[NDArray[np.float64], float]:
-    """Hold a command for 0.05 s in zero gravity, ankles in the middle of their ranges before.
-
-    The result is the fall of the feet in the torso's frame [m], (4,), in the order of the legs'
-    motors, and the tilt of the torso [rad].
-    """
-    model = robot.load(xml)
-    model.opt.gravity[:] = 0
-    data = mujoco.MjData(model)
-    joints = model.actuator_trnid[1::2, 0]  # ankles
-    data.qpos[2] = 10.0
-    data.qpos[model.jnt_qposadr[joints]] = model.jnt_range[joints].mean(axis=1)
-    feet, torso = model.jnt_bodyid[joints], data.body("torso")
-
-    def heights() -> NDArray[np.float64]:
-        mujoco.mj_forward(model, data)
-        return (data.xipos[feet] - torso.xpos) @ torso.xmat.reshape(3, 3)[:, 2]
-
-    before = heights()
-    data.ctrl[:] = COMMAND_SIGNS[command]
-    mujoco.mj_step(model, data, nstep=5)
-    return before - heights(), float(np.arccos(min(1.0, torso.xmat[8])))
-
-
-def test_command_3_pushes_all_feet_down_and_4_lifts_them_and_1_tilts(robot_xml: str) -> None:
-    down, tilt_of_3 = feet_under(3, robot_xml)
-    up, _ = feet_under(4, robot_xml)
-    fall, tilt = feet_under(1, robot_xml)
-    assert (down > 0.01).all() and (up < -0.01).all()
-    assert (fall[:2] > 0.01).all() and (fall[2:] < -0.01).all()
-    assert tilt > 2 * tilt_of_3
 
 
 @pytest.mark.parametrize(

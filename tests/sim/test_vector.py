@@ -30,11 +30,10 @@ def make(robot_xml: str, known_params: Params) -> Any:
         mode: AutoresetMode = AutoresetMode.SAME_STEP,
         xml: str = robot_xml,
         actions: ActionSet | None = None,
-        episode_steps: Any = None,
         **task: Any,
     ) -> RobotVectorEnv:
         world = World(xml, known_params.env.model_copy(update=task))
-        return RobotVectorEnv(world, num_envs, num_threads, mode, actions, episode_steps)
+        return RobotVectorEnv(world, num_envs, num_threads, mode, actions)
 
     return make_envs
 
@@ -215,14 +214,6 @@ def test_a_decision_is_so_many_steps_of_the_same_torques(make: Any, actions: Act
     assert (1, False) in ends, "a limit of 50 steps within a decision of 3"
 
 
-def test_each_environment_has_an_episode_length_of_its_own(make: Any) -> None:
-    envs = make(episode_steps=np.array([4, 6, np.inf]), max_episode_steps=2, min_torso_height=0.0)
-    envs.reset(seed=0)
-    cut = [envs.step(STILL)[3] for _ in range(24)]
-    ends = [np.flatnonzero(column) + 1 for column in np.transpose(cut)]
-    assert [row.tolist() for row in ends] == [[4, 8, 12, 16, 20, 24], [6, 12, 18, 24], []]
-
-
 def test_terms_see_velocities_and_contacts(make: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(TERMS, "upright", lambda step, _: step.contacts + step.qvel[:, 5])
     envs = make(reward=RewardParams(upright=TermParams(weight=1.0)), min_torso_height=0.0)
@@ -232,18 +223,3 @@ def test_terms_see_velocities_and_contacts(make: Any, monkeypatch: pytest.Monkey
         np.testing.assert_allclose(contacts, contacts.round(), atol=1e-9)
         assert ((contacts.round() == 0) == envs.airborne).all()
     assert contacts.max() > 1
-
-
-def test_a_saved_state_goes_on_to_the_last_bit(make: Any) -> None:
-    """Contacts are solved from the last solution, so more than positions must come back."""
-    envs, other = make(max_episode_steps=30), make(max_episode_steps=30, num_threads=2)
-    actions = torques(60, 3)
-    envs.reset(seed=0)
-    for action in actions[:25]:
-        envs.step(action)
-    state = copy.deepcopy(envs.save_state())
-    other.load_state(state)
-    for action in actions[25:]:
-        for mine, theirs in zip(envs.step(action)[:4], other.step(action)[:4], strict=True):
-            np.testing.assert_array_equal(mine, theirs)
-    assert other.save_state()["generators"] == envs.save_state()["generators"]
