@@ -22,7 +22,6 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
 from jumping_ant.tracking.pages import EXPERIMENT_KIND
 
-EXPERIMENT = "jumping-ant"
 LONGEST_MESSAGE = 300
 SECONDS_FOR_ANSWER = 5
 
@@ -36,18 +35,14 @@ def failures_as_input_errors(uri: str) -> Iterator[None]:
     except ModuleNotFoundError as error:
         command = databases.installation(error)
         raise InputError(f"{place}: its driver is not installed; run: {command}") from error
-    except (MlflowException, SQLAlchemyError, OSError) as error:
+    except (MlflowException, SQLAlchemyError, sqlite3.Error, OSError) as error:
         raise InputError(f"{place}: {_explain(error, uri)}") from error
 
 
 def connect(
-    root: Path, timeout_seconds: int, max_retries: int, experiment: str = EXPERIMENT
+    root: Path, experiment: str, timeout_seconds: int, max_retries: int
 ) -> tuple[MlflowClient, str, str]:
-    """Open the store and an experiment of the project, which is created if needed.
-
-    Returns:
-        A client, the experiment's id, the tracking URI.
-    """
+    """Return a client, the id of an experiment, created if needed, and the tracking URI."""
     uri = tracking_uri(root)
     _silence()
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", str(timeout_seconds))
@@ -134,16 +129,8 @@ def _database(uri: str) -> Path | None:
 
 def _is_empty(path: Path) -> bool:
     """Tell if a database has no tables; MLflow itself would retry for minutes to open it."""
-    try:
-        with closing(sqlite3.connect(path)) as connection:
-            return bool(connection.execute("PRAGMA schema_version").fetchone() == (0,))
-    except (sqlite3.Error, OSError) as error:
-        if "locked" in str(error):
-            raise InputError(f"{path}: in use by another program; try again later") from error
-        raise InputError(
-            f"{path}: cannot be opened as a database ({error}); "
-            "if it is damaged, delete it: `python -m stages.track` recreates it"
-        ) from error
+    with closing(sqlite3.connect(path)) as connection:
+        return bool(connection.execute("PRAGMA schema_version").fetchone() == (0,))
 
 
 def is_server(uri: str) -> bool:
@@ -185,4 +172,6 @@ def _explain(error: BaseException, uri: str) -> str:
     message = " ".join(str(error).partition("(Background on this error")[0].split())
     if "lock timeout" in message or "database is locked" in message:
         return "in use by another program; try again later"
+    if isinstance(error, sqlite3.Error):
+        return f"{message}; if it is damaged, delete it: `python -m stages.track` recreates it"
     return databases.without_secret(message, uri)[:LONGEST_MESSAGE]

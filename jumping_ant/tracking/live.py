@@ -20,9 +20,9 @@ from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors
 from jumping_ant.tracking.store import Points, Store
 
-TIMEOUT_SECONDS, MAX_RETRIES = 5, 0
 POLL_SECONDS = 5.0  # an MLflow call costs as much as 50 points
 PAUSE_SECONDS = 30.0  # after a failure
+REST = "training continues, and `track` completes MLflow from the files"
 
 
 def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
@@ -31,23 +31,10 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
     A failure of MLflow is reported once, on standard error, and the update is retried later.
     `has_ended` waits for at most the given seconds and returns whether training has ended.
     """
-    follower, is_reported = _Follower(agent, root), False
-    rest = "training continues, and `track` completes MLflow from the files"
-
-    def survives(step: Callable[[], object]) -> bool:
-        nonlocal is_reported
-        try:
-            step()
-        except InputError as error:
-            if not is_reported:
-                print(f"warning: no live curves: {error}; {rest}", file=sys.stderr)
-            is_reported = True
-            return False
-        return True
-
-    while not has_ended(POLL_SECONDS if survives(follower.update) else PAUSE_SECONDS):
+    follower = _Follower(agent, root)
+    while not has_ended(POLL_SECONDS if follower.survives(follower.update) else PAUSE_SECONDS):
         pass
-    survives(follower.finish)
+    follower.survives(follower.finish)
 
 
 class _Follower:
@@ -61,10 +48,22 @@ class _Follower:
         self._start = get_current_time_millis()
         self._store: Store | None = None
         self._followed: dict[int, tuple[Run, Points]] = {}  # by seed, with the points it has
+        self._is_reported = False
+
+    def survives(self, step: Callable[[], object]) -> bool:
+        """Return whether MLflow takes a step; only the first failure is reported."""
+        try:
+            step()
+        except InputError as error:
+            if not self._is_reported:
+                print(f"warning: no live curves: {error}; {REST}", file=sys.stderr)
+            self._is_reported = True
+            return False
+        return True
 
     def update(self) -> Store:
         """Log new points of the curve files, and return where they are."""
-        store = self._store or stores.connect(self._root, TIMEOUT_SECONDS, MAX_RETRIES)
+        store = self._store or stores.connect(self._root, timeout_seconds=5, max_retries=0)
         self._store = store
         with failures_as_input_errors(store.uri):
             for seed in self._seeds:

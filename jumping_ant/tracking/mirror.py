@@ -23,9 +23,6 @@ from jumping_ant.tracking.connection import failures_as_input_errors, is_server,
 from jumping_ant.tracking.records import AGGREGATE, TRAIN_SECONDS, ComparisonRecord, SeedRecord
 from jumping_ant.tracking.store import Content, Store
 
-TIMEOUT_SECONDS, MAX_RETRIES = 20, 1
-COMPARE_STAGE = "compare"
-
 
 def track(
     root: Path = PROJECT_ROOT, say: Callable[[str], None] = print, pages_at: str | None = None
@@ -39,7 +36,7 @@ def track(
     if comparison.missing:
         untrained = ", ".join(f"{agent} seed {seed}" for agent, seed in comparison.missing)
         say(f"not trained yet: {untrained}")
-    store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES)
+    store = stores.connect(root)
     with failures_as_input_errors(store.uri), mirrored_alone(store.uri, say):
         done = _mirror(store, comparison, say)
         store.close_abandoned()
@@ -80,7 +77,7 @@ def _mirror_comparison(
 ) -> Run:
     """Return the run that runs of seeds are nested under, with runs of all seeds of each agent."""
     key, note = comparison.key, descriptions.comparison(comparison.results)
-    stage = {stores.DVC_STAGE: COMPARE_STAGE}
+    stage = {stores.DVC_STAGE: "compare"}
     content = Content(
         name=f"comparison-{key[:8]}",
         tags={stores.COMPARISON: key, **stage},

@@ -16,10 +16,9 @@ from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
 from jumping_ant.base.files import CODE_ROOT
 from jumping_ant.policies import policy_file
-from jumping_ant.policies.policy import Interface
 from jumping_ant.tracking import pages
 from jumping_ant.tracking import store as stores
-from jumping_ant.tracking.records import SeedRecord
+from jumping_ant.tracking.records import SeedRecord, stage
 from jumping_ant.tracking.store import Store
 
 CHAMPION = "champion"
@@ -57,8 +56,18 @@ def has(store: Store, run: Run) -> bool:
 
 def log(store: Store, record: SeedRecord, run: Run) -> str:
     """Log and register the model of a new run, and return its id."""
-    tags, note = _origin_tags(record, store.commit), record.describe(store.commit)
-    source = stores.source_tags(record.stage, store.commit)
+    note = record.describe(store.commit)
+    tags = {  # which lead back to the code, the pipeline and the file
+        stores.AGENT: record.agent,
+        stores.SEED: str(record.seed),
+        stores.POLICY_DIGEST: record.digest,
+        stores.ALGORITHM: record.algorithm,
+        stores.DVC_STAGE: stage(record.agent),
+        stores.DVC_MD5: record.md5,
+        stores.HOLD: str(record.hold),
+        **({stores.GIT_COMMIT: store.commit} if store.commit else {}),
+    }
+    source = stores.source_tags(stage(record.agent), store.commit)
     model = store.client.create_logged_model(
         *(store.experiment_id, record.name, run.info.run_id),
         tags | source | {pages.NOTE: note},
@@ -116,6 +125,11 @@ def crown(store: Store, agent: str, scores: Mapping[str, float]) -> str | None:
 
 def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
     interface = policy_file.read_interface(record.policy_path, (record.agent, record.seed))
+    width = interface.num_observations or -1  # any, if observations are not used
+    signature = ModelSignature(
+        inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, width))]),
+        outputs=Schema([TensorSpec(np.dtype(np.float64), (-1, interface.num_motors))]),
+    )
     with tempfile.TemporaryDirectory() as folder:
         path, policy = Path(folder) / "model", Path(folder) / record.policy_path.name
         shutil.copyfile(record.policy_path, policy)  # MLflow refuses links, as DVC's cache may make
@@ -124,8 +138,8 @@ def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
             python_model=str(CODE),
             artifacts={"policy": str(policy)},
             code_paths=[str(PACKAGE_DIR)],
-            signature=_signature(interface),
-            input_example=np.zeros((1, interface.num_observations or 1)),
+            signature=signature,
+            input_example=np.zeros((1, abs(width))),
             pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],
             mlflow_model=Model(
                 artifact_path=model.artifact_location,
@@ -136,25 +150,3 @@ def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
         )
         store.client.log_model_artifacts(model.model_id, str(path))
     store.client.finalize_logged_model(model.model_id, "READY")
-
-
-def _signature(interface: Interface) -> ModelSignature:
-    width = interface.num_observations or -1  # any, if observations are not used
-    return ModelSignature(
-        inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, width))]),
-        outputs=Schema([TensorSpec(np.dtype(np.float64), (-1, interface.num_motors))]),
-    )
-
-
-def _origin_tags(record: SeedRecord, commit: str | None) -> dict[str, str]:
-    """Return the tags that lead back to the code, the pipeline and the file."""
-    return {
-        stores.AGENT: record.agent,
-        stores.SEED: str(record.seed),
-        stores.POLICY_DIGEST: record.digest,
-        stores.ALGORITHM: record.algorithm,
-        stores.DVC_STAGE: record.stage,
-        stores.DVC_MD5: record.md5,
-        stores.HOLD: str(record.hold),
-        **({stores.GIT_COMMIT: commit} if commit else {}),
-    }

@@ -49,8 +49,8 @@ class SeedRecord:
     seed: int
     algorithm: str
     params: dict[str, str]  # those worth filtering on
-    digest: str  # SHA-256 of the policy file
     colour: str  # the agent's in figures
+    digest: str  # SHA-256 of the policy file
 
     @property
     def paths(self) -> AgentPaths:
@@ -66,11 +66,6 @@ class SeedRecord:
     def policy_path(self) -> Path:
         """The policy file."""
         return self.paths.seed(self.seed).policy
-
-    @property
-    def stage(self) -> str:
-        """The stage of the pipeline that trains the agent."""
-        return stage(self.agent)
 
     @cached_property
     def md5(self) -> str:
@@ -90,7 +85,7 @@ class SeedRecord:
     @cached_property
     def seconds(self) -> dict[int, float]:
         """Seconds of training by control steps trained, where measured."""
-        rows = self._rows(self.paths.timing, self.stage, curves.TIMING_COLUMNS)
+        rows = self._rows(self.paths.timing, stage(self.agent), curves.TIMING_COLUMNS)
         return {int(row["env_steps"]): row["seconds"] for row in rows}
 
     @cached_property
@@ -125,7 +120,7 @@ class SeedRecord:
     def describe(self, commit: str | None) -> str:
         """Return what the policy is, how good it is and where it comes from, as Markdown."""
         means = {name.removeprefix(EVALUATION): mean for name, mean in self.summary.items()}
-        origins = {"DVC stage": self.stage} | ({"git commit": commit} if commit else {})
+        origins = {"DVC stage": stage(self.agent)} | ({"git commit": commit} if commit else {})
         origins["policy file, SHA-256"] = self.digest
         origins["policy file in DVC's cache, MD5"] = self.md5
         aside = remark(catalogue.ALGORITHMS[self.algorithm].is_baseline, self.params["robot"])
@@ -224,12 +219,11 @@ def read(root: Path, params: Params) -> ComparisonRecord:
     records, missing = [], []
     looked = looks({name: catalogue.row(block).family for name, block in params.agents.items()})
     for agent, block in params.agents.items():
-        settings, colour = run_params(root, params, agent), looked[agent].colour
+        fixed = block.algorithm, run_params(root, params, agent), looked[agent].colour
         for seed in params.seeds:
             path = Paths(root).agent(agent).seed(seed).policy
             if path.exists():
-                trained = (agent, seed, block.algorithm, settings, digest(path), colour)
-                records.append(SeedRecord(root, *trained))
+                records.append(SeedRecord(root, agent, seed, *fixed, digest(path)))
             else:
                 missing.append((agent, seed))
     return ComparisonRecord(root, records, missing)

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,6 +11,7 @@ from pathlib import Path
 import mlflow
 from mlflow import MlflowClient
 from mlflow.entities import LoggedModel, Metric, Param, Run
+from mlflow.utils.git_utils import get_git_commit
 from mlflow.utils.time import get_current_time_millis
 
 from jumping_ant.base import process
@@ -20,6 +20,7 @@ from jumping_ant.tracking import connection
 from jumping_ant.tracking.pages import UNFOLDED
 from jumping_ant.tracking.records import Point, stage
 
+EXPERIMENT = "jumping-ant"
 # Tags.
 AGENT, SEED, ALGORITHM, POLICY_DIGEST = "agent", "seed", "algorithm", "policy_digest"
 COMPARISON = "comparison"  # its key
@@ -96,16 +97,10 @@ class Store:
         has_model: Callable[[Run], bool] = lambda _: True,
         log_model: Callable[[Run], str] | None = None,
     ) -> tuple[Run, str]:
-        """Have a content shown by one run, and delete those of earlier calls that do not show it.
+        """Have a content shown by one run, and delete the other `runs` that earlier calls wrote.
 
-        Args:
-            content: What the run shows.
-            runs: Those of earlier calls in its place.
-            has_model: Whether the model of such a run is there.
-            log_model: Logs the model of a new run, and returns its id.
-
-        Returns:
-            The run, and whether it was `created`, `replaced` another, or is `unchanged`.
+        A run that lacks its model counts as different; `log_model` returns the id of a new one.
+        Returns the run, and whether it was `created`, `replaced` another, or is `unchanged`.
         """
         run = next((it for it in runs if self._shows(it, content) and has_model(it)), None)
         verb = "unchanged" if run else "replaced" if runs else "created"
@@ -158,11 +153,11 @@ class Store:
 
 
 def connect(
-    root: Path, timeout_seconds: int, max_retries: int, experiment: str = connection.EXPERIMENT
+    root: Path, experiment: str = EXPERIMENT, timeout_seconds: int = 20, max_retries: int = 1
 ) -> Store:
-    """Open the store of a project; arguments and errors as in `connection.connect`."""
-    opened = connection.connect(root, timeout_seconds, max_retries, experiment)
-    return Store(*opened, commit=git_commit(root))
+    """Open the store of a project; one that cannot be opened is an InputError."""
+    opened = connection.connect(root, experiment, timeout_seconds, max_retries)
+    return Store(*opened, commit=get_git_commit(str(root)))
 
 
 def changed(stored: Mapping[str, str], wanted: Mapping[str, str]) -> dict[str, str]:
@@ -191,8 +186,7 @@ def _content(path: Path) -> Path:
 def is_of(run: Run, policy_digest: str, params: Mapping[str, str]) -> bool:
     """Tell whether a run is that of a policy trained with these parameters, or is unfinished.
 
-    Agents that do not learn have the same policy whatever the task. A killed writer may have
-    logged none of the parameters.
+    Agents that do not learn have one policy for all tasks; a killed writer logged some parameters.
     """
     fits = run.info.status != "FINISHED" or run.data.tags.get(POLICY_DIGEST) == policy_digest
     return fits and bool(run.data.params.items() <= params.items())
@@ -203,12 +197,3 @@ def is_followed(run: Run) -> bool:
     writer = run.data.tags.get(WRITER, "")
     is_live = LIVE in run.data.tags and run.info.status == "RUNNING"
     return is_live and process.is_of_this_host(writer) and process.exists(writer)
-
-
-def git_commit(root: Path) -> str | None:
-    """Return the project's commit; None outside of a git repository, or before the first."""
-    command = ["git", "-C", str(root), "rev-parse", "--verify", "--quiet", "HEAD"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True).stdout.strip() or None
-    except OSError:
-        return None

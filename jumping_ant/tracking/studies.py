@@ -20,7 +20,6 @@ from jumping_ant.tracking.connection import failures_as_input_errors, mirrored_a
 from jumping_ant.tracking.store import PARENT, Content, Store
 
 EXPERIMENT = "jumping-ant-tuning"
-TIMEOUT_SECONDS, MAX_RETRIES = 20, 1
 STUDY, TRIAL, STATE, REASON = "study", "trial", "state", "reason"  # tags
 BEST = "best_so_far"  # a study's curve, by trial
 STATUS = {"complete": "FINISHED", "pruned": "KILLED"}
@@ -32,7 +31,7 @@ def track(root: Path, say: Callable[[str], None]) -> None:
     summaries = sorted(Paths(root).study("").summary.parent.glob("*.json"))
     if not summaries:
         return
-    store = stores.connect(root, TIMEOUT_SECONDS, MAX_RETRIES, EXPERIMENT)
+    store = stores.connect(root, EXPERIMENT)
     with failures_as_input_errors(store.uri), mirrored_alone(store.uri, say):
         for path in summaries:
             _mirror(store, path, path.with_suffix(".csv"), say)

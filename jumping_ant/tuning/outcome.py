@@ -28,7 +28,7 @@ GOOD = 0.25  # share of the trials that importance sets apart from the others
 
 
 def rows(task: Task, study: optuna.Study) -> list[dict[str, Any]]:
-    """Return the table of ended trials; the settings are those that differ from the present."""
+    """Return the table of ended trials."""
     table = []
     for trial in ended(study):
         notes = notes_of(trial)
@@ -77,8 +77,7 @@ def is_control_of(control: Mapping[str, Any], search: Mapping[str, Any]) -> bool
 def _values(trials: Sequence[FrozenTrial], task: Task) -> list[float]:
     """Return the trials' values; [] if none is complete.
 
-    One that ended early counts by its seeds so far, but not above those that are complete; one
-    without a value has the least of all.
+    One that ended early counts at most as the best complete one, one without a value as the least.
     """
     complete = [trial.values[0] for trial in trials if trial.state is COMPLETE]
     if not complete:

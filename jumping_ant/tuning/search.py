@@ -50,8 +50,7 @@ SEED, REASON = "seed {:03}", "reason"  # what a trial notes: of each seed, and w
 class PerTrial(TPESampler):
     """The tree-structured Parzen estimator (Bergstra et al. 2011), with a seed for each trial.
 
-    So a process that resumes or shares a study does not repeat another's draws. The first
-    `num_random` trials are random.
+    So no process repeats another's draws. The first `num_random` trials are random.
     """
 
     def __init__(self, num_random: int) -> None:
@@ -68,9 +67,9 @@ class PerTrial(TPESampler):
 def opened(
     storage: str, name: str, sampler: SamplerName, prune_level: float, first: Mapping[str, object]
 ) -> Iterator[optuna.Study]:
-    """Open a study, which is created with its first trial's parameters if there is none.
+    """Open a study at an address of SQLAlchemy's, created with its first trial if there is none.
 
-    `storage` is an address of SQLAlchemy's; one that cannot be used is an InputError.
+    A storage that cannot be used is an InputError.
     """
     _quieten()
     databases.limit_waiting(LONGEST_WAIT)

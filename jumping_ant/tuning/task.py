@@ -52,26 +52,18 @@ more than the target for good, `onset`. Of one that diverged, `fault` says how."
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How much is tried, and how it is judged.
+    """How much is tried, and how it is judged."""
 
-    Attributes:
-        trials: Settings that are tried, the first of them the agent's present ones.
-        seeds: Trainings of a trial.
-        share: Of the agent's budget of control steps, for such a training.
-        episodes: Played by each trained policy, from the same start states in all trials.
-        target_return: Trials compete for the seconds to this return; None: for the return.
-        spread_penalty: Times the mean distance of seeds from their median, off a trial's value.
-        prune_level: A trial ends early if its returns would be so unlikely were it the best.
-        fresh_seeds: Trainings with the whole budget of the best settings and of the present ones.
-    """
-
-    trials: Annotated[int, Field(ge=1)] = 40
-    seeds: Annotated[int, Field(ge=1)] = 2
-    share: Annotated[float, Field(gt=0, le=1)] = 0.4
-    episodes: Annotated[int, Field(ge=1, le=1000)] = 12
-    target_return: float | None = None
+    trials: Annotated[int, Field(ge=1)] = 40  # settings that are tried, first the present ones
+    seeds: Annotated[int, Field(ge=1)] = 2  # trainings of a trial
+    share: Annotated[float, Field(gt=0, le=1)] = 0.4  # of the budget of steps, for each of them
+    episodes: Annotated[int, Field(ge=1, le=1000)] = 12  # of a policy, the same in all trials
+    target_return: float | None = None  # trials compete for the seconds to it; None: for the return
+    # Times the mean distance of seeds from their median, off a trial's value.
     spread_penalty: Annotated[float, Field(ge=0)] = 0.5
+    # A trial ends early if its returns would be so unlikely were it the best.
     prune_level: Annotated[float, Field(ge=0, lt=1)] = 0.05
+    # Trainings with the whole budget of the best settings, and of the present ones.
     fresh_seeds: Annotated[int, Field(ge=1, le=100)] = 8
 
 
@@ -97,7 +89,7 @@ class Task:
     def rules(self) -> dict[str, Any]:
         """What two searches must share to be set beside each other."""
         ranges = {name: asdict(range_) for name, range_ in self.space.ranges.items()}
-        fixed = {"task": _short_digest(self.content), "ranges": json.loads(json.dumps(ranges))}
+        fixed = {"task": short_digest(self.content), "ranges": json.loads(json.dumps(ranges))}
         return fixed | {name: getattr(self.settings, name) for name in RULES}
 
     def study_name(self, sampler: str) -> str:
@@ -106,7 +98,7 @@ class Task:
         sources = [effective_code.read(path) for path in sorted(code)]
         versions = digest(LOCK) if LOCK.is_file() else ""
         content = [self.content, self.rules, sources, versions]
-        return f"{self.name}-{sampler}-{_short_digest(content)}"
+        return f"{self.name}-{sampler}-{short_digest(content)}"
 
     def measure(
         self, agent: AgentBlock, seed: int, starts: range, num_threads: int, stop: threading.Event
@@ -176,5 +168,6 @@ def task_of(root: Path, params: Params, name: str, settings: SearchSettings) -> 
     return Task(name, params, settings, world, space, demonstrations)
 
 
-def _short_digest(content: Any) -> str:
+def short_digest(content: Any) -> str:
+    """Return eight hexadecimal digits that stand for a content of JSON's types."""
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:8]

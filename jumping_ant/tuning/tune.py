@@ -32,8 +32,8 @@ def run(
 ) -> None:
     """Search for an agent's settings, from where an earlier call stopped, and write the outcome.
 
-    The storage is a file of the project unless an address says otherwise. An agent that cannot be
-    tuned and a storage that cannot be used are InputErrors; after a StoppedError a call resumes.
+    The storage is by default a file of the project. An agent that cannot be tuned and a storage
+    that cannot be used are InputErrors; after a StoppedError a call resumes.
     """
     task = task_of(root, params, name, settings)
     paths = Paths(root).study(name, is_control=sampler == "random")

@@ -5,8 +5,6 @@ judged from start states, that neither the study nor anything else has seen; ano
 others. The test is the one by which comparisons tell two agents apart.
 """
 
-import hashlib
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,7 +24,7 @@ from jumping_ant.comparison.step_down import adjust
 from jumping_ant.compute import jobs
 from jumping_ant.compute.processes import Work
 from jumping_ant.media.style import capitalized, number
-from jumping_ant.tuning.task import FRESH, Task
+from jumping_ant.tuning.task import FRESH, Task, short_digest
 
 OPEN = "open"
 WORDS = {"supported": "better", "refuted": "worse", "equivalent": "equivalent"}
@@ -114,8 +112,7 @@ class Fresh:
 
     def _block(self, size: int) -> range:
         """Return so many fresh numbers, hardly ever those of another study or another trial."""
-        content = json.dumps([self.study.study_name, self.trial.number])
-        place = int(hashlib.sha256(content.encode()).hexdigest()[:8], 16)
+        place = int(short_digest([self.study.study_name, self.trial.number]), 16)
         first = size * (place % (len(FRESH) // size))
         return FRESH[first : first + size]
 

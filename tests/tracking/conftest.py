@@ -1,11 +1,10 @@
 """Projects to track, bare, trained and tracked."""
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import imageio.v3 as imageio
 import mlflow
-import numpy as np
 import pytest
 from tracked_project import (
     OnServer,
@@ -13,7 +12,6 @@ from tracked_project import (
     curve_lines,
     make_bare,
     make_whole,
-    served,
     tracked,
     unset_variables,
 )
@@ -21,6 +19,7 @@ from tracked_project import (
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.tracking import live
+from soak import mlflow_server
 
 
 @pytest.fixture(scope="session")
@@ -47,17 +46,18 @@ def on_server(tmp_path_factory: pytest.TempPathFactory, empty_database: Path) ->
     """A project that was followed while it trained, and tracked."""
     root = tmp_path_factory.mktemp("pages") / "a project"
     make_bare(root, empty_database)
-    with served(root / "server", empty_database) as address:
+    folder = root / "server"
+    folder.mkdir()
+    shutil.copy(empty_database, folder / "mlflow.db")
+    with mlflow_server.running(folder, f"sqlite:///{folder / 'mlflow.db'}") as server:
         with pytest.MonkeyPatch.context() as patch:
             unset_variables(patch)
-            patch.setenv("MLFLOW_TRACKING_URI", address)
+            patch.setenv("MLFLOW_TRACKING_URI", server.uri)
             write_text(Paths(root).agent("sac").seed(1).curve, curve_lines(1))
             live.follow("sac", root, lambda seconds: True)
             make_whole(root)
-            frames = np.random.default_rng(0).integers(0, 255, (75, 64, 64, 3), np.uint8)
-            imageio.imwrite(root / "media" / "sac.mp4", frames, fps=25, codec="libx264")
-            told = tracked(root)
-        yield OnServer(address, root / "server", root, told)
+            lines = tracked(root)
+        yield OnServer(server.uri, folder, root, lines)
 
 
 @pytest.fixture

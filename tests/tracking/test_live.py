@@ -3,22 +3,22 @@
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 from tracked_project import (
-    AGGREGATES,
     HEADER,
+    NUM_RUNS,
     SEEDS,
     STEPS,
-    content,
     curve_lines,
     make_whole,
-    runs,
+    shown,
     state,
+    statuses,
     tracked,
     train,
-    wait_for,
 )
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
@@ -48,8 +48,8 @@ def test_training_shows_while_it_runs_and_once_afterwards(bare_project: Path) ->
     seen: list[object] = []
 
     def look() -> None:
-        steps = {row[1] for row in content(bare_project, "metrics", "sac-seed-0")}
-        seen.append((runs(bare_project, "sac%"), steps))
+        (run,) = shown(bare_project).values()
+        seen.append((run.status, {step for _, step, _ in run.metrics}))
 
     def finish() -> None:
         for seed in SEEDS:
@@ -58,46 +58,43 @@ def test_training_shows_while_it_runs_and_once_afterwards(bare_project: Path) ->
 
     steps = (lambda: grow(bare_project, 2, cut=3), look, lambda: grow(bare_project, 3), look)
     live.follow("sac", bare_project, script(*steps, finish))
-    assert seen == [
-        ({"sac-seed-0": "RUNNING"}, {100, 200}),
-        ({"sac-seed-0": "RUNNING"}, {100, 200, 300}),
-    ]
-    assert runs(bare_project) == {"sac-seed-0": "FINISHED", "sac-seed-1": "FINISHED"}
-    points = content(bare_project, "metrics", "sac-seed-0")
+    assert seen == [("RUNNING", {100, 200}), ("RUNNING", {100, 200, 300})]
+    assert statuses(bare_project) == {"sac-seed-0": "FINISHED", "sac-seed-1": "FINISHED"}
+    points = shown(bare_project)["sac-seed-0"].metrics
     assert len(points) == len(set(points)) == 16
     make_whole(bare_project)
     tracked(bare_project)
-    assert [point for point in content(bare_project, "metrics", "sac-seed-0") if point[1]] == points
-    assert dict(content(bare_project, "tags", "sac-seed-0"))["live"] == "true"
-    assert list(runs(bare_project).values()) == ["FINISHED"] * (5 + len(AGGREGATES))
+    run = shown(bare_project)["sac-seed-0"]
+    assert [point for point in run.metrics if point[1]] == points and run.tags["live"] == "true"
+    assert list(statuses(bare_project).values()) == ["FINISHED"] * NUM_RUNS
 
 
 def test_a_killed_training_is_marked_and_continued(bare_project: Path) -> None:
     live.follow("sac", bare_project, script(lambda: grow(bare_project, 3)))
-    assert runs(bare_project, "sac%") == {"sac-seed-0": "KILLED"}
+    assert statuses(bare_project) == {"sac-seed-0": "KILLED"}
     # Resumed from a checkpoint, the file is behind what MLflow has seen; then begun anew.
     write_text(Paths(bare_project).agent("sac").seed(0).curve, f"{HEADER}\nsac,0,100,9,9,9,9,9\n")
     steps = (lambda: grow(bare_project, 1), lambda: train(bare_project, "sac", 0))
     live.follow("sac", bare_project, script(*steps))
-    assert runs(bare_project, "sac%") == {"sac-seed-0": "FINISHED"}
-    assert len(content(bare_project, "metrics", "sac-seed-0")) == 16
+    assert statuses(bare_project) == {"sac-seed-0": "FINISHED"}
+    assert len(shown(bare_project)["sac-seed-0"].metrics) == 16
 
 
 def test_the_same_policy_again_leaves_its_run_alone(project: Path) -> None:
     """Whatever another host has left running, as a container that was killed."""
-    opened = store.connect(project, timeout_seconds=5, max_retries=0)
+    opened = store.connect(project)
     before = state(project)[0]
     run = opened.create_run("sac-seed-0", store.seed_tags("sac", 0, "sac") | {store.LIVE: "true"})
     opened.client.set_tag(run.info.run_id, store.WRITER, "elsewhere 1 1.00")
     assert tracked(project)[-1].endswith("4 unchanged")
-    assert len(runs(project)) == 5 + len(AGGREGATES), "the other one is gone"
+    assert len(shown(project)) == NUM_RUNS, "the other one is gone"
     live.follow("sac", project, script(lambda: None))
     assert state(project)[0]["metrics"] == before["metrics"], "it was trained before"
     policy = Paths(project).agent("sac").seed(0).policy
     policy.unlink()
     live.follow("sac", project, script(lambda: None, lambda: train(project, "sac", 0)))
     assert tracked(project)[-1].endswith("4 unchanged")
-    assert len(runs(project)) == 5 + len(AGGREGATES)
+    assert len(shown(project)) == NUM_RUNS
     assert state(project)[0]["model_versions"] == before["model_versions"]
 
 
@@ -117,18 +114,20 @@ def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project:
     grow(bare_project, 2)
     early = start("--after", "600")
     assert early.communicate(timeout=60)[1] == "" and early.returncode == 0
-    assert runs(bare_project, "sac%") == {}, "too short a training to follow"
+    assert statuses(bare_project) == {}, "too short a training to follow"
     first = start()
-    wait_for(lambda: len(content(bare_project, "metrics", "sac-seed-0")) == 7)
+    while [len(run.metrics) for run in shown(bare_project).values()] != [7]:
+        assert first.poll() is None
+        time.sleep(0.1)
     first.send_signal(signal.SIGINT)  # Ctrl-C reaches the whole group; the pipe is what counts
     first.kill()
     first.communicate()
-    assert runs(bare_project, "sac%") == {"sac-seed-0": "RUNNING"}
+    assert statuses(bare_project) == {"sac-seed-0": "RUNNING"}
     tracked(bare_project)  # which closes what a dead process left
-    assert runs(bare_project, "sac%") == {"sac-seed-0": "KILLED"}
+    assert statuses(bare_project) == {"sac-seed-0": "KILLED"}
     second = start()
     train(bare_project, "sac", 0)
     assert second.communicate(timeout=60)[1] == ""  # closes the pipe
     assert second.returncode == 0
-    assert runs(bare_project, "sac%") == {"sac-seed-0": "FINISHED"}
-    assert len(content(bare_project, "metrics", "sac-seed-0")) == 16
+    assert statuses(bare_project) == {"sac-seed-0": "FINISHED"}
+    assert len(shown(bare_project)["sac-seed-0"].metrics) == 16

@@ -1,25 +1,22 @@
 """MLflow mirrors the files: what later calls add, replace, and leave."""
 
-import json
+import os
 import shutil
 import sqlite3
 import subprocess
-from collections.abc import Callable
+import sys
 from pathlib import Path
 
 import mlflow
 import pytest
-from ruamel.yaml import YAML
 from tracked_project import (
-    AGGREGATES,
-    artifact_dir,
-    content,
+    NUM_RUNS,
     meaning,
     parent_name,
     query,
-    run_python,
-    runs,
+    shown,
     state,
+    statuses,
     tracked,
     train,
 )
@@ -31,24 +28,8 @@ from jumping_ant.tracking import pages, store
 from jumping_ant.tracking.mirror import track
 
 ALIASES = "SELECT name, version FROM registered_model_aliases WHERE alias = 'champion' ORDER BY 1"
-TWO = """
-import json, pathlib, sys
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
-from jumping_ant.tracking.mirror import track
-
-def tracked(root):
-    lines = []
-    track(pathlib.Path(root), lines.append)
-    return lines
-
-with ProcessPoolExecutor(2, get_context("fork")) as two:
-    print(json.dumps(list(two.map(tracked, [sys.argv[1]] * 2))))
-"""
-
-
-def opened(project: Path) -> store.Store:
-    return store.connect(project, timeout_seconds=5, max_retries=0)
+TRACK = "import pathlib, sys; from jumping_ant.tracking.mirror import track; "
+TRACK += "track(pathlib.Path(sys.argv[1]))"
 
 
 def change(path: Path, old: str, new: str) -> None:
@@ -57,21 +38,14 @@ def change(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new), encoding="utf-8")
 
 
-def weigh_height(project: Path, weight: float) -> None:
-    path = project / "params.yaml"
-    settings = YAML().load(path.read_text(encoding="utf-8"))
-    settings["env"]["reward"]["torso_height"]["weight"] = weight
-    with path.open("w", encoding="utf-8") as file:
-        YAML().dump(settings, file)
+def ids(project: Path) -> set[str]:
+    active = query(project, "SELECT run_uuid FROM runs WHERE lifecycle_stage = 'active'")
+    return {run for (run,) in active}
 
 
-def ids(project: Path) -> dict[str, str]:
-    return dict(query(project, "SELECT run_uuid, name FROM runs WHERE lifecycle_stage = 'active'"))
-
-
-def test_a_second_call_adds_nothing(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_second_call_adds_nothing(project: Path) -> None:
     """Nor does one after a model was loaded, in whose folder MLflow leaves a file."""
-    client = opened(project).client
+    client = store.connect(project).client
     mine = client.create_run("1", run_name="mine")  # someone else's, which stays open
     note = "SELECT value FROM experiment_tags WHERE key = 'mlflow.note.content'"
     assert pages.address("1") in query(project, note)[0][0]
@@ -79,11 +53,11 @@ def test_a_second_call_adds_nothing(project: Path, monkeypatch: pytest.MonkeyPat
     before = state(project)
     lines: list[str] = []
     track(project, lines.append, "http://127.0.0.1:5000/")
-    told = f"MLflow at sqlite:///{project}/mlflow.db: 4 unchanged"
-    assert lines == [told, f"Look at http://127.0.0.1:5000/{pages.address('1')}"]
+    last = f"MLflow at sqlite:///{project}/mlflow.db: 4 unchanged"
+    assert lines == [last, f"Look at http://127.0.0.1:5000/{pages.address('1')}"]
     assert state(project) == before
     mlflow.pyfunc.load_model("models:/jumping-ant-sac@champion")
-    assert tracked(project) == [told]
+    assert tracked(project) == [last]
     assert state(project)[0] == before[0]
     assert client.get_run(mine.info.run_id).info.status == "RUNNING"
     assert query(project, note) == [("Mine",)]
@@ -96,7 +70,8 @@ def test_a_commit_between_calls_adds_nothing(untracked_project: Path) -> None:
         settings = ["-c", "user.name=A", "-c", "user.email=a@b.c"]
         command = ["git", *settings, "commit", "--allow-empty", "-qm", message]
         subprocess.run(command, cwd=project, check=True)
-        return str(store.git_commit(project))
+        show = ["git", "rev-parse", "HEAD"]
+        return subprocess.check_output(show, cwd=project, encoding="utf-8").strip()
 
     subprocess.run(["git", "init", "-q"], cwd=project, check=True)
     first = commit("one")
@@ -105,42 +80,42 @@ def test_a_commit_between_calls_adds_nothing(untracked_project: Path) -> None:
     assert commit("two") != first
     tracked(project)
     assert state(project) == before
-    assert dict(content(project, "tags", "sac-seed-0"))["git_commit"] == first
+    assert shown(project)["sac-seed-0"].tags["git_commit"] == first
 
 
 def test_other_parameters_leave_earlier_runs_alone_and_their_own_come_back(project: Path) -> None:
     """Also if policies are the same, as those of an agent that acts at random."""
-    first, of_first = ids(project), set(ids(project))
+    first = ids(project)
     assert query(project, ALIASES) == [("jumping-ant-pgpe", 2), ("jumping-ant-sac", 2)]
     shutil.copytree(project / "models", project / "kept")
     shutil.copy(project / "params.yaml", project / "kept.yaml")
-    weigh_height(project, 7.0)
+    change(project / "params.yaml", "max_episode_steps: 1000", "max_episode_steps: 900")
     train(project, "sac", 0, value=0.7)
     change(project / "models/sac/seed-0/validation.csv", ",600,", ",700,")
     lines = tracked(project)
     assert lines[-1].endswith(": 4 created")
     assert query(project, ALIASES) == [("jumping-ant-pgpe", 4), ("jumping-ant-sac", 3)]
     both = ids(project)
-    assert first.items() <= both.items() and len(both) == 2 * len(first)
+    assert first < both and len(both) == 2 * len(first)
     shutil.rmtree(project / "models")
     (project / "kept").rename(project / "models")
     (project / "kept.yaml").rename(project / "params.yaml")
     assert tracked(project)[-1].endswith(": 4 unchanged") and ids(project) == both
     assert query(project, ALIASES) == [("jumping-ant-pgpe", 2), ("jumping-ant-sac", 2)]
     found = query(project, "SELECT run_uuid, value FROM tags WHERE key = 'mlflow.parentRunId'")
-    assert {run for run, parent in found if parent in of_first} < of_first
+    assert {run for run, parent in found if parent in first} < first
 
 
 def test_a_changed_evaluation_replaces_runs_and_leaves_names_of_models(project: Path) -> None:
-    opened(project).client.set_registered_model_alias("jumping-ant-sac", "mine", "2")
+    store.connect(project).client.set_registered_model_alias("jumping-ant-sac", "mine", "2")
     change(project / "results" / "agents" / "sac" / "seeds.csv", "1,115,", "1,5,")
     change(Paths(project).plots / "learning_curves.csv", "sac,200.0,200", "sac,200.0,201")
     lines = tracked(project)
     assert lines[-1].endswith("1 replaced, 3 unchanged") and "sac, 2 seeds: replaced" in lines
-    assert set(runs(project).values()) == {"FINISHED"} and len(runs(project)) == 7
-    latest = "SELECT value FROM latest_metrics JOIN runs USING (run_uuid) WHERE key = ? AND "
-    latest += "lifecycle_stage = 'active' AND name LIKE '%-seed-%' ORDER BY value"
-    assert query(project, latest, "evaluation/return") == [(5.0,), (15.0,), (15.0,), (115.0,)]
+    runs = shown(project)
+    assert {run.status for run in runs.values()} == {"FINISHED"} and len(runs) == NUM_RUNS
+    assert ("evaluation/return", 0, 5.0) in runs["sac-seed-1"].metrics
+    assert ("return_iqm", 200, 201.0) in runs["sac, 2 seeds"].metrics
     aliases = query(project, "SELECT alias, version FROM registered_model_aliases ORDER BY name, 1")
     assert aliases == [("champion", 2), ("champion", 3), ("mine", 3)], "validation chooses"
     assert len(query(project, "SELECT * FROM model_versions WHERE current_stage = 'None'")) == 4
@@ -159,44 +134,29 @@ def test_an_experiment_apart_does_not_name_the_champion(project: Path) -> None:
     assert query(project, ALIASES) == [("jumping-ant-pgpe", 2), ("jumping-ant-sac", 2)]
 
 
-def files(project: Path) -> None:
+def test_what_is_deleted_by_hand_comes_back(untracked_project: Path) -> None:
+    project = untracked_project
+    tracked(project)
+    said, client = meaning(project), store.connect(project).client
+
+    def assert_back() -> None:
+        tracked(project)
+        assert meaning(project) == said
+
     for model in (project / "mlartifacts" / "models").iterdir():
         shutil.rmtree(model)
-    (artifact_dir(project, "sac-seed-1") / "policy.zip").unlink()
+    (shown(project)["sac-seed-1"].artifacts / "policy.zip").unlink()
     query(project, "UPDATE runs SET status = 'RUNNING' WHERE name LIKE 'pgpe-seed-_'")
-
-
-def all_artifacts(project: Path) -> None:
+    assert_back()
     shutil.rmtree(project / "mlartifacts")
-
-
-def records(project: Path) -> None:
-    client = opened(project).client
+    assert_back()
     client.delete_registered_model("jumping-ant-sac")
     client.delete_registered_model_alias("jumping-ant-pgpe", "champion")
     for run in client.search_runs(["1"], "attributes.run_name LIKE '%0'"):
         client.delete_run(run.info.run_id)
-
-
-def experiment(project: Path) -> None:
-    """Restored with it are runs that were replaced before."""
-    means = project / "results" / "agents" / "sac" / "seeds.csv"
-    for old, new in (("1,115,", "1,5,"), ("1,5,", "1,115,")):
-        change(means, old, new)
-        tracked(project)
-    opened(project).client.delete_experiment("1")
-
-
-@pytest.mark.parametrize("delete", [files, all_artifacts, records, experiment])
-def test_what_is_deleted_by_hand_comes_back(
-    untracked_project: Path, delete: Callable[[Path], None]
-) -> None:
-    project = untracked_project
-    tracked(project)
-    said = meaning(project)
-    delete(project)
-    tracked(project)
-    assert meaning(project) == said
+    assert_back()
+    client.delete_experiment("1")  # restored with it are the runs that were replaced above
+    assert_back()
     assert tracked(project)[-1].endswith("4 unchanged")
 
 
@@ -210,8 +170,7 @@ def test_an_interrupted_call_is_completed_by_the_next(untracked_project: Path) -
     with pytest.raises(KeyboardInterrupt):
         track(project, stop)
     tracked(project)
-    assert len(runs(project)) == 5 + len(AGGREGATES)
-    assert set(runs(project).values()) == {"FINISHED"}
+    assert list(statuses(project).values()) == ["FINISHED"] * NUM_RUNS
     assert len(query(project, "SELECT * FROM model_versions")) == 4
 
 
@@ -221,7 +180,7 @@ def test_runs_are_nested_when_all_policies_are_trained(untracked_project: Path) 
     policy = Paths(project).agent("pgpe").seed(1).policy
     policy.unlink()
     assert tracked(project)[0] == "not trained yet: pgpe seed 1"
-    assert set(runs(project)) == {"sac-seed-0", "sac-seed-1", "pgpe-seed-0"}
+    assert shown(project).keys() == {"sac-seed-0", "sac-seed-1", "pgpe-seed-0"}
     train(project, "pgpe", 1)
     assert tracked(project)[-1].endswith("1 created, 3 unchanged")
     first = parent_name(project, "sac-seed-0")
@@ -243,11 +202,17 @@ def test_two_rebuild_a_wiped_database_at_once(project: Path) -> None:
     """
     said = meaning(project)
     (project / "mlflow.db").unlink()
-    told = json.loads(run_python(TWO, str(project), cwd=project, PYTHONPATH=str(PROJECT_ROOT)))
-    waiter, builder = sorted(told, key=len)
+    command = [sys.executable, "-c", TRACK, str(project)]
+    environment = os.environ | {"PYTHONPATH": str(PROJECT_ROOT)}
+    two = [
+        subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, encoding="utf-8")
+        for _ in range(2)
+    ]
+    lines = [process.communicate()[0].splitlines() for process in two]
+    waiter, builder = sorted(lines, key=len)
     assert waiter[-1].endswith(": 4 unchanged") and builder[-1].endswith(": 4 created")
     assert meaning(project) == said
-    assert len(query(project, "SELECT name FROM runs")) == len(runs(project)) == 7
+    assert len(query(project, "SELECT name FROM runs")) == len(shown(project)) == NUM_RUNS
     assert query(project, "SELECT count(*) FROM experiments WHERE name = 'jumping-ant'") == [(1,)]
 
 
