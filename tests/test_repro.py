@@ -8,6 +8,7 @@ from ruamel.yaml import YAML
 from jumping_ant.params import params_file
 from scripts.checkout import Checkout, copy_project
 
+BOMB = "a0: &a0 [0]\n" + "".join(f"a{n}: &a{n} [{f'*a{n - 1}, ' * 30}]\n" for n in range(1, 7))
 UP_TO_DATE = "Data and pipelines are up to date."
 COMMAND = ("python", "-m", "scripts.repro")
 SHORT = {  # the first stage writes what it reads, without every 2
@@ -40,6 +41,16 @@ def test_a_mistyped_stage_is_named(project: Checkout, command: tuple[str, ...]) 
     done = project.run(*command, "typo")
     assert done.returncode
     assert "ERROR: Stage 'typo' not found inside 'dvc.yaml' file" in done.stderr
+    assert "Running stage" not in done.stdout
+
+
+def test_a_bomb_is_refused_before_dvc_reads_it(project: Checkout) -> None:
+    path = project.folder / "params.yaml"
+    before = path.read_text(encoding="utf-8")
+    path.write_text(f"{before}\n{BOMB}", encoding="utf-8")
+    done = project.run(*COMMAND)
+    path.write_text(before, encoding="utf-8")
+    assert done.returncode == 2 and done.stderr.startswith("error: ")
     assert "Running stage" not in done.stdout
 
 

@@ -172,7 +172,9 @@ def test_an_experiment_comes_and_goes(project: Project) -> None:
     project.change_params(agents=agents | {"still": agents["random"]})
     # Stages of every kind of output; the others would take longer and show the same.
     project.type(f"{EXPERIMENT} evaluate@sac evaluate@still record@still")
-    assert {"record@sac", "compare", "report", "track"} <= project.stale()
+    stale = project.stale()
+    assert {"record@sac", "compare", "report", "track"} <= stale
+    assert not {name for name in stale if name.endswith(("@random", "@dqn", "@pgpe"))}
     experiment = project.state()
     new = experiment.files.keys() - mine.files.keys()
     assert {name.split("/")[0] for name in new} == {"models", "media", "results"}
@@ -194,10 +196,19 @@ def test_an_experiment_comes_and_goes(project: Project) -> None:
     assert {"agents.sac.learning_rate", "results/agents/sac/metrics.json:return"} <= set(columns)
     assert not any(column.startswith(("agents.dqn", "results/agents/dqn")) for column in columns)
     assert "faster" in shown
-    project.type("dvc plots diff")
+    project.type("dvc metrics show && dvc plots show && dvc plots diff")
     page = (project.folder / "dvc_plots" / "index.html").read_text(encoding="utf-8")
     assert "workspace" in page and "HEAD" in page
     project.go_back()
+
+
+def test_who_clones_and_pulls_has_nothing_to_run(project: Project, tmp_path: Path) -> None:
+    shared = f"dvc remote add --local --default shared {tmp_path}/remote"
+    project.type(f"{shared} && dvc push")
+    clone = Project(tmp_path / "clone")
+    project.type(f"git clone -q . {clone.folder} && cd {clone.folder} && {shared} && dvc pull")
+    assert clone.stale() == set()
+    assert not clone.state().files.items() ^ project.state().files.items()
 
 
 def test_a_run_that_is_not_committed_is_not_lost(project: Project) -> None:

@@ -2,15 +2,19 @@
 
 import os
 import socket
+from pathlib import Path
 
 import psutil  # type: ignore[import-untyped]
 
-SAME_START = 60.0  # [s] two processes of one id start further apart
-
 
 def name_of(process_id: int) -> str:
-    """Return the name of a process of this host: host, process id, time of its start [s]."""
-    return f"{socket.gethostname()} {process_id} {psutil.Process(process_id).create_time():.0f}"
+    """Return the name of a process of this host: host, process id, boot and ticks at its start.
+
+    Unlike the time of its start, these stay the same when somebody sets the clock.
+    """
+    ticks = Path(f"/proc/{process_id}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="utf-8")
+    return f"{socket.gethostname()} {process_id} {boot[:8]}-{ticks[19]}"
 
 
 def this_process() -> str:
@@ -29,9 +33,8 @@ def exists(name: str) -> bool:
     An ended process keeps its id until its parent reaps it, which in containers may be never.
     """
     try:
-        _, process_id, start = name.split()
-        process = psutil.Process(int(process_id))
-        is_same = abs(process.create_time() - float(start)) < SAME_START
-        return is_same and process.status() != psutil.STATUS_ZOMBIE
-    except (psutil.Error, ValueError):
+        process_id = int(name.split()[1])
+        is_same = name_of(process_id) == name
+        return is_same and psutil.Process(process_id).status() != psutil.STATUS_ZOMBIE
+    except (psutil.Error, OSError, ValueError, IndexError):
         return False

@@ -85,11 +85,26 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
 
     def __init__(self, world: World, render_mode: str | None = None, **settings: Any) -> None:
         self.world = world
-        self.envs = DrawnVectorEnv(world, render_mode=render_mode, **settings)
-        self.metadata = self.metadata | {"render_fps": self.envs.metadata["render_fps"]}
         self.render_mode = render_mode
+        self._settings = settings
+        self.envs = self._simulation()
+        self.metadata = self.metadata | {"render_fps": self.envs.metadata["render_fps"]}
         self.observation_space = self.envs.single_observation_space
         self.action_space = self.envs.single_action_space
+
+    def _simulation(self) -> DrawnVectorEnv:
+        return DrawnVectorEnv(self.world, render_mode=self.render_mode, **self._settings)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy needs, here or in another process: MuJoCo's batch cannot be copied."""
+        return vars(self) | {"envs": self.envs.save_state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Simulate anew from the state of the environment that was copied."""
+        vars(self).update(state)
+        self.envs = self._simulation()
+        self.envs.generators[0] = self.np_random
+        self.envs.load_state(state["envs"])
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

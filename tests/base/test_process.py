@@ -6,6 +6,7 @@ import subprocess
 import time
 
 import psutil
+import pytest
 
 from jumping_ant.base import process
 
@@ -20,3 +21,11 @@ def test_a_process_that_ended_writes_no_more_though_none_took_note() -> None:
     assert not process.exists(name)
     child.wait()
     assert not process.exists(name)
+
+
+def test_setting_the_clock_ends_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that began at 12:00 by the old clock began at 11:00 by the new one."""
+    name = process.this_process()
+    began = psutil.Process.create_time
+    monkeypatch.setattr(psutil.Process, "create_time", lambda self: began(self) - 3600)
+    assert process.exists(name)

@@ -55,6 +55,15 @@ def test_the_summary_follows_its_contract(tmp_path):
     ]
 
 
+def test_an_agents_seconds_are_the_mean_of_its_seeds(tmp_path):
+    write_project(tmp_path, AGENTS, SEEDS)
+    curve = curve_rows(200, 3000.0)
+    paces = zip(SEEDS, (1.0, 2.0, 3.0, 10.0), strict=True)
+    timed = [row for seed, pace in paces for row in timing_rows("sac", seed, curve, pace)]
+    write_csv(Paths(tmp_path).agent("sac").timing, timed)
+    assert summarize(tmp_path, AGENTS)["agents"]["sac"]["train_seconds"] == 4.0 * 200
+
+
 def test_returns_after_equal_seconds_lie_on_the_learning_curves(tmp_path):
     agents = {name: AGENTS[name] for name in ("random", "sac", "dqn")}
     write_project(tmp_path, agents, SEEDS)

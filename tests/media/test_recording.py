@@ -1,6 +1,9 @@
 """Rerun recordings: every shape and series is there, with the right values, at the right times."""
 
 import dataclasses
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,7 @@ from recorded import Content, simulate, story
 from rerun.chunk import RrdReader
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.media import about, rendering
 from jumping_ant.media import episode as recording
 from jumping_ant.media.scene import METRES_PER_NEWTON, geom_paths
@@ -55,6 +59,14 @@ def content(file: Path) -> Content:
 
 def moving(content: Content, part: str) -> set[str]:
     return {path for path in content.moving if path.startswith(f"/{part}/")}
+
+
+def test_reruns_own_tool_accepts_it_and_it_names_no_folder(file: Path, tmp_path: Path) -> None:
+    rerun = Path(sys.executable).with_name("rerun")
+    subprocess.run(
+        [rerun, "rrd", "verify", file], env=os.environ | {"HOME": str(tmp_path)}, check=True
+    )
+    assert str(PROJECT_ROOT).encode() not in file.read_bytes()
 
 
 def test_shapes_are_those_of_the_robot(world: World, content: Content) -> None:

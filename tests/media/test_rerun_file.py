@@ -11,19 +11,18 @@ from rerun.chunk import RrdReader
 
 from jumping_ant.media.rerun_file import Recording, write
 
-ENTITIES = ["b", "a", "c"]
 
-
-def recorded(title: str = "Title", steps: int = 9) -> Recording:
+def recorded(title: str = "Title", steps: int = 9, last: str = "c") -> Recording:
     """A recording whose entities are logged in turns."""
+    entities = ["b", "a", last]
 
     def log(stream: rr.RecordingStream) -> None:
         for step in range(steps):
             stream.set_time("step", sequence=step)
-            stream.log(ENTITIES[step % 3], rr.Scalars(step))
+            stream.log(entities[step % 3], rr.Scalars(step))
         stream.log("a", rr.SeriesLines(colors=(1, 2, 3)), static=True)
 
-    views = [rrb.TimeSeriesView(origin=name) for name in ENTITIES]
+    views = [rrb.TimeSeriesView(origin=name) for name in entities]
     return write("name", title, rrb.Blueprint(rrb.Tabs(*views, active_tab=1)), log)
 
 
@@ -45,7 +44,8 @@ def test_equal_recordings_are_equal_by_content(tmp_path: Path) -> None:
     assert digests[0] == digests[1] != digests[2]
     assert rerun_cli("compare", paths[0], paths[1], home=tmp_path) == 0
     assert rerun_cli("compare", paths[0], paths[2], home=tmp_path) != 0
-    assert recorded("Another").digest != digests[0]
+    for other in (recorded("Another"), recorded(last="d")):
+        assert other.digest != digests[0]
     assert rerun_cli("verify", paths[0], home=tmp_path) == 0
     (entry,) = RrdReader(paths[0]).recordings()
     assert (entry.application_id, entry.recording_id) == ("jumping-ant", "name")

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import unquote
 
@@ -19,7 +20,7 @@ from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import AgentResults, load
 from jumping_ant.params import presets
 from jumping_ant.params.model import Params
-from jumping_ant.report import head_to_head, page
+from jumping_ant.report import head_to_head, page, robustness_charts
 from jumping_ant.report.outcome import Outcome
 from jumping_ant.sim import trajectory
 from jumping_ant.tracking import models, pages, store
@@ -228,6 +229,16 @@ def test_what_agents_withstand_is_shown_with_its_levels(html: str, project: Path
     ]
     assert titles[0] == "Mass of the torso [kg]"
     assert "Age of observations [control steps]" in titles
+
+
+def test_what_keeps_less_than_the_metronome_is_marked() -> None:
+    entry = {"retention": [0.9, 0.5], "low": [0.8, 0.4], "high": [1.0, 0.6], "level": [1, 2]}
+    entries = [entry | {"half": None, "crossing": crossing} for crossing in (None, 2.0)]
+    agents = {name: {"delay": each} for name, each in zip(("sac", "pgpe"), entries, strict=True)}
+    outcome = SimpleNamespace(results={name: SimpleNamespace(label=name) for name in agents})
+    figure = robustness_charts.overview(outcome, {"perturbations": ["delay"], "agents": agents})
+    assert figure.data[0].text == (["50"], ["50 \u2193"])
+    assert "the metronome leads" in figure.data[0].customdata[1][0]
 
 
 def test_title_and_heading_name_those_that_learn_the_robot_and_its_aim(html: str) -> None:

@@ -1,6 +1,9 @@
 """The single environment, against Gymnasium's Ant-v5 and by its own rules."""
 
+import copy
+import pickle
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -90,6 +93,19 @@ def test_reward_is_the_sum_of_its_terms_and_follows_the_height(env: RobotEnv) ->
         assert reward == sum(terms)
         assert info["torso_height"] == observation[0] == env.envs.qpos[0, 2]
         assert reward == pytest.approx(10 * np.clip(observation[0] - 0.6, 0, 1))
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_goes_on_alike(env: RobotEnv, copied: Callable[[RobotEnv], RobotEnv]) -> None:
+    actions = np.random.default_rng(0).uniform(-1, 1, (40, *env.action_space.shape))
+    env.reset(seed=0)
+    for action in actions[:20]:
+        env.step(action)
+    envs = [env, copied(env)]
+    for action in actions[20:]:
+        (ours, *_), (theirs, *_) = (each.step(action) for each in envs)
+        np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_array_equal(*(each.reset()[0] for each in envs))
 
 
 @pytest.mark.parametrize(("low", "ends"), [(0.0, (False, True)), (5.0, (True, False))])

@@ -101,6 +101,11 @@ def test_a_killed_search_resumes_and_trains_nothing_twice(
     assert len(trained) == len(set(trained)) <= 2 * 3 + 4, "three trials, and the verdict"
     trained.clear()
     assert run(root, 6) == (table, summary) and not trained
+    whole, _ = run(project(tmp_path / "whole"), 6)
+    names = ("value", "settings")
+    assert [[row[name] for name in names] for row in table] == [
+        [row[name] for name in names] for row in whole
+    ]
 
 
 def test_processes_share_a_search(tmp_path: Path) -> None:
