@@ -1,5 +1,7 @@
 """A copy of the project, in which its commands run in isolation; benchmarks delete theirs."""
 
+import hashlib
+import io
 import os
 import shlex
 import shutil
@@ -17,10 +19,12 @@ from ruamel.yaml import YAML
 
 from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT, digest, read_json, write_json
 from jumping_ant.params.model import Params
 
+PARAMS, DVC_CONFIG = "params.yaml", ".dvc/config"
 RESULTS = ("assets", "dvc.lock", "media", "models", "results")  # outputs of runs
+MOST_NAMED = 3
 NAME_YOURSELF = 'git config --global user.name "NAME" && git config --global user.email ADDRESS'
 
 
@@ -37,9 +41,7 @@ class Checkout:
 
     def write_params(self, params: Params | dict[str, Any]) -> None:
         """Write other parameters, or what they hold, to its `params.yaml`."""
-        content = params.model_dump() if isinstance(params, Params) else params
-        with (self.folder / "params.yaml").open("w", encoding="utf-8") as file:
-            YAML().dump(content, file)
+        (self.folder / PARAMS).write_text(_to_yaml(params), encoding="utf-8")
 
     def seconds(self, *command: str) -> float:
         """Run a command that must succeed in it; return its wall-clock time [s]."""
@@ -77,12 +79,39 @@ def copy_project(folder: Path) -> None:
     _copy(project_files(), folder)
 
 
-def renew_project(folder: Path) -> None:
-    """Create a repository of the project's code, or update its code and keep its outputs."""
-    names = [name for name in project_files() if name.split("/")[0] not in RESULTS]
-    for top in {name.split("/")[0] for name in names if "/" in name and not name.startswith(".")}:
-        shutil.rmtree(folder / top, ignore_errors=True)  # with files that no longer exist
-    _copy(names, folder)
+def renew_project(folder: Path, params: Params) -> None:
+    """Create a repository of the project's code with parameters, or update an earlier call's.
+
+    Outputs stay, DVC's settings, and whatever else somebody has put there.
+
+    Raises:
+        InputError: Somebody changed what an earlier call wrote; it stays as it is.
+    """
+    written = folder / ".dvc" / "tmp" / "preset.json"  # SHA-256 of what a call wrote, by path
+    earlier: dict[str, str] = read_json(written, "") if written.exists() else {}
+    names = {name for name in project_files() if name.split("/")[0] not in RESULTS}
+    if (folder / DVC_CONFIG).exists():
+        names.remove(DVC_CONFIG)
+    text = _to_yaml(params)
+    new = {name: digest(PROJECT_ROOT / name) for name in names - {DVC_CONFIG}}
+    new[PARAMS] = hashlib.sha256(text.encode()).hexdigest()
+    checked = earlier.keys() | new.keys() if earlier else {PARAMS}  # older copies have no list
+    changed = [
+        name
+        for name in sorted(checked)
+        if (folder / name).is_file()
+        and digest(folder / name) not in (earlier.get(name), new.get(name))
+    ]
+    if changed:
+        raise InputError(
+            f"{folder}: {', '.join(changed[:MOST_NAMED])} changed since a preset was run there; "
+            "`make repro` in that folder runs it as it is, and the preset replaces what you remove"
+        )
+    for name in earlier.keys() - new.keys():
+        (folder / name).unlink(missing_ok=True)
+    _copy(names - {PARAMS}, folder)
+    Checkout(folder).write_params(params)
+    write_json(written, new)
 
 
 def project_files() -> list[str]:
@@ -113,6 +142,12 @@ def warn_of_no_name() -> None:
             git("config", key)
     except InputError:
         print(f"git knows no name, without which `dvc exp run` stops: {NAME_YOURSELF}", flush=True)
+
+
+def _to_yaml(params: Params | dict[str, Any]) -> str:
+    text = io.StringIO()
+    YAML().dump(params.model_dump() if isinstance(params, Params) else params, text)
+    return text.getvalue()
 
 
 def _copy(names: Iterable[str], folder: Path) -> None:

@@ -3,8 +3,9 @@
 Usage: python -m scripts.preset NAME [STAGE ...] (`make preset`)
 
 The copy is `.presets/NAME/`, a whole project: `make ui` and `make view` work in it. The results in
-this folder do not change. A stopped run resumes from its checkpoints. Seeds that the project or
-another copy has trained alike are not trained again.
+this folder do not change. Another call updates the copy's code and parameters, unless you changed
+them there; your files in it stay. A stopped run resumes from its checkpoints. Seeds that the
+project or another copy has trained alike are not trained again.
 """
 
 import os
@@ -59,25 +60,23 @@ def run(folder: Path, params: Params, targets: Sequence[str] = ()) -> None:
     """Run stages, by default all, with parameters in a copy's folder, resuming an earlier run.
 
     Raises:
-        InputError: Another process does so.
+        InputError: Another process does so, or somebody changed what an earlier call wrote there.
         StoppedError: A signal requested a stop.
         WorkerError: The pipeline failed; its own message is printed above.
     """
     with _alone(folder) as lock:
-        renew_project(folder)
+        renew_project(folder, params)
         installed = folder / ".venv"  # for the copy's `make`
         if installed.is_symlink():  # perhaps to where this project was before
             installed.unlink()
         with suppress(FileExistsError):
             installed.symlink_to(PROJECT_ROOT / ".venv")
         _share_trainings(folder, params)
-        copy = Checkout(folder)
-        copy.write_params(params)
         interrupts: list[int] = []  # DVC gets them, too, and saves a last checkpoint
         before = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
         called = ["python", "-m", "scripts.repro", *targets]
         # It holds the lock, too: a kill of this process alone leaves the pipeline running.
-        done = subprocess.run(called, cwd=folder, env=copy.environment, pass_fds=[lock])
+        done = subprocess.run(called, cwd=folder, env=Checkout(folder).environment, pass_fds=[lock])
         signal.signal(signal.SIGINT, before)
     if interrupts:
         raise StoppedError("the same command resumes from the last checkpoints")

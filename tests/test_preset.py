@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from jumping_ant.base.errors import StoppedError, WorkerError
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.errors import InputError, StoppedError, WorkerError
+from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.params import params_file, presets
-from scripts import preset
+from scripts import checkout, preset
 from scripts.checkout import Checkout
 
 QUICK = presets.load("quick")
@@ -131,3 +131,42 @@ def test_the_command_runs_stages_and_says_what_they_made(
     assert f"{copy}/results" in printed
     assert (f"{copy}/results/report.html" in printed) == (not stages)
     assert "2 seeds show what the robot does; they prove nothing" in printed
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_renewed_copy_has_todays_code_and_all_that_is_not_the_projects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project, copy, code = tmp_path / "project", tmp_path / "copy", "jumping_ant/a.py"
+    for name in (code, "robots/old.xml", ".dvc/config", "params.yaml"):
+        write_text(project / name, "1")
+    subprocess.run(["git", "init", "-q", project], check=True)
+    monkeypatch.setattr(checkout, "PROJECT_ROOT", project)
+    checkout.renew_project(copy, QUICK)
+    (project / "robots" / "old.xml").unlink()
+    write_text(project / code, "2")
+    users = ["robots/mine.xml", "presets/mine", "docs/notes.md", ".dvc/config", "results/a.json"]
+    for name in users:
+        write_text(copy / name, "mine")
+    checkout.renew_project(copy, QUICK)
+    assert (copy / code).read_text(encoding="utf-8") == "2"
+    assert not (copy / "robots" / "old.xml").exists()
+    assert {(copy / name).read_text(encoding="utf-8") for name in users} == {"mine"}
+    write_text(project / code, "3")
+    write_text(project / "robots" / "mine.xml", "3")
+    write_text(copy / "robots" / "mine.xml", "3")  # as it is in the project
+    for name in (code, "params.yaml", "robots/mine.xml"):
+        before = (copy / name).read_text(encoding="utf-8")
+        write_text(copy / name, "mine")
+        mine = contents(copy)
+        with pytest.raises(InputError, match=f"copy: {name} changed since a preset was run there"):
+            checkout.renew_project(copy, QUICK)
+        assert contents(copy) == mine
+        write_text(copy / name, before)
+    (copy / ".dvc" / "tmp" / "preset.json").unlink()  # of a copy that an older version made
+    write_text(copy / "params.yaml", "mine")
+    with pytest.raises(InputError, match=r"params\.yaml changed"):
+        checkout.renew_project(copy, QUICK)

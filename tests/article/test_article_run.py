@@ -22,7 +22,6 @@ from jumping_ant.sim import robot
 from jumping_ant.training.driver import train
 from scripts import article as command
 from scripts import markdown, preset
-from scripts.checkout import renew_project
 
 TINY: dict[str, dict[str, Any]] = {
     "dqn": {"total_steps": 300, "learning_starts": 100, "buffer_size": 300, "net_arch": [8]},
@@ -236,14 +235,3 @@ def test_what_is_not_there_is_refused(
     monkeypatch.setattr(printed_values, "PGPE_TRACES", {"fitness_mean": {200: 1.0}})
     with pytest.raises(InputError, match="given 100 generations, allowed: 200 or more"):
         reproduction.reproduce(root, params, agents=["pgpe"], seeds=[3])
-
-
-def test_a_renewed_copy_has_todays_code_and_keeps_what_its_runs_left(tmp_path: Path) -> None:
-    copy, code = tmp_path / "copy", Path("jumping_ant/params/article.py")
-    kept = [".checkpoints/sac/a", "models/sac/policy.zip", "results/a.json", "dvc.lock"]
-    for name in (*kept, code, "jumping_ant/gone.py"):
-        write_text(copy / name, "old")
-    renew_project(copy)
-    assert (copy / code).read_bytes() == (PROJECT_ROOT / code).read_bytes()
-    assert not (copy / "jumping_ant" / "gone.py").exists()
-    assert {(copy / name).read_text(encoding="utf-8") for name in kept} == {"old"}
