@@ -18,7 +18,7 @@ from scripts import checkout
 
 DOCUMENTS = {"README.md", "CONTRIBUTING.md", "benchmarks/README.md"}
 DOCUMENTS |= {f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")}
-TOOLS = ("make", "dvc", "git", "python", "mlflow", "rerun", "pytest", "ruff", "mypy", "ray", "gto")
+TOOLS = ("make", "dvc", "git", "python", "mlflow", "rerun", "pytest", "ruff", "mypy", "ray")
 OF_THE_SYSTEM = ("cd", "export", "source", "sudo")
 BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\((?!\w+:)([^)\s#]*)#?([^)\s]*)\)")  # but addresses
