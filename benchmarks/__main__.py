@@ -35,9 +35,10 @@ MOST_BUSY = 20.0  # [%] largest load of all cores before a row that gives reliab
 def main() -> None:
     """Measure, and write the results after every row."""
     parser = command_line.parser(__doc__)
-    listed = ", ".join(ROW_NAMES)
-    parser.add_argument("names", nargs="*", metavar="NAME", choices=ROW_NAMES, help=listed)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(ROW_NAMES))
     names = parser.parse_args().names or ROW_NAMES
+    if unknown := set(names) - set(ROW_NAMES):
+        parser.error(f"given {sorted(unknown)}, allowed: {', '.join(ROW_NAMES)}")
     results = report.load()
     for row in measure(names):
         print(

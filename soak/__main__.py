@@ -37,11 +37,13 @@ Figures = dict[str, Any]
 def main() -> None:
     """Parse the command line, run the parts, and exit with 1 if anything went wrong."""
     parser = command_line.parser(__doc__, "python -m soak")
-    parser.add_argument("parts", nargs="*", metavar="PART", choices=PARTS, help=", ".join(PARTS))
+    parser.add_argument("parts", nargs="*", metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     parts = options.parts or PARTS
+    if unknown := set(parts) - set(PARTS):
+        parser.error(f"given {sorted(unknown)}, allowed: {', '.join(PARTS)}")
     started = time.monotonic()
     figures: Figures = {}
     troubles: list[str] = []

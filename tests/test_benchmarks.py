@@ -6,11 +6,15 @@ import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import committed
 import numpy as np
 import pytest
 
+import benchmarks.__main__ as benchmark
+import soak.__main__ as soaking
 from benchmarks import memory, report
 from benchmarks.__main__ import ROW_NAMES
 from benchmarks.article_ant import ArticleAnt, default_world
@@ -27,6 +31,18 @@ def test_compare_takes_medians_over_pairs() -> None:
     ours, peer = iter([10.0, 12.0, 30.0]), iter([5.0, 4.0, 20.0])
     row = compare("name", "unit", partial(next, ours), partial(next, peer))
     assert row == Row("name", ours=12.0, peer=5.0, unit="unit", ratio=2.0, spread=0.75)
+
+
+@pytest.mark.parametrize(("module", "begins"), [(benchmark, "report"), (soaking, "checkout")])
+def test_rows_and_parts_may_be_named(
+    monkeypatch: pytest.MonkeyPatch, module: Any, begins: str
+) -> None:
+    begun = Mock(side_effect=InterruptedError, **{"load.side_effect": InterruptedError})
+    monkeypatch.setattr(module, begins, begun)
+    for names, end in (([], InterruptedError), (["typo"], SystemExit)):
+        monkeypatch.setattr(sys, "argv", ["command", *names])
+        with pytest.raises(end):
+            module.main()
 
 
 def test_contenders_have_processes_of_their_own() -> None:
