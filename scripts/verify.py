@@ -5,9 +5,9 @@ Usage: python -m scripts.verify [--agent AGENT] [--seed SEED] [--all]
 Takes the commit that last changed results/agents/, whatever was changed since, and runs its code in
 a copy: training and evaluation of one seed of one agent, which takes a minute or two; by default of
 the first seed of every agent; with --all of everything. Compares policies, learning curves and
-held-out episodes with what that commit holds. Where they differ, says by how much the returns do,
-and which layer of this machine computes differently (see scripts.fingerprint); the exit status is 1
-then.
+held-out episodes with what that commit holds, and models/ where it should hold the same. Where they
+differ, says by how much the returns do, and which layer of this machine computes differently (see
+scripts.fingerprint); the exit status is 1 then.
 """
 
 import csv
@@ -98,7 +98,8 @@ def compare(published: Path, retrained: Path, agent: str, seed: int, commit: str
     """Print and return whether a seed's files are equal."""
     theirs, ours = (Paths(root).agent(agent) for root in (published, retrained))
     before, after = digests(theirs, seed), digests(ours, seed)
-    different = [name for name, digest in before.items() if after.get(name) != digest]
+    names = [path.name for path in ours.seed(seed).files]
+    different = [it for it in names if it not in before or before[it] != after.get(it)]
     then, now = _episodes(theirs, seed), _episodes(ours, seed)
     if then != now:
         different.append(theirs.episodes.name)
@@ -111,13 +112,27 @@ def compare(published: Path, retrained: Path, agent: str, seed: int, commit: str
     else:
         verdict = f"same bytes as published (commit {commit})"
     print(f"{agent} seed {seed}: {verdict}", flush=True)
-    return not different
+    return not different and _is_here(Paths().agent(agent), seed, before)
+
+
+def _is_here(paths: AgentPaths, seed: int, published: Mapping[str, str]) -> bool:
+    """Print and return whether models/ holds a seed's published files, where it should."""
+    files = paths.seed(seed)
+    if not files.folder.exists() or digests(paths, seed) != published:
+        return True  # not pulled, or of another training
+    given = files.digests()
+    others = [name for name, digest in published.items() if given.get(name) != digest]
+    told = f"{', '.join(others)} differ" if others else "the same bytes"
+    print(f"  in {files.folder}: {told}", flush=True)
+    return not others
 
 
 def digests(paths: AgentPaths, seed: int) -> dict[str, str]:
     """Return the digests of the files that a seed's training wrote, by name."""
+    if not paths.training.exists():
+        return {}
     by_seed: dict[str, dict[str, str]] = json.loads(paths.training.read_text(encoding="utf-8"))
-    return by_seed[str(seed)]
+    return by_seed.get(str(seed), {})
 
 
 def _episodes(paths: AgentPaths, seed: int) -> list[dict[str, str]]:

@@ -32,7 +32,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.media import rendering
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
-from jumping_ant.policies import policy_file
+from jumping_ant.policies import trained_policy
 from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
@@ -97,7 +97,7 @@ def watch(root: Path, params: Params, agent: str, seeds: list[int]) -> None:
         while window.is_running():
             if key == NEXT_SEED:
                 seed = next(chosen)
-                policy = policy_file.load(Paths(root).agent(agent).seed(seed).policy, (agent, seed))
+                policy = trained_policy.load(Paths(root).agent(agent).seed(seed))
                 episodes = cycle(enumerate(params.evaluate.block(seed)))
             number, episode_seed = next(episodes)
             observations, _ = envs.reset(seed=[episode_seed])

@@ -225,7 +225,7 @@ def _show(path: Path) -> None:
 def _track(root: Path, params: Params) -> None:
     comparison = records.read(root, params)
     for record in comparison.seeds:
-        record.describe(None)
+        record.describe()
         _ = (record.curve, record.summary, record.artifacts)  # read when they are asked for
 
 

@@ -5,7 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from types import FrameType
 
 _BEGAN = time.monotonic()
@@ -26,7 +26,7 @@ from jumping_ant.base import command_line, output  # noqa: E402
 from jumping_ant.base.errors import reported  # noqa: E402
 from jumping_ant.base.files import read_json, write_json  # noqa: E402
 from jumping_ant.base.paths import Paths  # noqa: E402
-from jumping_ant.params import params_file  # noqa: E402
+from jumping_ant.params import inputs, params_file  # noqa: E402
 from jumping_ant.params.model import Params  # noqa: E402
 
 command_line.switch_off_telemetry()  # before a stage imports tools that have it
@@ -60,12 +60,16 @@ def parse_key(docstring: str | None, kind: str) -> tuple[str, Params]:
 
 
 def run(main: Callable[[], None]) -> None:
-    """Run a stage's `main`; failures of the input or the system print one line."""
+    """Run a stage's `main`; failures of the input or the system print one line.
+
+    If DVC runs it, what it depends on may not change meanwhile, as DVC looks at it only afterwards.
+    """
     output.tolerate_failures()
+    stage = os.environ.get("DVC_STAGE", "").rpartition(":")[2]
     try:
-        with reported():
+        with reported(), inputs.unchanged(stage) if stage else nullcontext():
             main()
-            _note_seconds()
+        _note_seconds(stage)
     except (OSError, MemoryError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and str(error) != NO_THREAD:
             raise
@@ -74,9 +78,9 @@ def run(main: Callable[[], None]) -> None:
         sys.exit(1)
 
 
-def _note_seconds() -> None:
+def _note_seconds(stage: str) -> None:
     """Note what a stage took that DVC runs, for the list of `make repro`."""
-    if stage := os.environ.get("DVC_STAGE", "").rpartition(":")[2]:
+    if stage:
         path = Paths().seconds
         with suppress(OSError, ValueError):
             noted = read_json(path, stage) if path.exists() else {}

@@ -2,7 +2,8 @@
 
 Usage: python -m stages.demonstrate ALGORITHM (DVC names it in the environment)
 Reads: params `seeds`, `env`, `demonstrations.ALGORITHM`; the robot in assets/;
-    the demonstrating agent's models/AGENT/seed-N/ (policy.zip, validation.csv);
+    the demonstrating agent's models/AGENT/seed-N/ (policy.zip, validation.csv) and
+    results/agents/AGENT/training.json;
     .inputs/code/train-ALGORITHM.json.
 Writes: .inputs/train/ALGORITHM/ (demonstrations.zip, code.json).
 """

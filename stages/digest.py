@@ -6,17 +6,18 @@ Writes: .inputs/code/STAGE.json, for training .inputs/train/ALGORITHM/code.json:
     file that the stage imports, directly or not, without comments, docstrings and blank lines, and
     of the pages beside them; the locked versions of libraries. An algorithm that needs
     demonstrations gets its file from `demonstrate`, which reads .inputs/code/train-ALGORITHM.json.
+    .inputs/code/files.json has the SHA-256 of each file as it is: what equals it is not parsed.
 """
 
 import functools
-import hashlib
 from pathlib import Path
 
 from jumping_ant.agents.catalogue import ALGORITHMS, demonstrated
 from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import command_line, effective_code, imports
-from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
+from jumping_ant.base.files import PROJECT_ROOT, digest, to_json, write_all
 from jumping_ant.base.paths import Paths
+from jumping_ant.params import inputs
 
 from . import run
 
@@ -43,20 +44,22 @@ def _beside(files: set[Path]) -> set[Path]:
     return {path for path in listed if path.suffix in PAGES and not path.name.startswith(".")}
 
 
-@functools.cache  # many stages run the same files
-def _digest(file: Path) -> str:
-    return hashlib.sha256(effective_code.read(file).encode()).hexdigest()
+_digest = functools.cache(effective_code.digest)  # many stages run the same files
 
 
 def key(name: str, files: set[Path], lock: Path = imports.LOCK) -> dict[str, str]:
     """Return what a stage's code depends on: digests of files, and versions of libraries."""
     row = ALGORITHMS.get(name.removeprefix(TRAIN))
     learner = [row.learner.partition(":")[0]] if row else []
-    digests = {str(file.relative_to(PROJECT_ROOT)): _digest(file) for file in sorted(files)}
+    digests = {_name(file): _digest(file) for file in sorted(files)}
     versions = imports.versions(files, *learner, lock=lock)
     if row:
         versions.pop("pandas", None)  # reads tables, which training only writes
     return digests | versions
+
+
+def _name(file: Path) -> str:
+    return str(file.relative_to(PROJECT_ROOT))
 
 
 def _place(name: str) -> Path:
@@ -70,7 +73,12 @@ def _place(name: str) -> Path:
 def main() -> None:
     """Run the stage."""
     command_line.parser(__doc__).parse_args()
-    write_all({_place(name): to_json(key(name, files)) for name, files in code().items()})
+    stages = code()
+    content = {_place(name): key(name, files) for name, files in stages.items()}
+    for digests in content.values():
+        inputs.require_versions(digests)
+    seen = {_name(file): digest(file) for file in sorted(set().union(*stages.values()))}
+    write_all({path: to_json(it) for path, it in {**content, Paths().code("files"): seen}.items()})
 
 
 if __name__ == "__main__":

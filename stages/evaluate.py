@@ -2,7 +2,8 @@
 
 Usage: python -m stages.evaluate AGENT (DVC names it in the environment)
 Reads: params `seeds`, `env`, `evaluate`, `training.evaluation_seed`, the agent's `robot` and
-    `algorithm`; the robot in assets/, models/AGENT/seed-N/policy.zip and final.zip.
+    `algorithm`; the robot in assets/, models/AGENT/seed-N/policy.zip and final.zip, their
+    digests in results/agents/AGENT/training.json.
 Writes: results/agents/AGENT/ (episodes.csv, metrics.json, trajectory.npz, seeds.csv, variants.csv).
 """
 
@@ -11,7 +12,7 @@ import filecmp
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.evaluation import evaluation, variants
-from jumping_ant.policies import policy_file
+from jumping_ant.policies import trained_policy
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
@@ -21,9 +22,7 @@ from . import parse_agent, run
 
 def load(paths: SeedPaths) -> tuple[Policy, Policy]:
     """Return a seed's published policy and its final one, as one object if the two are equal."""
-    published, final = (
-        policy_file.load(path, paths.owner) for path in (paths.policy, paths.final_policy)
-    )
+    published, final = trained_policy.load(paths), trained_policy.load(paths, True)
     is_same = filecmp.cmp(paths.final_policy, paths.policy, shallow=False)
     return published, published if is_same else final
 

@@ -10,9 +10,10 @@ Writes: models/AGENT/seed-N/ (policy.zip, final.zip, curve.csv, validation.csv),
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.params.model import Params
 from jumping_ant.training import driver
 
 from . import parse_agent, run
@@ -21,18 +22,23 @@ SECONDS_FOR_LAST_ROWS = 60
 
 
 @contextmanager
-def live_tracking(agent: str, after: float) -> Iterator[None]:
-    """Mirror the growing curves to MLflow from a separate process, `after` so many seconds.
+def live_tracking(agent: str, settings: Params) -> Iterator[None]:
+    """Mirror the growing curves to MLflow from a separate process, after a while.
 
     The process follows files, so that training neither waits for it nor depends on its code;
-    `track` completes what it leaves unfinished.
+    `track` completes what it leaves unfinished. It gets the parameters, which may change in their
+    file.
     """
+    after = str(settings.compute.live_after_seconds)
     follower = subprocess.Popen(
-        [sys.executable, "-m", "jumping_ant.tracking", "follow", agent, "--after", str(after)],
+        [sys.executable, "-m", "jumping_ant.tracking", "follow", agent, "--after", after],
         cwd=PROJECT_ROOT,
         stdin=subprocess.PIPE,
+        encoding="utf-8",
     )
     try:
+        with suppress(BrokenPipeError):
+            print(settings.model_dump_json(), file=follower.stdin, flush=True)
         yield
     finally:
         try:
@@ -44,7 +50,7 @@ def live_tracking(agent: str, after: float) -> Iterator[None]:
 def main() -> None:
     """Run the stage."""
     agent, settings = parse_agent(__doc__)
-    with live_tracking(agent, settings.compute.live_after_seconds):
+    with live_tracking(agent, settings):
         driver.train(PROJECT_ROOT, settings, agent)
 
 

@@ -1,6 +1,7 @@
 """Commands that are stopped, or whose first stage fails, end there and in a line."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -79,6 +80,32 @@ def test_ctrl_c_ends_a_stage_in_a_line(project: Path, stage: str, seconds: float
     # Once its work is done, and Python clears up, the signal ends it silently.
     if process.returncode not in (0, -signal.SIGINT):
         assert (errors, process.returncode) == (STOPPED, 130)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("params.yaml", "stdev_init:", "stdev_init: 0.25 #"),
+        ("jumping_ant/agents/evolution/trainer.py", "import numpy", "import this, numpy"),
+    ],
+)
+def test_what_changed_while_it_trained_is_not_taken(
+    project: Path, name: str, old: str, new: str
+) -> None:
+    """The next run takes up what is finished, and it alone is in dvc.lock."""
+    checkout, path, stage = Checkout(project), project / name, f"train@{AGENT}"
+    projects.prepare(checkout)
+    shutil.rmtree(project / ".checkpoints", ignore_errors=True)
+    before, log = path.read_text(encoding="utf-8"), project / "log.txt"
+    process = projects.start(checkout, "dvc", "repro", stage, log=log)
+    projects.await_checkpoint(checkout, AGENT, process)
+    path.write_text(before.replace(old, new, 1), encoding="utf-8")
+    assert process.wait(timeout=300)
+    path.write_text(before, encoding="utf-8")
+    assert f": changed while {stage} ran; " in log.read_text(encoding="utf-8")
+    assert stage not in (project / "dvc.lock").read_text(encoding="utf-8")
+    again = checkout.run("dvc", "repro", stage)
+    assert (again.stderr.count("trained before"), again.returncode) == (2, 0)
 
 
 def test_ctrl_c_while_an_extension_module_is_imported_ends_a_stage_in_a_line(project: Path) -> None:

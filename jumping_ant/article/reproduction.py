@@ -32,7 +32,7 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.seeding import derive
 from jumping_ant.params.model import Params
-from jumping_ant.policies import policy_file
+from jumping_ant.policies import trained_policy
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.policies.networks import GreedyCommands
@@ -137,7 +137,7 @@ def reproduce(
     seconds: dict[str, list[float]] = {}
     for name in agents:
         files = [Paths(root).agent(name).seed(seed) for seed in seeds]
-        policies[name] = [policy_file.load(own.final_policy, own.owner) for own in files]
+        policies[name] = [trained_policy.load(own, True) for own in files]
         timed = curves.read_timed(root, params, name)
         seconds[name] = [float(timed[seed]["seconds"][-1]) for seed in seeds]
     totals: dict[str, Trace] = {}

@@ -4,6 +4,7 @@ Digests of code are of this text, so that a mended comment reruns nothing. It is
 tree, as each version of Python prints these differently.
 """
 
+import hashlib
 import io
 import tokenize
 from pathlib import Path
@@ -15,6 +16,11 @@ def read(path: Path) -> str:
     """Return what a file does: of a Python file its effective text, of another all of it."""
     text = path.read_text(encoding="utf-8")
     return effective(text) if path.suffix == ".py" else text
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of what a file does."""
+    return hashlib.sha256(read(path).encode()).hexdigest()
 
 
 def effective(text: str) -> str:

@@ -17,8 +17,9 @@ def home(root: Path) -> Path:
 class SeedPaths:
     """The files that training one seed of an agent writes."""
 
-    def __init__(self, models: Path, number: int) -> None:
+    def __init__(self, models: Path, number: int, trained: Path) -> None:
         self.owner = (models.name, number)  # the agent and the seed
+        self.trained = trained  # digests of the agent's files, when all its seeds are trained
         self.folder = models / f"seed-{number}"
         self.policy = self.folder / "policy.zip"  # the published one
         self.final_policy = self.folder / "final.zip"  # at the end of training
@@ -52,7 +53,7 @@ class AgentPaths:
 
     def seed(self, number: int) -> SeedPaths:
         """Return the files of one seed."""
-        return SeedPaths(self.models, number)
+        return SeedPaths(self.models, number, self.training)
 
 
 class StudyPaths:

@@ -18,7 +18,7 @@ from jumping_ant.media import style
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import Params
 from jumping_ant.play import policies
-from jumping_ant.policies import policy_file
+from jumping_ant.policies import trained_policy
 from jumping_ant.sim import robot
 from jumping_ant.sim.levels import LEVELS
 from jumping_ant.sim.rewards import active
@@ -57,9 +57,9 @@ SLIDERS = {
 
 def policy(root: Path, agent: str, seed: int) -> dict[str, Any]:
     """Return the JSON of a seed's published policy, with its origin."""
-    path = Paths(root).agent(agent).seed(seed).policy
-    origin = {"agent": agent, "seed": seed, "file": {"sha256": digest(path)}}
-    return origin | policies.to_json(policy_file.load(path, (agent, seed)))
+    paths = Paths(root).agent(agent).seed(seed)
+    network = policies.to_json(trained_policy.load(paths))
+    return {"agent": agent, "seed": seed, "file": {"sha256": digest(paths.policy)}} | network
 
 
 def all_policies(root: Path, params: Params) -> Policies:

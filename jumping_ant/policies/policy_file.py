@@ -50,33 +50,29 @@ def owned(content: bytes, owner: Owner) -> bytes:
     return pack({**Archive(content), OWNER: stated})
 
 
-def load(path: Path, owner: Owner | None = None) -> Policy:
-    """Read a policy file.
-
-    Args:
-        path: The file.
-        owner: The agent and the seed that it must be of; None if any will do.
-
-    Raises:
-        InputError: The file is missing, not a policy file, or that of another agent or seed.
-    """
-    return _open(path, owner)[0]
+def load(path: Path) -> Policy:
+    """Read a policy file; one that is missing or damaged is an InputError."""
+    return _open(path)[0]
 
 
-def read_interface(path: Path, owner: Owner | None = None) -> Interface:
+def read_interface(path: Path) -> Interface:
     """Read the inputs and outputs of a policy (see `load`)."""
-    return _open(path, owner)[1]
+    return _open(path)[1]
 
 
 def parse(source: bytes | BinaryIO, owner: Owner | None = None) -> Policy:
-    """Read a policy file's content, or an open policy file (see `load`)."""
+    """Read a policy file's content, or an open policy file.
+
+    Raises:
+        InputError: It is no policy file, or that of another agent or seed than an `owner`.
+    """
     return _parse(source, owner)[0]
 
 
-def _open(path: Path, owner: Owner | None) -> tuple[Policy, Interface]:
+def _open(path: Path) -> tuple[Policy, Interface]:
     try:
         with path.open("rb") as file:
-            return _parse(file, owner)
+            return _parse(file, None)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; `dvc repro` trains it") from error
     except InputError as error:

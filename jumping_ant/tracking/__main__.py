@@ -2,10 +2,12 @@
 
 Usage: python -m jumping_ant.tracking follow <agent> [--after SECONDS] [--root FOLDER]
 
-The training process keeps the other end of the pipe that is standard input, which closes however
-training ends; the rest is logged then. One that ends before the given time is left to `track`.
+The training process keeps the other end of the pipe that is standard input. It writes its
+parameters there, as JSON in a line. However training ends, the pipe closes; the rest is logged
+then. One that ends before the given time is left to `track`.
 """
 
+import json
 import os
 import select
 import signal
@@ -32,17 +34,21 @@ def main() -> None:
     command_line.collect_garbage_rarely()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the training, then the pipe closes
 
+    params = sys.stdin.readline()
+
     def has_ended(seconds: float) -> bool:
         readable, _, _ = select.select([sys.stdin], [], [], seconds)
         return bool(readable and not os.read(sys.stdin.fileno(), 4096))
 
-    if arguments.after > 0 and has_ended(arguments.after):
+    if not params or (arguments.after > 0 and has_ended(arguments.after)):
         return
 
+    from jumping_ant.params import params_file
     from jumping_ant.tracking import live  # imports MLflow, with the settings above
 
     try:
-        live.follow(arguments.agent, arguments.root, has_ended)
+        checked = params_file.check(json.loads(params))
+        live.follow(arguments.agent, arguments.root, checked, has_ended)
     except InputError as error:
         print(f"warning: no live curves: {error}", file=sys.stderr)
 

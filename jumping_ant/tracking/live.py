@@ -14,7 +14,7 @@ from mlflow.utils.time import get_current_time_millis
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import digest
 from jumping_ant.base.paths import Paths
-from jumping_ant.params import params_file
+from jumping_ant.params.model import Params
 from jumping_ant.tracking import records
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors
@@ -25,13 +25,13 @@ PAUSE_SECONDS = 30.0  # after a failure
 REST = "training continues, and `track` completes MLflow from the files"
 
 
-def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
-    """Log the learning curves of an agent's seeds until training ends.
+def follow(agent: str, root: Path, params: Params, has_ended: Callable[[float], bool]) -> None:
+    """Log the learning curves of an agent's seeds until training with these parameters ends.
 
     A failure of MLflow is reported once, on standard error, and the update is retried later.
     `has_ended` waits for at most the given seconds and returns whether training has ended.
     """
-    follower = _Follower(agent, root)
+    follower = _Follower(agent, root, params)
     while not has_ended(POLL_SECONDS if follower.survives(follower.update) else PAUSE_SECONDS):
         pass
     follower.survives(follower.finish)
@@ -40,8 +40,7 @@ def follow(agent: str, root: Path, has_ended: Callable[[float], bool]) -> None:
 class _Follower:
     """Follows the seeds of one agent."""
 
-    def __init__(self, agent: str, root: Path) -> None:
-        params = params_file.load(root / "params.yaml")
+    def __init__(self, agent: str, root: Path, params: Params) -> None:
         self._agent, self._root, self._seeds = agent, root, params.seeds
         self._algorithm = params.agent(agent).algorithm
         self._params = records.run_params(root, params, agent)

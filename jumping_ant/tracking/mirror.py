@@ -84,6 +84,7 @@ def _mirror_comparison(
         metrics=comparison.summary,
         artifacts=comparison.artifacts,
         aside={pages.NOTE: note} if note else {},
+        commit=comparison.commit,
     )
     parent, verb = store.settle(content, store.search(f"tags.{stores.COMPARISON} = '{key}'"))
     _tell(say, content.name, verb)
@@ -97,6 +98,7 @@ def _mirror_comparison(
                 curve=comparison.curve_over_seeds(agent),
                 metrics=comparison.over_seeds(agent),
                 place={stores.PARENT: parent.info.run_id, pages.RUN_COLOUR: record.colour},
+                commit=comparison.commit,
             )
             condition = f"tags.{AGGREGATE} = '{key}' and tags.{stores.AGENT} = '{agent}'"
             _, verb = store.settle(content, store.search(condition))
@@ -124,13 +126,15 @@ def _mirror_seed(store: Store, record: SeedRecord, parent: Run | None) -> tuple[
         partial(models.log, store, record),
     )
     models.clear(store, record, run)
+    if record.commit and stores.is_without_commit(run):
+        models.name_commit(store, run, record.commit)
     return run, verb
 
 
 def _seed_content(store: Store, record: SeedRecord, parent: Run | None, is_live: bool) -> Content:
     end = record.policy_path.stat().st_mtime_ns // 1_000_000
     start = end - round(1000 * record.summary.get(TRAIN_SECONDS, 0.0))
-    note = {pages.NOTE: record.describe(store.commit)}
+    note = {pages.NOTE: record.describe()}
     under = {stores.PARENT: parent.info.run_id} if parent else {}
     return Content(
         name=record.name,
@@ -148,6 +152,7 @@ def _seed_content(store: Store, record: SeedRecord, parent: Run | None, is_live:
         start=start,
         end=end,
         times={step: start + round(1000 * after) for step, after in record.seconds.items()},
+        commit=record.commit,
     )
 
 

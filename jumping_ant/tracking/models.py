@@ -56,7 +56,7 @@ def has(store: Store, run: Run) -> bool:
 
 def log(store: Store, record: SeedRecord, run: Run) -> str:
     """Log and register the model of a new run, and return its id."""
-    note = record.describe(store.commit)
+    note = record.describe()
     tags = {  # which lead back to the code, the pipeline and the file
         stores.AGENT: record.agent,
         stores.SEED: str(record.seed),
@@ -65,9 +65,8 @@ def log(store: Store, record: SeedRecord, run: Run) -> str:
         stores.DVC_STAGE: stage(record.agent),
         stores.DVC_MD5: record.md5,
         stores.HOLD: str(record.hold),
-        **({stores.GIT_COMMIT: store.commit} if store.commit else {}),
     }
-    source = stores.source_tags(stage(record.agent), store.commit)
+    source = stores.source_tags(stage(record.agent))
     model = store.client.create_logged_model(
         *(store.experiment_id, record.name, run.info.run_id),
         tags | source | {pages.NOTE: note},
@@ -87,6 +86,14 @@ def log(store: Store, record: SeedRecord, run: Run) -> str:
     link = json.dumps([{"name": name, "version": registered.version}])
     store.client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: link})
     return str(model.model_id)
+
+
+def name_commit(store: Store, run: Run, commit: str) -> None:
+    """Have the model of a run, and its version, name a commit."""
+    for version in store.client.search_model_versions(f"run_id = '{run.info.run_id}'"):
+        store.client.set_model_version_tag(version.name, version.version, stores.GIT_COMMIT, commit)
+    for model in store.logged_models(f"source_run_id = '{run.info.run_id}'"):
+        store.client.set_logged_model_tags(model.model_id, {stores.GIT_COMMIT: commit})
 
 
 def clear(store: Store, record: SeedRecord, run: Run) -> None:
@@ -124,7 +131,7 @@ def crown(store: Store, agent: str, scores: Mapping[str, float]) -> str | None:
 
 
 def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
-    interface = policy_file.read_interface(record.policy_path, (record.agent, record.seed))
+    interface = policy_file.read_interface(record.policy_path)
     width = interface.num_observations or -1  # any, if observations are not used
     signature = ModelSignature(
         inputs=Schema([TensorSpec(np.dtype(np.float64), (-1, width))]),

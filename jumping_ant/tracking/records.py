@@ -15,16 +15,16 @@ import pandas as pd
 from jumping_ant.agents import catalogue
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import digest, read_json
+from jumping_ant.base.files import read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
 from jumping_ant.comparison.results import merged
 from jumping_ant.evaluation.episodes import VARIANTS
 from jumping_ant.media.style import looks, remark
 from jumping_ant.params.model import Params
-from jumping_ant.policies import policy_file
+from jumping_ant.policies import trained_policy
 from jumping_ant.sim import trajectory
-from jumping_ant.tracking import descriptions
+from jumping_ant.tracking import commits, descriptions
 from jumping_ant.training import curves
 
 TRAIN_SECONDS = "train_seconds"
@@ -51,6 +51,7 @@ class SeedRecord:
     params: dict[str, str]  # those worth filtering on
     colour: str  # the agent's in figures
     digest: str  # SHA-256 of the policy file
+    commit: str | None  # whose `dvc.lock` holds it, if the project is at one that does
 
     @property
     def paths(self) -> AgentPaths:
@@ -75,7 +76,7 @@ class SeedRecord:
     @cached_property
     def hold(self) -> int:
         """Control steps that each output is held for."""
-        return policy_file.load(self.policy_path, (self.agent, self.seed)).actions.hold
+        return trained_policy.load(self.paths.seed(self.seed)).actions.hold
 
     @cached_property
     def curve(self) -> dict[Point, float]:
@@ -117,11 +118,10 @@ class SeedRecord:
             return None
         return curves.published_return(self.root, self.agent, self.seed)
 
-    def describe(self, commit: str | None) -> str:
+    def describe(self) -> str:
         """Return what the policy is, how good it is and where it comes from, as Markdown."""
         means = {name.removeprefix(EVALUATION): mean for name, mean in self.summary.items()}
-        origins = {"DVC stage": stage(self.agent)} | ({"git commit": commit} if commit else {})
-        origins["policy file, SHA-256"] = self.digest
+        origins = {"DVC stage": stage(self.agent), "policy file, SHA-256": self.digest}
         origins["policy file in DVC's cache, MD5"] = self.md5
         aside = remark(catalogue.ALGORITHMS[self.algorithm].is_baseline, self.params["robot"])
         name = f"{self.algorithm} ({aside})" if aside else self.algorithm
@@ -149,7 +149,8 @@ class ComparisonRecord:
 
     root: Path
     seeds: list[SeedRecord]
-    missing: list[tuple[str, int]]  # agent and seed of what is not trained
+    missing: list[tuple[str, int]]  # agent and seed of what is not trained with these parameters
+    commit: str | None  # whose `dvc.lock` holds the comparison, if the project is at one that does
 
     @property
     def key(self) -> str:
@@ -215,18 +216,23 @@ class ComparisonRecord:
 
 
 def read(root: Path, params: Params) -> ComparisonRecord:
-    """Find every trained policy of `params.yaml`."""
-    records, missing = [], []
+    """Find every policy that was trained with the parameters of a project."""
+    paths, records, missing = Paths(root), [], []
+    locked, head = commits.workspace(root), commits.head(root)
+    is_built = locked.has_params_of("build")
     looked = looks({name: catalogue.row(block).family for name, block in params.agents.items()})
     for agent, block in params.agents.items():
         fixed = block.algorithm, run_params(root, params, agent), looked[agent].colour
+        is_trained = is_built and locked.has_params_of(stage(agent))
+        commit = head.commit_of(stage(agent), paths.agent(agent).training)
         for seed in params.seeds:
-            path = Paths(root).agent(agent).seed(seed).policy
-            if path.exists():
-                records.append(SeedRecord(root, agent, seed, *fixed, digest(path)))
+            files = paths.agent(agent).seed(seed)
+            if is_trained and files.policy.exists():
+                sha256 = hashlib.sha256(trained_policy.content(files)).hexdigest()
+                records.append(SeedRecord(root, agent, seed, *fixed, sha256, commit))
             else:
                 missing.append((agent, seed))
-    return ComparisonRecord(root, records, missing)
+    return ComparisonRecord(root, records, missing, head.commit_of("compare", paths.comparison))
 
 
 def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:

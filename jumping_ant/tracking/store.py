@@ -11,7 +11,6 @@ from pathlib import Path
 import mlflow
 from mlflow import MlflowClient
 from mlflow.entities import LoggedModel, Metric, Param, Run
-from mlflow.utils.git_utils import get_git_commit
 from mlflow.utils.time import get_current_time_millis
 
 from jumping_ant.base import process
@@ -52,6 +51,7 @@ class Content:
     start: int | None = None
     end: int | None = None
     times: Mapping[int, int] = field(default_factory=dict)
+    commit: str | None = None  # that holds it, named as soon as there is one
 
     @cached_property
     def digest(self) -> str:
@@ -69,7 +69,6 @@ class Store:
     client: MlflowClient
     experiment_id: str
     uri: str
-    commit: str | None  # the project's in git; None outside of a repository
 
     def search(self, condition: str) -> list[Run]:
         """Return the runs of the experiment that meet a condition, newest first."""
@@ -86,8 +85,7 @@ class Store:
     def create_run(self, name: str, tags: Mapping[str, str], start: int | None = None) -> Run:
         """Create a run that this process writes; it began at `start` [ms since 1970], or now."""
         more = {WRITER: process.this_process()}
-        more |= source_tags(tags[DVC_STAGE], self.commit) if DVC_STAGE in tags else {}
-        more |= {GIT_COMMIT: self.commit} if self.commit else {}
+        more |= source_tags(tags[DVC_STAGE]) if DVC_STAGE in tags else {}
         return self.client.create_run(self.experiment_id, start, {**tags, **more}, name)
 
     def settle(
@@ -106,7 +104,10 @@ class Store:
         verb = "unchanged" if run else "replaced" if runs else "created"
         if run is None:
             run = self._write(content, log_model)
-        for name, value in changed(run.data.tags, content.place).items():
+        place = dict(content.place)
+        if content.commit and is_without_commit(run):
+            place |= {GIT_COMMIT: content.commit, "mlflow.source.git.commit": content.commit}
+        for name, value in changed(run.data.tags, place).items():
             self.client.set_tag(run.info.run_id, name, value)
         for other in runs:
             if other.info.run_id != run.info.run_id:
@@ -157,7 +158,7 @@ def connect(
 ) -> Store:
     """Open the store of a project; one that cannot be opened is an InputError."""
     opened = connection.connect(root, experiment, timeout_seconds, max_retries)
-    return Store(*opened, commit=get_git_commit(str(root)))
+    return Store(*opened)
 
 
 def changed(stored: Mapping[str, str], wanted: Mapping[str, str]) -> dict[str, str]:
@@ -171,10 +172,14 @@ def seed_tags(agent: str, seed: int, algorithm: str) -> dict[str, str]:
     return tags | UNFOLDED
 
 
-def source_tags(stage: str, commit: str | None) -> dict[str, str]:
-    """Return the tags behind MLflow's columns Source and Version."""
-    tags = {"mlflow.source.name": stage, "mlflow.source.type": "LOCAL"}
-    return tags | ({"mlflow.source.git.commit": commit} if commit else {})
+def source_tags(stage: str) -> dict[str, str]:
+    """Return the tags behind MLflow's column Source."""
+    return {"mlflow.source.name": stage, "mlflow.source.type": "LOCAL"}
+
+
+def is_without_commit(run: Run) -> bool:
+    """Tell whether a run names no commit yet."""
+    return GIT_COMMIT not in run.data.tags
 
 
 def _content(path: Path) -> Path:

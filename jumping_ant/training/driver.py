@@ -54,6 +54,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
     paths = Paths(root).agent(agent_name)
     with ExitStack() as stack:
         stack.enter_context(checkpoints.opened(params.seeds))
+        paths.training.unlink(missing_ok=True)  # DVC removes it; else it would be of other files
         seeds = {
             seed: stack.enter_context(
                 SeedFiles(agent_name, seed, agent.max_env_steps, paths.seed(seed), checkpoints)

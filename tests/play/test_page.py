@@ -13,7 +13,7 @@ from browser import Visit, launched, open_page
 from jumping_ant.base.paths import Paths
 from jumping_ant.params.model import Params
 from jumping_ant.play import content
-from jumping_ant.policies import policy_file
+from jumping_ant.policies import trained_policy
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
@@ -56,7 +56,7 @@ def test_physics_agrees_with_the_native_simulator_here_too(
     world = World(robot.read(project), settings.env)
     for name in ("sac", "pgpe"):
         paths = Paths(project).agent(name).seed(1)
-        policy = policy_file.load(paths.policy, paths.owner)
+        policy = trained_policy.load(paths)
         reference = native.record(world, policy, "edited", 9, longest=100)
         form = content.policy(project, name, 1)
         own = ask(visit, "verify", policy=form, reference=reference)

@@ -3,6 +3,7 @@
 import io
 import json
 import pickle
+import re
 import tracemalloc
 import zipfile
 from pathlib import Path
@@ -12,11 +13,13 @@ import numpy as np
 import pytest
 import torch
 from commands import COMMAND_SIGNS
-from small_policies import NUMBERS, linear_policy
+from small_policies import COMMANDS, NUMBERS, linear_policy
 
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import InputError
-from jumping_ant.policies import policy_file, tensors
+from jumping_ant.base.files import digest, write_bytes, write_json
+from jumping_ant.base.paths import Paths
+from jumping_ant.policies import policy_file, tensors, trained_policy
 
 HEADER = {"num_observations": 27, "num_motors": 8, "format": 3, "seed": 0}
 HEADER |= {"hold": 1, "amplitude": 1.0}
@@ -243,26 +246,45 @@ def test_a_missing_file_names_what_writes_it(tmp_path: Path) -> None:
 
 
 def test_a_published_policy_says_whose_it_is(tmp_path: Path) -> None:
-    path = tmp_path / "policy.zip"
-    path.write_bytes(policy_file.owned(LINEAR, ("sac", 20)))
-    assert policy_file.load(path, ("sac", 20)).to_bytes() == LINEAR
-    assert policy_file.load(path).to_bytes() == LINEAR
-    assert policy_file.read_interface(path, ("sac", 20)).num_motors == 8
+    paths = Paths(tmp_path).agent("sac").seed(20)
+    content = policy_file.owned(LINEAR, ("sac", 20))
+    write_bytes(paths.policy, content)
+    assert trained_policy.load(paths).to_bytes() == LINEAR
+    assert policy_file.parse(content).to_bytes() == LINEAR
     for owner in (("sac", 21), ("dqn", 20)):
         told = (
-            f"{path}: policy file: given that of agent sac, seed 20, allowed: that of agent "
+            "policy file: given that of agent sac, seed 20, allowed: that of agent "
             f"{owner[0]}, seed {owner[1]}; run `dvc repro --force train@{owner[0]}`"
         )
-        for read in (policy_file.load, policy_file.read_interface):
-            with pytest.raises(InputError) as caught:
-                read(path, owner)
-            assert str(caught.value) == told
-    path.write_bytes(LINEAR)
+        with pytest.raises(InputError) as caught:
+            policy_file.parse(content, owner)
+        assert str(caught.value) == told
+    write_bytes(paths.policy, LINEAR)
     with pytest.raises(InputError, match="given one of no agent, allowed: that of agent sac"):
-        policy_file.load(path, ("sac", 20))
-    path.write_bytes(pack({**Archive(LINEAR), "owner.json": b"[1]"}))
+        trained_policy.load(paths)
     with pytest.raises(InputError, match="given what is not a policy"):
-        policy_file.load(path)
+        policy_file.parse(pack({**Archive(LINEAR), "owner.json": b"[1]"}))
+
+
+@pytest.mark.parametrize("is_final", [False, True])
+def test_a_policy_is_the_one_that_was_trained(tmp_path: Path, is_final: bool) -> None:
+    """Another one of the same agent and seed, as from a remote that somebody else writes to."""
+    paths = Paths(tmp_path).agent("sac").seed(20)
+    path = paths.final_policy if is_final else paths.policy
+    with pytest.raises(InputError, match="No such file or directory; run `dvc repro train@sac`"):
+        trained_policy.content(paths, is_final)
+    write_bytes(path, policy_file.owned(LINEAR, paths.owner))
+    write_json(paths.trained, {"20": {path.name: digest(path)}})
+    assert trained_policy.load(paths, is_final).to_bytes() == LINEAR
+    other = linear_policy(COMMANDS).to_bytes()
+    write_bytes(path, policy_file.owned(other, paths.owner))
+    told = f"{path}: given another file than was trained, of SHA-256 {digest(path)[:8]}..., allowed"
+    with pytest.raises(InputError, match=re.escape(told)):
+        trained_policy.load(paths, is_final)
+    for digests in ({"21": {path.name: digest(path)}}, {"20": {"curve.csv": digest(path)}}):
+        write_json(paths.trained, digests)
+        with pytest.raises(InputError, match="allowed: none, as in .*training.json; `dvc repro"):
+            trained_policy.load(paths, is_final)
 
 
 def test_a_damaged_file_is_not_quoted_at_length(tmp_path: Path) -> None:

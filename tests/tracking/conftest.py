@@ -10,6 +10,7 @@ from tracked_project import (
     OnServer,
     copy_tracked,
     curve_lines,
+    follow,
     make_bare,
     make_whole,
     tracked,
@@ -18,7 +19,6 @@ from tracked_project import (
 
 from jumping_ant.base.files import write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.tracking import live
 from soak import mlflow_server
 
 
@@ -54,7 +54,7 @@ def on_server(tmp_path_factory: pytest.TempPathFactory, empty_database: Path) ->
             unset_variables(patch)
             patch.setenv("MLFLOW_TRACKING_URI", server.uri)
             write_text(Paths(root).agent("sac").seed(1).curve, curve_lines(1))
-            live.follow("sac", root, lambda seconds: True)
+            follow(root, lambda seconds: True)
             make_whole(root)
             lines = tracked(root)
         yield OnServer(server.uri, folder, root, lines)

@@ -1,5 +1,6 @@
 """Live curves: followers in real processes."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from tracked_project import (
     SEEDS,
     STEPS,
     curve_lines,
+    follow,
     make_whole,
     shown,
     state,
@@ -23,7 +25,8 @@ from tracked_project import (
 
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.tracking import live, store
+from jumping_ant.params import params_file
+from jumping_ant.tracking import store
 
 
 def script(*steps: Callable[[], object]) -> Callable[[float], bool]:
@@ -57,7 +60,7 @@ def test_training_shows_while_it_runs_and_once_afterwards(bare_project: Path) ->
         assert "in training, left to the process that follows it" in tracked(bare_project)[1]
 
     steps = (lambda: grow(bare_project, 2, cut=3), look, lambda: grow(bare_project, 3), look)
-    live.follow("sac", bare_project, script(*steps, finish))
+    follow(bare_project, script(*steps, finish))
     assert seen == [("RUNNING", {100, 200}), ("RUNNING", {100, 200, 300})]
     assert statuses(bare_project) == {"sac-seed-0": "FINISHED", "sac-seed-1": "FINISHED"}
     points = shown(bare_project)["sac-seed-0"].metrics
@@ -70,12 +73,12 @@ def test_training_shows_while_it_runs_and_once_afterwards(bare_project: Path) ->
 
 
 def test_a_killed_training_is_marked_and_continued(bare_project: Path) -> None:
-    live.follow("sac", bare_project, script(lambda: grow(bare_project, 3)))
+    follow(bare_project, script(lambda: grow(bare_project, 3)))
     assert statuses(bare_project) == {"sac-seed-0": "KILLED"}
     # Resumed from a checkpoint, the file is behind what MLflow has seen; then begun anew.
     write_text(Paths(bare_project).agent("sac").seed(0).curve, f"{HEADER}\nsac,0,100,9,9,9,9,9\n")
     steps = (lambda: grow(bare_project, 1), lambda: train(bare_project, "sac", 0))
-    live.follow("sac", bare_project, script(*steps))
+    follow(bare_project, script(*steps))
     assert statuses(bare_project) == {"sac-seed-0": "FINISHED"}
     assert len(shown(bare_project)["sac-seed-0"].metrics) == 16
 
@@ -88,11 +91,11 @@ def test_the_same_policy_again_leaves_its_run_alone(project: Path) -> None:
     opened.client.set_tag(run.info.run_id, store.WRITER, "elsewhere 1 1.00")
     assert tracked(project)[-1].endswith("4 unchanged")
     assert len(shown(project)) == NUM_RUNS, "the other one is gone"
-    live.follow("sac", project, script(lambda: None))
+    follow(project, script(lambda: None))
     assert state(project)[0]["metrics"] == before["metrics"], "it was trained before"
     policy = Paths(project).agent("sac").seed(0).policy
     policy.unlink()
-    live.follow("sac", project, script(lambda: None, lambda: train(project, "sac", 0)))
+    follow(project, script(lambda: None, lambda: train(project, "sac", 0)))
     assert tracked(project)[-1].endswith("4 unchanged")
     assert len(shown(project)) == NUM_RUNS
     assert state(project)[0]["model_versions"] == before["model_versions"]
@@ -102,14 +105,19 @@ def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project:
     command = [sys.executable, "-m", "jumping_ant.tracking", "follow", "sac"]
     command += ["--root", str(bare_project)]
 
+    params = params_file.load(bare_project / "params.yaml").model_dump()
+    params["agents"]["sac"]["learning_rate"] = 0.125  # what trains; the file says something else
+
     def start(*options: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
+        process = subprocess.Popen(
             [*command, *options],
             cwd=PROJECT_ROOT,
             stdin=subprocess.PIPE,
             stderr=subprocess.PIPE,
             encoding="utf-8",
         )
+        print(json.dumps(params), file=process.stdin, flush=True)
+        return process
 
     grow(bare_project, 2)
     early = start("--after", "600")
@@ -130,4 +138,5 @@ def test_the_follower_ends_with_the_pipe_and_survives_being_killed(bare_project:
     assert second.communicate(timeout=60)[1] == ""  # closes the pipe
     assert second.returncode == 0
     assert statuses(bare_project) == {"sac-seed-0": "FINISHED"}
-    assert len(shown(bare_project)["sac-seed-0"].metrics) == 16
+    run = shown(bare_project)["sac-seed-0"]
+    assert (len(run.metrics), run.params["learning_rate"]) == (16, "0.125")

@@ -1,16 +1,20 @@
 """MLflow mirrors the files: what later calls add, replace, and leave."""
 
+import hashlib
 import os
 import shutil
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import mlflow
 import pytest
 from tracked_project import (
+    AGENTS,
     NUM_RUNS,
+    SEEDS,
     meaning,
     parent_name,
     query,
@@ -22,8 +26,9 @@ from tracked_project import (
 )
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT, digest, write_json
 from jumping_ant.base.paths import Paths
+from jumping_ant.params import params_file
 from jumping_ant.tracking import pages, store
 from jumping_ant.tracking.mirror import track
 
@@ -63,24 +68,86 @@ def test_a_second_call_adds_nothing(project: Path) -> None:
     assert query(project, note) == [("Mine",)]
 
 
-def test_a_commit_between_calls_adds_nothing(untracked_project: Path) -> None:
+COMMITS = """
+SELECT value FROM tags WHERE key IN ('git_commit', 'mlflow.source.git.commit')
+UNION ALL SELECT value FROM model_version_tags WHERE key = 'git_commit'
+UNION ALL SELECT tag_value FROM logged_model_tags WHERE tag_key = 'git_commit'
+"""
+
+
+def lock(project: Path, **params: object) -> None:
+    """Write what training leaves, and what DVC notes of it."""
+    params = dict(params_file.read(project / "params.yaml")) | params
+    stages = {}
+    for agent in AGENTS:
+        paths = Paths(project).agent(agent)
+        written = {str(seed): {"policy.zip": digest(paths.seed(seed).policy)} for seed in SEEDS}
+        write_json(paths.training, written)
+        kept = {"seeds": [0], "env": params["env"], f"agents.{agent}": params["agents"][agent]}
+        stages[f"train@{agent}"] = locked(project, paths.training, kept)
+    stages["compare"] = locked(project, Paths(project).comparison, {})
+    write_json(project / "dvc.lock", {"schema": "2.0", "stages": stages})
+
+
+def locked(project: Path, path: Path, params: Mapping[str, object]) -> dict[str, object]:
+    md5 = hashlib.md5(path.read_bytes(), usedforsecurity=False).hexdigest()
+    outs = [{"path": str(path.relative_to(project)), "md5": md5}]
+    return {"params": {"params.yaml": params}, "outs": outs}
+
+
+def commit(project: Path, *names: str) -> str:
+    settings = ["-c", "user.name=A", "-c", "user.email=a@b.c"]
+    for command in (["init", "-q"], ["add", "-f", *names], ["commit", "--allow-empty", "-qm", "A"]):
+        subprocess.run(["git", *settings, *command], cwd=project, check=True)
+    return subprocess.check_output(["git", "rev-parse", "HEAD"], cwd=project, text=True).strip()
+
+
+def test_the_commit_that_holds_what_was_run_is_named_once(untracked_project: Path) -> None:
+    """A commit before it has other parameters, one around the project nothing of it."""
     project = untracked_project
-
-    def commit(message: str) -> str:
-        settings = ["-c", "user.name=A", "-c", "user.email=a@b.c"]
-        command = ["git", *settings, "commit", "--allow-empty", "-qm", message]
-        subprocess.run(command, cwd=project, check=True)
-        show = ["git", "rev-parse", "HEAD"]
-        return subprocess.check_output(show, cwd=project, encoding="utf-8").strip()
-
-    subprocess.run(["git", "init", "-q"], cwd=project, check=True)
-    first = commit("one")
+    lock(project)
+    commit(project.parent)
     tracked(project)
+    commit(project, "params.yaml")
+    tracked(project)
+    assert query(project, COMMITS) == []
+    first = commit(project, "dvc.lock")
+    tracked(project)
+    named = query(project, COMMITS)
+    # Of the comparison, its aggregates and seeds; of versions and models.
+    assert named == [(first,)] * (2 * NUM_RUNS + 2 * len(AGENTS) * len(SEEDS))
     before = state(project)
-    assert commit("two") != first
+    assert commit(project) != first
     tracked(project)
-    assert state(project) == before
-    assert shown(project)["sac-seed-0"].tags["git_commit"] == first
+    assert state(project) == before and query(project, COMMITS) == named
+    train(project, "sac", 0, value=0.5)
+    lock(project)
+    assert tracked(project)[-1].endswith("1 created, 3 unchanged")
+    assert query(project, "SELECT COUNT(*) FROM model_version_tags WHERE key = 'git_commit'") == [
+        (4,)
+    ]
+
+
+def test_what_was_trained_with_other_parameters_is_not_shown_with_these(project: Path) -> None:
+    """A setting was changed after training, or before it and the robot was not built again."""
+    lock(project)
+    assert tracked(project)[-1].endswith(": 4 unchanged")
+    before = ids(project)
+    change(project / "params.yaml", "learning_rate: 5.0e-4", "learning_rate: 6.0e-4")
+    first, *_, last = tracked(project)
+    assert first == "not trained yet: sac seed 0, sac seed 1"
+    assert last.endswith(": 2 unchanged") and ids(project) == before
+
+
+def test_a_policy_that_was_not_trained_is_not_shown(project: Path) -> None:
+    lock(project)
+    paths = Paths(project).agent("sac")
+    train(project, "sac", 1, value=0.75)  # another one of that agent and seed, of whomever
+    given = digest(paths.seed(1).policy)[:8]
+    with pytest.raises(InputError, match=f"seed-1/policy.zip: given another file .*{given}"):
+        tracked(project)
+    paths.seed(1).policy.unlink()
+    assert tracked(project)[0] == "not trained yet: sac seed 1"
 
 
 def test_other_parameters_leave_earlier_runs_alone_and_their_own_come_back(project: Path) -> None:

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mlflow.pyfunc import PythonModelContext
-from tracked_project import OnServer, make_bare, make_whole, state, tracked
+from tracked_project import OnServer, follow, make_bare, make_whole, state, tracked
 
 from jumping_ant.base import imports
 from jumping_ant.base.errors import InputError
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
-from jumping_ant.tracking import live, models, serving
+from jumping_ant.tracking import models, serving
 
 
 @pytest.mark.parametrize("is_silent", [False, True])
@@ -35,7 +35,7 @@ def test_a_server_that_does_not_answer_is_told_in_one_line(
         began = time.monotonic()
         with pytest.raises(InputError, match=f"MLflow at http://{address}: cannot be") as caught:
             tracked(untracked_project)
-        live.follow("sac", untracked_project, lambda seconds: True)
+        follow(untracked_project, lambda seconds: True)
         assert time.monotonic() - began < 25
     said = capsys.readouterr().err
     assert len(said.splitlines()) == 1 and "training continues" in said

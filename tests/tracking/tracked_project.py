@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -13,10 +14,12 @@ from ruamel.yaml import YAML
 
 from jumping_ant.base.files import PROJECT_ROOT, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
+from jumping_ant.params import params_file
 from jumping_ant.policies import policy_file
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.linear import LinearPolicy
 from jumping_ant.sim.trajectory import Trajectory
+from jumping_ant.tracking import live
 from jumping_ant.tracking.mirror import track
 from jumping_ant.training import curves
 
@@ -109,6 +112,11 @@ def make_whole(root: Path) -> None:
             train(root, agent, seed)
         evaluate(root, agent)
     compare(root)
+
+
+def follow(root: Path, has_ended: Callable[[float], bool]) -> None:
+    """Follow the training of an agent with the parameters of its project."""
+    live.follow("sac", root, params_file.load(root / "params.yaml"), has_ended)
 
 
 def copy_tracked(template: Path, root: Path) -> None:
