@@ -29,8 +29,8 @@ class AgentBlock(Block):
     def max_env_steps(self) -> int:
         """Budget of a seed [control steps]; 0 if nothing is trained."""
 
-    def has_ended(self, env_steps: int, updates: int) -> bool:
-        """Return whether a seed has used up its budget after so many control steps and updates."""
+    def has_ended(self, env_steps: int, updates: int, episodes: int) -> bool:
+        """Return whether a seed has used up its budget after so much training."""
         return env_steps >= self.max_env_steps
 
     def fault(self, env: EnvParams) -> str | None:

@@ -85,7 +85,8 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         self.before_step: list[Callable[[Array], Array]] = []
         self.on_observe: list[Callable[[Array], Array]] = []
         self._last_x = self._torso_x.copy()  # saved separately: MuJoCo's `xpos` is a substep late
-        self._num_steps = np.zeros(num_envs, dtype=np.int64)
+        self.num_steps = np.zeros(num_envs, dtype=np.int64)  # control steps of each episode so far
+        self.cut_steps = 0  # so far, that decisions had left when a robot fell
         self._has_ended = np.zeros(num_envs, dtype=np.bool_)
         self._tumbled_starts = tumbled_starts
         limit = np.full(num_envs, world.env.max_episode_steps)
@@ -182,6 +183,7 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         """
         resting = np.zeros(self.num_envs, dtype=np.bool_) if resting is None else resting
         torques = np.asarray(self.actions.torques(actions), dtype=np.float64)
+        before = self.num_steps.copy()
         observations, outcome, truncations = self._control_step(torques, resting)
         heights = self._heights()
         for _ in range(self.actions.hold - 1):
@@ -195,6 +197,8 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
                 values[alive] += then.terms[name][alive]
             outcome.terminated[alive] = then.terminated[alive]
             truncations[alive] = truncated[alive]
+        left = self.actions.hold - (self.num_steps - before)
+        self.cut_steps += int(left[outcome.terminated & ~resting].sum())
         return observations, outcome, truncations, heights
 
     def _control_step(self, torques: Array, resting: Mask) -> tuple[Array, Outcome, Mask]:
@@ -203,11 +207,11 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         self._ctrl[:] = torques * self.task.anatomy.control_limits
         before = self._last_x
         self._simulate(resting)
-        self._num_steps += ~resting
+        self.num_steps += ~resting
         self._last_x = self._torso_x.copy()
         travel = self._last_x - before
         outcome = self.task.judge(self.qpos, self.qvel, torques, travel, self._contacts)
-        truncations = ~outcome.terminated & (self._num_steps >= self._episode_steps)
+        truncations = ~outcome.terminated & (self.num_steps >= self._episode_steps)
         return self._observe(), outcome, truncations
 
     def _simulate(self, resting: Mask) -> None:
@@ -230,7 +234,8 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         return {
             "physics": self.batch.state.copy(),
             "torso_x": self._last_x.copy(),
-            "num_steps": self._num_steps.copy(),
+            "num_steps": self.num_steps.copy(),
+            "cut_steps": self.cut_steps,
             "has_ended": self._has_ended.copy(),
             "generators": [generator.bit_generator.state for generator in self.generators],
         }
@@ -239,7 +244,8 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         """Resume from a state of as many environments; `airborne` is known after a step."""
         self.batch.state[:] = state["physics"]
         self._last_x = state["torso_x"].copy()
-        self._num_steps[:] = state["num_steps"]
+        self.num_steps[:] = state["num_steps"]
+        self.cut_steps = state["cut_steps"]
         self._has_ended = state["has_ended"].copy()
         for generator, saved in zip(self.generators, state["generators"], strict=True):
             generator.bit_generator.state = saved
@@ -257,7 +263,7 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
             )
         self.batch.forward(indices)
         self._last_x[indices] = self._torso_x[indices]
-        self._num_steps[indices] = 0
+        self.num_steps[indices] = 0
         self._has_ended[indices] = False
 
 

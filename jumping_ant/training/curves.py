@@ -128,7 +128,8 @@ def _check_steps(table: Table) -> None:
 
 def _check_end(table: Table, agent: AgentBlock) -> None:
     """Raise a ValueError unless the last row is the evaluation at the end of training."""
-    steps, updates = table["env_steps"][-1], np.nan_to_num(table["updates"]).max()
-    if not (_is_evaluation(table)[-1] and agent.has_ended(int(steps), int(updates))):
-        end = f"an end after {steps:.0f} control steps and {updates:.0f} updates"
+    names = ("env_steps", "updates", "episodes")
+    steps, updates, episodes = (int(np.nan_to_num(table[name]).max()) for name in names)
+    if not (_is_evaluation(table)[-1] and agent.has_ended(steps, updates, episodes)):
+        end = f"an end after {steps} control steps and {updates} updates"
         raise ValueError(f"given {end}, allowed: an evaluation at the end of the agent's budget")

@@ -85,6 +85,34 @@ def test_returns_are_those_of_gymne(
         assert float(batch.evals[index]) == np.float32(theirs)
 
 
+def test_control_steps_after_a_fall_cost_nothing(robot_xml: str) -> None:
+    """Against a count of each control step, in episodes that end within a decision."""
+    task = PARAMS.env.model_copy(update={"max_torso_height": 0.8, "min_torso_height": 0.5})
+    actions = ActionParams(kind="torques", amplitude=1.0, hold=3)
+    changes = {"actions": actions, "decrease_rewards_by": 1.0, "episode_steps": 40}
+    world, agent = World(robot_xml, task), AGENT.model_copy(update=changes)
+    solutions = torch.from_numpy(np.random.default_rng(0).normal(0, 0.2, (6, 8 * 28))).float()
+    problem = JumpProblem(Job(world, agent, seed=1))
+    batch = SolutionBatch(problem, popsize=6)
+    batch.set_values(solutions)
+    problem.evaluate(batch)
+    lengths, fitness = [], []
+    for index, solution in enumerate(solutions.numpy()):
+        env, length, total, has_ended = RobotEnv(world), 0, 0.0, False
+        env.reset(seed=derive(1, "starts", index))
+        observation, _ = env.reset()
+        while not has_ended and length < agent.episode_steps:
+            if length % actions.hold == 0:
+                torques = solution[:-8].reshape(8, 27) @ observation + solution[-8:]
+            observation, reward, has_ended, _, _ = env.step(np.clip(torques, -1, 1))
+            length, total = length + 1, total + float(reward)
+        lengths.append(length)
+        fitness.append(total - length)
+    assert any(length % actions.hold for length in lengths)
+    assert problem.env_steps == sum(lengths)
+    assert batch.evals[:, 0].numpy() == pytest.approx(fitness, abs=1e-3)
+
+
 SEEING: Any = AGENT.model_copy(update={"observation_normalization": False})
 SCORED = [
     (OscillatorProblem, small_agents.agents()["oscillator"], 0.0),

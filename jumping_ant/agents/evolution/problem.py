@@ -103,10 +103,11 @@ class JumpProblem(Problem):
         self.normalizer.load_state(state)
 
     def _evaluate_batch(self, batch: SolutionBatch) -> None:
-        solutions, hold, most = plain(batch.values), self.actions.hold, self.agent.episode_steps
-        shape = (1 - (-most // hold), len(solutions))  # the start, and each decision
+        solutions, most = plain(batch.values), self.agent.episode_steps
+        shape = (1 - (-most // self.actions.hold), len(solutions))  # the start, and each decision
         seen = np.zeros((*shape, self._shape[1]), np.float32)
         alive, self.returns = np.zeros(shape, np.bool_), np.zeros(len(solutions))
+        lengths = np.zeros(len(solutions), np.int64)  # of the episodes [control steps]
 
         def play(rows: Array, envs: RobotVectorEnv) -> None:
             outputs = self._start(solutions[rows])
@@ -116,11 +117,11 @@ class JumpProblem(Problem):
             for number, step in enumerate(steps, start=1):
                 seen[number, rows], alive[number, rows] = step.next_observations, step.alive
                 self.returns[rows] += step.rewards
+            lengths[rows] = envs.num_steps
 
         list(self._threads.map(play, self._rows, self._envs))  # raises what they raise
         if self.agent.observation_normalization:
             self.normalizer.update(torch.from_numpy(seen[alive]))
-        lengths = np.minimum(alive[1:].sum(0) * hold, most)
         self.env_steps += int(lengths.sum())
         self.fitness = self.returns - self.agent.decrease_rewards_by * lengths
         batch.set_evals(torch.as_tensor(self.fitness, dtype=torch.float32))

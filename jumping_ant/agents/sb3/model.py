@@ -93,7 +93,7 @@ def make_model(envs: VecEnv, agent: SB3Params, seed: int) -> Any:
     return model
 
 
-def make_envs(job: Job[SB3Params]) -> VecEnv:
+def make_envs(job: Job[SB3Params]) -> SB3VecEnv:
     """Return the environments that an agent learns in; it treats truncation as a time limit."""
     agent, env = job.agent, job.world.env
     episode_steps = np.full(agent.num_envs, agent.episode_steps or np.inf)

@@ -23,40 +23,41 @@ from jumping_ant.policies.actions import ActionSet
 def train(job: Job[SB3Params]) -> Iterator[Event]:
     """Train as a model's `learn` does."""
     agent = job.agent
-    model = make_model(make_envs(job), agent, job.seed)
+    envs = make_envs(job)
+    model = make_model(envs, agent, job.seed)
     model.set_logger(Logger(folder=None, output_formats=[]))
     actions = ActionSet.of(agent.actions, job.world.env.commands)
-    hold = actions.hold
-    budget = -(-agent.total_steps // hold)  # in decisions, as SB3 counts
+    budget = -(-agent.total_steps // actions.hold)  # in decisions, as SB3 counts
     _, callback = model._setup_learn(budget, CallbackList([]))
-    num_episodes, returns = 0, []  # all episodes so far; the returns since the last row
+    num_episodes = 0  # up to the last row
+
+    def env_steps() -> int:
+        return model.num_timesteps * actions.hold - envs.envs.cut_steps
+
     if job.checkpoint is not None:
-        num_episodes, returns = state.restore(model, job.checkpoint)
+        num_episodes = state.restore(model, job.checkpoint)
     while model.num_timesteps < budget:
         before = model.num_timesteps
         _learn_once(model, callback, budget)
-        returns += [info["r"] for info in model.ep_info_buffer]
-        num_episodes += len(model.ep_info_buffer)
-        model.ep_info_buffer.clear()
         is_evaluated = _crossed(before, model.num_timesteps, budget / job.evaluations)
         if is_evaluated or _crossed(before, model.num_timesteps, agent.log_interval):
             values = model.logger.name_to_value
             logged = {key.partition("/")[2]: values.get(key, "nan") for key in row(agent).logged}
+            returns, envs.finished = envs.finished, []
+            num_episodes += len(returns)
             yield Progress(
-                env_steps=model.num_timesteps * hold,
+                env_steps=env_steps(),
                 updates=model._n_updates,
                 episodes=num_episodes,
                 return_mean=float(np.mean(returns)) if returns else float("nan"),
                 return_std=float(np.std(returns)) if returns else float("nan"),
                 extra={name: float(value) for name, value in logged.items()},
             )
-            returns = []
         if is_evaluated:
-            yield Snapshot(model.num_timesteps * hold, policy_bytes(model, agent, actions))
+            yield Snapshot(env_steps(), policy_bytes(model, agent, actions))
         if job.is_checkpoint_due():
-            content = state.capture(model, [num_episodes, returns])
-            yield Checkpoint(model.num_timesteps * hold, content)
-    yield Finished(model.num_timesteps * hold, policy_bytes(model, agent, actions))
+            yield Checkpoint(env_steps(), state.capture(model, num_episodes))
+    yield Finished(env_steps(), policy_bytes(model, agent, actions))
 
 
 def _learn_once(model: Any, callback: BaseCallback, budget: int) -> None:

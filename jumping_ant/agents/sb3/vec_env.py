@@ -17,7 +17,8 @@ class SB3VecEnv(VecEnv):
     Observations become float32, which the networks compute with; this halves the replay buffer.
     The first reset uses the seeds `starts`: SB3's own seeds, `seed + i`, would be shared with
     neighbouring runs. With `sparse_rewards`, the last step of an episode is rewarded with the
-    episode's return, and no step before.
+    episode's return, and no step before. `finished` collects the returns of episodes, of which SB3
+    itself would keep the last hundred.
     """
 
     def __init__(self, envs: RobotVectorEnv, starts: Sequence[int], sparse_rewards: bool) -> None:
@@ -30,13 +31,13 @@ class SB3VecEnv(VecEnv):
         self._sparse_rewards = sparse_rewards
         self._actions: NDArray[Any] = np.zeros(0)
         self._returns = np.zeros(envs.num_envs)
-        self._lengths = np.zeros(envs.num_envs, dtype=np.int64)
+        self.finished: list[float] = []
 
     def reset(self) -> NDArray[np.float32]:
         """Start an episode in every environment."""
         observations, _ = self.envs.reset(seed=self._starts)
         self._starts = None
-        self._returns[:] = self._lengths[:] = 0
+        self._returns[:] = 0
         return observations.astype(np.float32)
 
     def step_async(self, actions: NDArray[Any]) -> None:
@@ -47,7 +48,6 @@ class SB3VecEnv(VecEnv):
         """Step all environments; an info is empty, except at the end of an episode."""
         observations, rewards, terminated, truncated, vector_infos = self.envs.step(self._actions)
         self._returns += rewards
-        self._lengths += 1
         dones = terminated | truncated
         if self._sparse_rewards:
             rewards = np.where(dones, self._returns, 0.0)
@@ -56,19 +56,22 @@ class SB3VecEnv(VecEnv):
             infos[index] = {
                 "terminal_observation": vector_infos["final_obs"][index].astype(np.float32),
                 "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
-                "episode": {"r": float(self._returns[index]), "l": int(self._lengths[index])},
             }
-            self._returns[index] = self._lengths[index] = 0
+            self.finished.append(float(self._returns[index]))
+            self._returns[index] = 0
         return observations.astype(np.float32), rewards.astype(np.float32), dones, infos
 
     def save_state(self) -> dict[str, Any]:
         """Return the state that later steps depend on: arrays and JSON-compatible values."""
-        state = {"returns": self._returns.copy(), "lengths": self._lengths.copy()}
-        return state | {"envs": self.envs.save_state()}
+        return {
+            "returns": self._returns.copy(),
+            "finished": self.finished.copy(),
+            "envs": self.envs.save_state(),
+        }
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Restore a state of the same number of environments."""
-        self._returns[:], self._lengths[:] = state["returns"], state["lengths"]
+        self._returns[:], self.finished = state["returns"], list(state["finished"])
         self.envs.load_state(state["envs"])
 
     def close(self) -> None:
