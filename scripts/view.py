@@ -10,8 +10,7 @@ import sys
 from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import PROJECT_ROOT
-
-DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
+from jumping_ant.sim.gl import has_display
 
 
 def main() -> int:
@@ -28,7 +27,7 @@ def main() -> int:
         given = f"given {agent!r}, allowed: {', '.join(paths)}" if paths else "there are none yet"
         raise InputError(f"recordings in media/: {given}; `make repro` makes them")
     command = ["rerun", "--bind", "127.0.0.1", *([paths[agent]] if agent else paths.values())]
-    if sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
+    if not has_display():
         command.insert(1, "--web-viewer")
         print(
             "No display here: a browser shows it at the last address below. Ctrl-C ends it.",

@@ -10,8 +10,8 @@ from pathlib import Path
 from ruamel.yaml import YAML
 
 from jumping_ant.base.files import digest
+from jumping_ant.sim.gl import DISPLAYS
 from scripts.checkout import RESULTS, Checkout, copy_project
-from scripts.view import DISPLAYS
 
 RUN = "dvc exp run $(cat presets/smoke)"
 COMMIT = 'git add -A && git commit -m "My run"'

@@ -12,12 +12,12 @@ from jumping_ant.media.states import (
     LEG_COLORS,
     Color,
     States,
-    body_names,
     limbs,
     limbs_of_bodies,
     motor_names,
     time_columns,
 )
+from jumping_ant.sim.robot import body_names
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
@@ -103,7 +103,7 @@ def log_control_series(
 
 def geom_paths(world: World) -> list[str]:
     """Return the entity path of every geom; an unnamed one is numbered."""
-    model, bodies = world.model, body_names(world)
+    model, bodies = world.model, body_names(world.model)
     paths = []
     for index, body in enumerate(model.geom_bodyid):
         name = model.geom(index).name or f"geom_{index}"
@@ -113,7 +113,7 @@ def geom_paths(world: World) -> list[str]:
 
 def camera_path(world: World) -> str:
     """Return the path of the entity that the camera follows."""
-    return f"world/{body_names(world)[world.anatomy.torso]}/camera"
+    return f"world/{body_names(world.model)[world.anatomy.torso]}/camera"
 
 
 def _log_shapes(stream: rr.RecordingStream, world: World, root: str, colors: list[Color]) -> None:
@@ -133,7 +133,7 @@ def _log_shapes(stream: rr.RecordingStream, world: World, root: str, colors: lis
 
 
 def _log_poses(stream: rr.RecordingStream, world: World, states: States, root: str) -> None:
-    for body, name in enumerate(body_names(world)[1:], start=1):
+    for body, name in enumerate(body_names(world.model)[1:], start=1):
         poses = rr.Transform3D.columns(
             translation=states.positions[:, body], quaternion=states.quaternions[:, body]
         )

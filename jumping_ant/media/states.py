@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from jumping_ant.sim.robot import body_names
 from jumping_ant.sim.trajectory import Trajectory
 from jumping_ant.sim.world import World
 
@@ -52,15 +53,6 @@ class States:
         return float(self.heights[row]), int(self.times[row])
 
 
-def body_names(world: World) -> list[str]:
-    """Return the bodies' names; an unnamed one, the tip of a leg, is its parent's foot."""
-    model = world.model
-    names = [model.body(index).name for index in range(model.nbody)]
-    for index, name in enumerate(names):
-        names[index] = name or f"{names[model.body_parentid[index]]}_foot"
-    return names
-
-
 def motor_names(world: World) -> list[str]:
     """Return the motors' names."""
     return [world.model.actuator(motor).name for motor in range(world.anatomy.num_motors)]
@@ -68,7 +60,7 @@ def motor_names(world: World) -> list[str]:
 
 def limbs(world: World) -> dict[str, Color]:
     """Return the limbs, which are the torso and the legs that begin at it, and their colours."""
-    names, roots = body_names(world), _limb_roots(world)
+    names, roots = body_names(world.model), _limb_roots(world)
     legs = islice(cycle(LEG_COLORS.values()), len(roots) - 1)
     return dict(zip([names[root] for root in roots], [TORSO_COLOR, *legs], strict=True))
 

@@ -20,7 +20,13 @@ Count = Annotated[int, Field(ge=1, le=10**6)]
 Steps = Annotated[int, Field(ge=1, le=10**10)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
 
-GYMNASIUM_ROBOTS = ("ant", "hopper", "walker2d", "half_cheetah", "humanoid")
+GYMNASIUM_ROBOTS = {
+    "ant": "ant.xml",
+    "hopper": "hopper.xml",
+    "walker2d": "walker2d_v5.xml",  # in the older file one foot is more slippery
+    "half_cheetah": "half_cheetah.xml",
+    "humanoid": "humanoid.xml",
+}
 
 
 def refusal(key: str, given: Any, allowed: Any) -> ValueError:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.base.errors import InputError
 from jumping_ant.params.blocks import ActionParams
 
 
@@ -71,11 +72,12 @@ class ActionSet:
         """Return torques over peak torques in [-amplitude, amplitude], shape (n, num_motors).
 
         Choices are indices of commands, (n,), or torques in [-1, 1] or indices of levels,
-        (n, num_motors).
+        (n, num_motors); an InputError names an index that stands for nothing.
         """
         if self.table is not None:
-            return self.table[choices]
+            return self.table[_indices(choices, len(self.table))]
         if self.levels is not None:
+            choices = _indices(choices, self.levels)
             return self.amplitude * (2.0 / (self.levels - 1) * choices - 1.0)
         return choices if self.amplitude == 1.0 else self.amplitude * choices
 
@@ -86,3 +88,10 @@ class ActionSet:
         if self.levels is not None:
             return self.torques(generator.integers(self.levels, size=num_motors))
         return self.amplitude * generator.uniform(-1.0, 1.0, num_motors)
+
+
+def _indices(choices: NDArray[Any], count: int) -> NDArray[Any]:
+    choices = np.asarray(choices)
+    if choices.dtype.kind not in "iu" or not ((choices >= 0) & (choices < count)).all():
+        raise InputError(f"actions: given {choices.tolist()}, allowed: 0 to {count - 1}")
+    return choices

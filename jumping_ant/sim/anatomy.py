@@ -108,10 +108,15 @@ class Anatomy:
 
 def _torso(model: mujoco.MjModel) -> int:
     moving = np.flatnonzero((model.body_parentid == 0) & (model.body_jntnum > 0))
-    if len(moving) != 1 or model.body_jntadr[moving[0]] != 0:
+    if len(moving) != 1:
         raise InputError(
             f"robot: given {len(moving)} bodies that move relative to the world, allowed: one, "
-            "the torso, whose joints come first"
+            "the torso"
+        )
+    if model.body_jntadr[moving[0]] != 0:
+        first = model.joint(0).name or "a nameless one"
+        raise InputError(
+            f"robot: given the joint {first} before those of the torso, allowed: after them"
         )
     return int(moving[0])
 

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.params import article
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim import gl, rewards, robot
 from jumping_ant.sim.vector import RobotVectorEnv
 from jumping_ant.sim.world import World
 
 ENV_ID = "JumpingAnt-v0"
+MOST_STEPS = article.ENV.max_episode_steps  # [control steps] of an episode
 
 
 class DrawnVectorEnv(RobotVectorEnv):
@@ -42,7 +44,10 @@ class DrawnVectorEnv(RobotVectorEnv):
         **settings: Any,
     ) -> None:
         super().__init__(world, num_envs, **settings)
-        self.metadata |= {"render_modes": ["rgb_array"], "render_fps": round(1 / self.dt)}
+        self.metadata |= {
+            "render_modes": ["rgb_array"],
+            "render_fps": 1 / (self.dt * self.actions.hold),
+        }
         self.render_mode = render_mode
         self._size = (width, height)
         self._renderer: Any = None
@@ -79,17 +84,26 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
         render_mode: `rgb_array`, `human` or None.
         settings: Others of `DrawnVectorEnv`. `actions` makes it that of an agent of `params.yaml`:
             `ActionSet.of(params.agent("dqn").actions, params.env.commands)`.
+        dtype: Of observations.
+
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}
 
-    def __init__(self, world: World, render_mode: str | None = None, **settings: Any) -> None:
+    def __init__(
+        self,
+        world: World,
+        render_mode: str | None = None,
+        dtype: type[np.floating[Any]] = np.float64,
+        **settings: Any,
+    ) -> None:
         self.world = world
         self.render_mode = render_mode
         self._settings = settings
         self.envs = self._simulation()
         self.metadata = self.metadata | {"render_fps": self.envs.metadata["render_fps"]}
-        self.observation_space = self.envs.single_observation_space
+        shape = self.envs.single_observation_space.shape
+        self.observation_space = gym.spaces.Box(-np.inf, np.inf, shape, dtype)
         self.action_space = self.envs.single_action_space
 
     def _simulation(self) -> DrawnVectorEnv:
@@ -108,18 +122,18 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+    ) -> tuple[NDArray[np.floating[Any]], dict[str, Any]]:
         """Start an episode from a noisy standing pose."""
         super().reset(seed=seed)
         self.envs.generators[0] = self.np_random
         observations, infos = self.envs.reset()
         if self.render_mode == "human":
             self.render()
-        return observations[0], {"torso_height": float(infos["torso_height"][0])}
+        return self._observed(observations), {"torso_height": float(infos["torso_height"][0])}
 
     def step(
         self, action: NDArray[Any]
-    ) -> tuple[NDArray[np.float64], float, bool, bool, dict[str, Any]]:
+    ) -> tuple[NDArray[np.floating[Any]], float, bool, bool, dict[str, Any]]:
         """Hold an action, or until the episode ends; rewards are sums over the control steps.
 
         Args:
@@ -130,12 +144,16 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
             self.render()
         info = {f"{rewards.PREFIX}{name}": float(each[0]) for name, each in outcome.terms.items()}
         return (
-            observations[0],
+            self._observed(observations),
             float(outcome.rewards[0]),
             bool(outcome.terminated[0]),
             bool(truncations[0]),
             info | {"torso_height": float(heights[0])},
         )
+
+    def _observed(self, observations: NDArray[np.float64]) -> NDArray[np.floating[Any]]:
+        row: NDArray[np.floating[Any]] = observations[0].astype(self.observation_space.dtype)
+        return row
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the scene: an array of shape (height, width, 3), or the window."""
@@ -153,17 +171,32 @@ def article_world() -> World:
 
 
 def jumping_ant(**settings: Any) -> RobotEnv:
-    """Return `JumpingAnt-v0`, with settings of `RobotEnv`."""
-    return RobotEnv(article_world(), **settings)
+    """Return `JumpingAnt-v0`, with settings of `RobotEnv`.
+
+    With an agent's `actions` its observations are float32, as the policies of Stable-Baselines3
+    expect that are loaded with an environment.
+    """
+    dtype = np.float32 if "actions" in settings else np.float64
+    return RobotEnv(article_world(), **{"dtype": dtype} | settings)
 
 
-def jumping_ants(**settings: Any) -> DrawnVectorEnv:
-    """Return a batch of `JumpingAnt-v0`, with settings of `DrawnVectorEnv`."""
-    return DrawnVectorEnv(article_world(), **settings)
+def jumping_ants(
+    num_envs: int = 1, max_episode_steps: int | None = None, **settings: Any
+) -> DrawnVectorEnv:
+    """Return a batch of `JumpingAnt-v0`, with settings of `DrawnVectorEnv`.
+
+    `max_episode_steps` are decisions, of `actions.hold` control steps, as Gymnasium's time limit
+    counts them.
+    """
+    world = article_world()
+    hold = settings.get("actions", ActionSet()).hold
+    most = min(hold * (max_episode_steps or MOST_STEPS), MOST_STEPS)
+    return DrawnVectorEnv(world, num_envs, episode_steps=np.full(num_envs, most), **settings)
 
 
 gym.register(
     ENV_ID,
+    max_episode_steps=MOST_STEPS,
     entry_point="jumping_ant.sim.env:jumping_ant",
     vector_entry_point="jumping_ant.sim.env:jumping_ants",
 )

@@ -21,6 +21,7 @@ from mujoco.rendering.classic import gl_context
 
 from jumping_ant.base.errors import InputError
 
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # variables that name one
 HEADLESS_BACKENDS = ("egl", "osmesa")  # in order of preference
 
 # An installed library may draw nothing or crash the process, so each is tried in a subprocess.
@@ -50,6 +51,11 @@ def select_backend() -> str:
     return os.environ.get("MUJOCO_GL", "")
 
 
+def has_display() -> bool:
+    """Tell whether windows can open; systems other than Linux are taken to have a display."""
+    return sys.platform != "linux" or any(map(os.environ.get, DISPLAYS))
+
+
 def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
     """Open an off-screen renderer; use it as a context manager, so that it is closed."""
     backend = select_backend()
@@ -70,6 +76,11 @@ def gymnasium_renderer(model: mujoco.MjModel, width: int, height: int, off_scree
 
     if off_screen:
         select_backend()
+    elif not has_display():  # the library would end the process
+        raise InputError(
+            f"render_mode: given 'human' without a display, allowed: rgb_array, or a display "
+            f"({', '.join(DISPLAYS)})"
+        )
     model = copy(model)
     _prepare(model, width, height)
     camera = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, "track")

@@ -32,7 +32,7 @@ FILES = {"edited": "edited.xml", "unedited": "unedited.xml"}  # in assets/
 def source_path(source: str, root: Path = PROJECT_ROOT) -> Path:
     """Return the path of the MJCF file of `robot.source`."""
     folder = GYMNASIUM_ASSETS if source in GYMNASIUM_ROBOTS else root
-    path = folder / (f"{source}.xml" if source in GYMNASIUM_ROBOTS else source)
+    path = folder / GYMNASIUM_ROBOTS.get(source, source)
     if not os.path.isfile(path):  # also false for a name that is too long
         files = sorted(str(file.relative_to(root)) for file in (root / "robots").glob("*.xml"))
         raise InputError(
@@ -87,6 +87,16 @@ def load(xml: str) -> mujoco.MjModel:
     return model
 
 
+def body_names(model: mujoco.MjModel) -> list[str]:
+    """Return the bodies' names; an unnamed one, the tip of a leg, is its parent's foot."""
+    names = [model.body(index).name for index in range(model.nbody)]
+    for index in range(model.nbody):
+        foot = f"{names[model.body_parentid[index]]}_foot"
+        others = (f"{foot}_{number}" for number in range(2, model.nbody + 2))
+        names[index] = names[index] or next(it for it in (foot, *others) if it not in names)
+    return names
+
+
 def summarize(params: RobotParams, xml: str, root: Path = PROJECT_ROOT) -> dict[str, Any]:
     """Return what edits change: masses [kg], peak torques [N m], and their sum over weight [m]."""
     path = source_path(params.source, root)
@@ -121,7 +131,9 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
         return xml
     tree = ET.fromstring(xml)
     for element, patterns in edits.items():
-        elements = list(tree.iter(element))
+        # Tendons and equations name elements by such ones, which have other attributes.
+        parents = (each for each in tree.iter() if each.tag not in ("fixed", "spatial", "equality"))
+        elements = [each for parent in parents for each in parent if each.tag == element]
         if not elements:
             kinds = ", ".join(sorted({each.tag for each in tree.iter()}))
             raise InputError(f"robot.edits.{element}: no such element; allowed: {kinds}")
@@ -167,11 +179,7 @@ def _physique(spec: mujoco.MjSpec) -> dict[str, Any]:
         )
     return {
         "mass": mass,
-        "body_mass": {
-            body.name or f"{body.parent.name}_foot": float(model.body_mass[body.id])
-            for body in spec.bodies
-            if body.id > 0
-        },
+        "body_mass": dict(list(zip(body_names(model), model.body_mass.tolist(), strict=True))[1:]),
         "peak_torque": torques,
         "peak_torque_over_weight": torque / weight,
     }

@@ -11,11 +11,13 @@ from typing import Any
 import gymnasium as gym
 import mujoco
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
+from jumping_ant.base.errors import InputError
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim import rewards
 from jumping_ant.sim.task import Outcome, Task
@@ -85,6 +87,7 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         self.before_step: list[Callable[[Array], Array]] = []
         self.on_observe: list[Callable[[Array], Array]] = []
         self._last_x = self._torso_x.copy()  # saved separately: MuJoCo's `xpos` is a substep late
+        self._is_started = False
         self.num_steps = np.zeros(num_envs, dtype=np.int64)  # control steps of each episode so far
         self.cut_steps = 0  # so far, that decisions had left when a robot fell
         self._has_ended = np.zeros(num_envs, dtype=np.bool_)
@@ -119,11 +122,17 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
             Observations, shape (num_envs, num_observations), and infos with `torso_height` [m].
         """
         seeds = range(seed, seed + self.num_envs) if isinstance(seed, int) else seed
-        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
+        everywhere = np.ones(self.num_envs, dtype=np.bool_)
+        mask = np.asarray((options or {}).get("reset_mask", everywhere))
+        if (mask.shape, mask.dtype) != (everywhere.shape, everywhere.dtype):
+            given, allowed = f"{mask.dtype} of shape {mask.shape}", f"bool of {everywhere.shape}"
+            raise InputError(f"reset_mask: given {given}, allowed: {allowed}")
         if seeds is not None:
-            for index, start in zip(range(self.num_envs), seeds, strict=True):
-                if mask[index] and start is not None:
-                    self.generators[index], _ = gym.utils.seeding.np_random(start)
+            self.generators = [
+                gym.utils.seeding.np_random(start)[0] if chosen and start is not None else old
+                for old, chosen, start in zip(self.generators, mask, seeds, strict=True)
+            ]
+        self._is_started |= bool(mask.any())
         self._start_episodes(np.flatnonzero(mask))
         for disturb in self.on_reset:
             disturb()
@@ -144,6 +153,7 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
             (num_envs,), and infos with `reward_<term>` and `torso_height` [m], (num_envs,) each.
             Rewards are sums over the control steps.
         """
+        actions = self._checked(actions)
         everywhere = continued = np.ones(self.num_envs, dtype=np.bool_)
         resting = self._has_ended.copy()
         if self._autoreset is AutoresetMode.NEXT_STEP:
@@ -180,7 +190,12 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
 
         Returns:
             Observations, the outcome, truncations, and heights of the torsos [m].
+
+        Raises:
+            InputError: Actions of another shape, or indices that stand for nothing.
+            ResetNeeded: No episode has been started.
         """
+        actions = self._checked(actions)
         resting = np.zeros(self.num_envs, dtype=np.bool_) if resting is None else resting
         torques = np.asarray(self.actions.torques(actions), dtype=np.float64)
         before = self.num_steps.copy()
@@ -200,6 +215,14 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         left = self.actions.hold - (self.num_steps - before)
         self.cut_steps += int(left[outcome.terminated & ~resting].sum())
         return observations, outcome, truncations, heights
+
+    def _checked(self, actions: NDArray[Any]) -> NDArray[Any]:
+        if not self._is_started:
+            raise ResetNeeded("step: given no episode, allowed: after reset")
+        actions = np.asarray(actions)
+        if actions.shape != (allowed := (self.num_envs, *(self.single_action_space.shape or ()))):
+            raise InputError(f"actions: given shape {actions.shape}, allowed: {allowed}")
+        return actions
 
     def _control_step(self, torques: Array, resting: Mask) -> tuple[Array, Outcome, Mask]:
         for change in self.before_step:
@@ -245,7 +268,7 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         self.batch.state[:] = state["physics"]
         self._last_x = state["torso_x"].copy()
         self.num_steps[:] = state["num_steps"]
-        self.cut_steps = state["cut_steps"]
+        self.cut_steps, self._is_started = state["cut_steps"], True
         self._has_ended = state["has_ended"].copy()
         for generator, saved in zip(self.generators, state["generators"], strict=True):
             generator.bit_generator.state = saved

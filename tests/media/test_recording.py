@@ -96,7 +96,7 @@ def test_bodies_move_as_in_the_simulation(
     for row in (0, 77, ROWS - 1):
         data.qpos[:] = episode.qpos[row]
         mujoco.mj_kinematics(world.model, data)
-        for body, name in enumerate(body_names(world)[1:], start=1):
+        for body, name in enumerate(body_names(world.model)[1:], start=1):
             place = content.column(f"/world/{name}", "Transform3D:translation")
             turn = content.column(f"/world/{name}", "Transform3D:quaternion")
             assert len(place) == len(turn) == ROWS

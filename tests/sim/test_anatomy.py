@@ -55,6 +55,7 @@ def test_peak_torques_act_on_the_motors_joints(source: str) -> None:
 FREE, LEG = "<freejoint/>", '<body><joint name="knee"/><geom size="0.1"/></body>'
 MOTOR = '<motor joint="knee"/>'
 SLIDES = '<joint type="slide" axis="0 0 1" name="z"/><joint type="slide" axis="1 0 0"/>'
+FIXED = '<body><joint name="arm"/><geom size="0.1"/></body></body><body><freejoint/>'
 PUSHER = '<motor name="m" joint="knee" ctrllimited="true" ctrlrange="0 1"/>'
 
 
@@ -66,6 +67,12 @@ PUSHER = '<motor name="m" joint="knee" ctrllimited="true" ctrlrange="0 1"/>'
         ('<joint name="neck"/>', "", MOTOR, "on the joints neck, allowed: a free joint, or slides"),
         (f"{SLIDES}<joint/>", "", MOTOR, "on the joints z, a nameless one, a nameless one, allo"),
         (FREE, "", "", "given no motor"),
+        (
+            "",
+            FIXED,
+            '<motor joint="arm"/>',
+            "given the joint arm before those of the torso, allowed",
+        ),
         (FREE, '<site name="jet"/>', '<motor name="jet" site="jet"/>', "motor jet drives no joint"),
         (FREE, "", PUSHER, r"m has controls in \[0, 1\], allowed: a range symmetric about zero"),
     ],

@@ -9,11 +9,15 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from commands import COMMAND_SIGNS
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
+from jumping_ant.base.errors import InputError
 from jumping_ant.params import article, presets
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import Params
+from jumping_ant.policies.actions import ActionSet
 from jumping_ant.sim import robot
 from jumping_ant.sim.env import RobotEnv, article_world
 from jumping_ant.sim.vector import RobotVectorEnv
@@ -152,6 +156,59 @@ def test_the_pinned_task_has_the_articles_numbers() -> None:
     offsets = starts[:, :13] - env.world.model.qpos0[2:]
     assert 0.099 < np.abs(offsets).max() < 0.1
     np.testing.assert_allclose(starts[:, 13:].std(axis=0), 0.1, rtol=0.15)
+
+
+def test_a_limit_of_steps_is_gymnasiums() -> None:
+    """As `TimeLimit` counts them, in decisions; some wrappers take it from the specification."""
+    made = gym.make("JumpingAnt-v0")
+    limit = made.spec.max_episode_steps  # type: ignore[union-attr]
+    assert limit == article.ENV.max_episode_steps
+    assert gym.wrappers.TimeAwareObservation(made).reset(seed=0)[0].shape == (28,)
+    for hold in (1, 3):
+        options: Any = {"num_envs": 2, "max_episode_steps": 7, "actions": ActionSet(hold=hold)}
+        for mode in ("sync", "vector_entry_point"):
+            envs = gym.make_vec("JumpingAnt-v0", vectorization_mode=mode, **options)
+            envs.reset(seed=0)
+            ends = [envs.step(np.zeros((2, 8)))[3].tolist() for _ in range(7)]
+            assert ends == [[False, False]] * 6 + [[True, True]]
+
+
+def test_an_agents_environment_is_what_its_policy_loads_with() -> None:
+    """float32, made again from its specification, and shown as long as it lasts."""
+    actions = ActionSet(0.5 * COMMAND_SIGNS, hold=3)
+    first = gym.make("JumpingAnt-v0", actions=actions, render_mode="rgb_array")
+    assert first.metadata["render_fps"] == pytest.approx(20 / 3)
+    again = gym.make(first.spec)
+    for env in (first, again):
+        assert env.observation_space.dtype == np.float32 == env.reset(seed=0)[0].dtype
+    assert gym.make("JumpingAnt-v0").observation_space.dtype == np.float64
+    np.testing.assert_array_equal(first.step(2)[0], again.step(2)[0])
+
+
+@pytest.mark.parametrize(
+    ("actions", "wrong", "fault"),
+    [
+        (ActionSet(), 0.5, r"actions: given shape \(1,\), allowed: \(1, 8\)"),
+        (ActionSet(), np.zeros(1), "given shape"),
+        (ActionSet(), np.zeros((1, 8)), "given shape"),
+        (ActionSet(0.5 * COMMAND_SIGNS), np.zeros(8, int), "given shape"),
+        (ActionSet(0.5 * COMMAND_SIGNS), -1, r"actions: given \[-1\], allowed: 0 to 4"),
+        (ActionSet(0.5 * COMMAND_SIGNS), 5, "allowed: 0 to 4"),
+        (ActionSet(0.5 * COMMAND_SIGNS), 1.0, "allowed: 0 to 4"),
+        (ActionSet(levels=2), np.full(8, 2), "allowed: 0 to 1"),
+    ],
+)
+def test_an_action_that_is_none_is_refused(
+    robot_xml: str, known_params: Params, actions: ActionSet, wrong: Any, fault: str
+) -> None:
+    env = RobotEnv(World(robot_xml, known_params.env), actions=actions)
+    with pytest.raises(ResetNeeded):
+        env.step(env.action_space.sample())
+    env.reset(seed=0)
+    before = env.envs.qpos.copy()
+    with pytest.raises(InputError, match=fault):
+        env.step(wrong)
+    assert np.array_equal(env.envs.qpos, before)
 
 
 def test_pictures_are_shown_as_fast_as_the_robot_moves(

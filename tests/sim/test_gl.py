@@ -8,8 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import gymnasium
 import pytest
 
+from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.sim import gl
 
@@ -99,6 +101,14 @@ print(triton.__file__)
 
 
 @pytest.mark.long
+def test_a_window_without_a_display_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in gl.DISPLAYS:
+        monkeypatch.delenv(name, raising=False)
+    env = gymnasium.make("jumping_ant.sim.env:JumpingAnt-v0", render_mode="human")
+    with pytest.raises(InputError, match="render_mode: given 'human' without a display, allowed"):
+        env.reset()
+
+
 def test_a_picture_goes_with_the_triton_of_builds_for_cuda(tmp_path: Path) -> None:
     """Its LLVM after Mesa's is a segmentation fault."""
     command = ["pip", "install", "--quiet", "--no-deps", "--target", str(tmp_path), "triton==3.7.1"]

@@ -209,6 +209,21 @@ def test_edits_set_attributes_by_element_and_name(source: mujoco.MjModel) -> Non
     assert (model.geom("floor").condim[0], model.geom("torso_geom").condim[0]) == (4, 3)
 
 
+def test_edits_of_joints_are_of_bodies_joints() -> None:
+    """Gymnasium's humanoid has tendons, whose elements name joints."""
+    model = edited("humanoid", edits={"joint": {"*": {"stiffness": 3}}})
+    assert (model.jnt_stiffness[1:] == 3).all() and model.ntendon == 2
+
+
+def test_nameless_bodies_have_names_of_their_own(tmp_path: Path) -> None:
+    foot = '<body><joint/><geom size="0.1"/></body>'
+    body = f'<body name="torso"><freejoint/><geom size="0.1"/>{foot}{foot}<body name="torso_foot">'
+    body += '<geom size="0.1"/></body></body>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    names = ["world", "torso", "torso_foot_2", "torso_foot_3", "torso_foot"]
+    assert robot.body_names(model) == names
+
+
 @pytest.mark.parametrize(
     ("element", "name", "attributes", "message"),
     [

@@ -8,8 +8,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from commands import COMMAND_SIGNS
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
+from jumping_ant.base.errors import InputError
 from jumping_ant.params.blocks import RewardParams, TermParams
 from jumping_ant.params.model import Params
 from jumping_ant.policies.actions import ActionSet
@@ -87,6 +89,26 @@ def test_without_autoreset_a_mask_restarts_what_it_names(make: Any) -> None:
     np.testing.assert_array_equal(restarted[~mask], observations[~mask])
     assert envs.step(STILL)[3].tolist() == [True, False, True]
     np.testing.assert_array_equal(envs.reset()[0][~mask], second_start[~mask])
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.DISABLED, AutoresetMode.NEXT_STEP])
+def test_what_does_not_fit_changes_no_robot(make: Any, mode: AutoresetMode) -> None:
+    envs = make(mode=mode, max_episode_steps=1)
+    with pytest.raises(ResetNeeded):
+        envs.step(STILL)
+    envs.reset(seed=0)
+    envs.step(STILL)
+    before = envs.save_state()
+    for actions in (STILL[0], STILL[:1], STILL[:2], 0.0):
+        with pytest.raises(InputError, match=r"actions: given shape .*, allowed: \(3, 8\)"):
+            envs.step(actions)
+    for mask in ([True, False], [[True] * 3], [1, 0, 0], True, None):
+        with pytest.raises(InputError, match=r"reset_mask: given .*, allowed: bool of \(3,\)"):
+            envs.reset(seed=1, options={"reset_mask": np.array(mask)})
+    for seeds in ([1, 2], [1, 2, -3]):
+        with pytest.raises((ValueError, gym.error.Error)):
+            envs.reset(seed=seeds)
+    np.testing.assert_equal(envs.save_state(), before)
 
 
 @pytest.mark.parametrize("actions", [ActionSet(), ActionSet(0.5 * COMMAND_SIGNS, hold=3)])
