@@ -34,14 +34,16 @@ def pack(entries: Mapping[str, bytes]) -> bytes:
 class Archive(Mapping[str, bytes]):
     """The entries of a zip archive, each read when it is asked for.
 
-    Entries must be stored without compression, so that none takes more memory than the archive;
-    others raise a ValueError. Damage raises a `zipfile.BadZipFile`.
+    Entries must be stored without compression and beside each other, so that all of them take no
+    more memory than the archive; others raise a ValueError. Damage raises a `zipfile.BadZipFile`.
     """
 
     def __init__(self, source: bytes | BinaryIO) -> None:
         file = io.BytesIO(source) if isinstance(source, bytes) else source
         self._size = file.seek(0, io.SEEK_END)
         self._archive = zipfile.ZipFile(file)
+        if sum(entry.file_size for entry in self._archive.infolist()) > self._size:
+            raise ValueError("entries that are larger than their archive")  # as they overlap
 
     def __getitem__(self, name: str) -> bytes:
         self.size(name)
@@ -52,7 +54,7 @@ class Archive(Mapping[str, bytes]):
         entry = self._archive.getinfo(name)
         if entry.compress_type != zipfile.ZIP_STORED:
             raise ValueError(f"{name}: compressed")
-        if entry.file_size != entry.compress_size or entry.file_size > self._size:
+        if entry.file_size != entry.compress_size:
             raise ValueError(f"{name}: not of its declared size")
         return entry.file_size
 
@@ -79,6 +81,8 @@ def to_array(content: bytes) -> Array:
     shape, _, kind = read_header(file)
     if kind.hasobject:
         raise ValueError("an .npy file of objects, which only pickle could read")
+    if kind.kind not in "biufU" or not kind.itemsize:
+        raise ValueError(f"an .npy file of {kind}, which is no number or text")
     size = math.prod(shape) * kind.itemsize
     if size != len(content) - file.tell():  # NumPy would first allocate what the header says
         raise ValueError(f"an .npy file of {len(content)} bytes, with {size} bytes of numbers")

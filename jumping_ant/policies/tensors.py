@@ -1,25 +1,34 @@
 """The tensors of a file that PyTorch wrote, read without PyTorch, whose import takes seconds.
 
 `torch.save` writes a zip archive: a pickle, which says how tensors lie in storages, and the numbers
-of each storage. Whatever else the pickle names is refused, so that reading it runs no code.
+of each storage. Of pickle only those operations are understood that `torch.save` uses, so that
+reading a file runs no code, and takes no more time and memory than its size explains.
 """
 
-import io
-import pickle
-from collections import OrderedDict
-from typing import Any
+import pickletools
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.base.archive import Archive
 
-_NAMES: dict[tuple[str, str], Any] = {  # all that the pickle may name
-    ("torch", "FloatStorage"): "<f4",
-    ("torch", "DoubleStorage"): "<f8",
-    ("torch", "LongStorage"): "<i8",
-    ("collections", "OrderedDict"): OrderedDict,
-    ("torch._utils", "_rebuild_tensor_v2"): lambda *tensor: tensor[:4],
+MOST_INDEX = 2**18  # [bytes] of a pickle; learners' have some 10,000
+
+
+class _Tensor(NamedTuple):
+    storage: tuple[str, str]  # the kind of its numbers, and its entry in the archive
+    first: int  # number in the storage
+    shape: tuple[int, ...]
+    strides: tuple[int, ...]
+
+
+_NAMES: dict[str, Any] = {  # all that the pickle may name
+    "torch FloatStorage": "<f4",
+    "torch DoubleStorage": "<f8",
+    "torch LongStorage": "<i8",
+    "collections OrderedDict": dict,
+    "torch._utils _rebuild_tensor_v2": _Tensor,
 }
 
 
@@ -27,7 +36,8 @@ def read(content: bytes) -> dict[str, NDArray[Any]]:
     """Return the tensors of a `state_dict` by name.
 
     Raises:
-        ValueError: They do not lie in their storage number by number, as learners' do.
+        ValueError: They do not lie in their storage number by number, as learners' do, or are
+            larger than the file.
         Exception: The file is none that `torch.save` wrote, or a damaged one.
     """
     archive = Archive(content)
@@ -35,30 +45,80 @@ def read(content: bytes) -> dict[str, NDArray[Any]]:
     folder = index.removesuffix("data.pkl")
     if archive[f"{folder}byteorder"] != b"little":
         raise ValueError("tensors of another byte order")
-    tensors = _Unpickler(io.BytesIO(archive[index])).load()
-    return {name: _array(archive, folder, *tensor) for name, tensor in tensors.items()}
+    if archive.size(index) > MOST_INDEX:
+        raise ValueError(f"an index of more than {MOST_INDEX} bytes")
+    arrays, room = {}, len(content)
+    for name, tensor in _unpickled(archive[index]).items():
+        size = _size(tensor)
+        room -= size * np.dtype(tensor.storage[0]).itemsize
+        if room < 0:
+            raise ValueError("tensors that are larger than their file")
+        numbers = np.frombuffer(archive[f"{folder}data/{tensor.storage[1]}"], tensor.storage[0])
+        part = numbers[tensor.first : tensor.first + size]
+        arrays[name] = part.reshape(tensor.shape).copy()
+    return arrays
 
 
-class _Unpickler(pickle._Unpickler):  # the one in C allots as much memory as a file tells it to
-    """Reads tensors as tuples: (kind, entry) of their storage, first number, shape, strides."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in _NAMES:
-            raise pickle.UnpicklingError(f"{module}.{name} in a file of tensors")
-        return _NAMES[module, name]
-
-    def persistent_load(self, pid: Any) -> Any:
-        return pid[1:3]
-
-
-def _array(
-    archive: Archive, folder: str, storage: tuple[str, str], first: int, shape: Any, strides: Any
-) -> NDArray[Any]:
+def _size(tensor: _Tensor) -> int:
+    """Return how many numbers a tensor has, which must lie one after the other."""
     size = 1
-    for length, stride in zip(reversed(shape), reversed(strides), strict=True):
-        if length > 1 and stride != size:
-            raise ValueError(f"a tensor of shape {shape} with strides {strides}")
+    for length, stride in zip(reversed(tensor.shape), reversed(tensor.strides), strict=True):
+        if length < 0 or (length > 1 and stride != size):
+            raise ValueError(f"a tensor of shape {tensor.shape} with strides {tensor.strides}")
         size *= length
-    kind, entry = storage
-    numbers = np.frombuffer(archive[f"{folder}data/{entry}"], kind)
-    return numbers[first : first + size].reshape(shape).copy()
+    return size
+
+
+def _unpickled(content: bytes) -> dict[str, _Tensor]:
+    stack: list[Any] = []
+    marks: list[int] = []
+    memory: dict[Any, Any] = {}
+
+    def popped(count: int) -> tuple[Any, ...]:
+        items = tuple(stack[len(stack) - count :])
+        del stack[len(stack) - count :]
+        return items
+
+    for operation, argument, _ in pickletools.genops(content):
+        match operation.name:
+            case "PROTO":
+                pass
+            case "GLOBAL" if argument in _NAMES:
+                stack.append(_NAMES[argument])
+            case "BINUNICODE" | "BININT" | "BININT1" | "BININT2":
+                stack.append(argument)
+            case "NEWFALSE":
+                stack.append(False)
+            case "EMPTY_DICT":
+                stack.append({})
+            case "MARK":
+                marks.append(len(stack))
+            case "EMPTY_TUPLE" | "TUPLE1" | "TUPLE2" | "TUPLE3":
+                stack.append(popped(int(operation.name[-1]) if operation.name[-1] != "E" else 0))
+            case "TUPLE":
+                stack.append(popped(len(stack) - marks.pop()))
+            case "SETITEM" | "SETITEMS":
+                items = popped(2 if operation.name == "SETITEM" else len(stack) - marks.pop())
+                if not all(isinstance(key, str) for key in items[::2]):
+                    raise ValueError("a name that is no text")  # and may take ages to hash
+                stack[-1].update(zip(items[::2], items[1::2], strict=True))
+            case "BINPERSID":
+                _, kind, entry, *_ = stack.pop()
+                stack.append((kind, entry))
+            case "REDUCE":
+                name, arguments = popped(2)
+                stack.append(_Tensor(*arguments[:4]) if name is _Tensor else dict())
+            case "BUILD":
+                stack.pop()  # attributes of a dictionary
+            case "BINPUT" | "LONG_BINPUT":
+                memory[argument] = stack[-1]
+            case "BINGET" | "LONG_BINGET":
+                if isinstance(memory[argument], tuple | dict):
+                    raise ValueError("a part that repeats")  # in each other they may double
+                stack.append(memory[argument])
+            case "STOP":
+                tensors: dict[str, _Tensor] = stack.pop()
+                return tensors
+            case unknown:
+                raise ValueError(f"{unknown} {argument} in a file of tensors")
+    raise ValueError("a file of tensors without an end")

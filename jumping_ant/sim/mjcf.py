@@ -27,6 +27,7 @@ MOST_ELEMENTS = 1000  # each as often as it is repeated; Gymnasium's largest rob
 MOST_DEPTH = 50  # of elements inside each other
 MOST_FILES = 50
 MOST_PIXELS = 2**24  # of all textures
+TIMESTEPS = (1e-5, 1.0)  # [s] of the simulation
 MOST_MEMORY = 2**28  # [bytes] of a compiled robot and of one simulation's contacts; Ant's: 15 MB
 LARGEST = {  # whole numbers that size anything, or repeat work, by element and attribute
     "* actdim": 100,
@@ -100,6 +101,9 @@ def compiled(spec: mujoco.MjSpec, where: str = "robot XML: not valid MJCF") -> m
         raise InputError(
             f"{where}: given a robot of {size:,} bytes in memory, allowed: {MOST_MEMORY:,}"
         )
+    if not TIMESTEPS[0] <= model.opt.timestep <= TIMESTEPS[1]:
+        given = f"given a time step of {model.opt.timestep:g} s"
+        raise InputError(f"{where}: {given}, allowed: {TIMESTEPS[0]:g} to {TIMESTEPS[1]:g}")
     return model
 
 

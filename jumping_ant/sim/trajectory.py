@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.base.archive import Archive, from_array, pack, to_array
 from jumping_ant.base.errors import InputError
-from jumping_ant.sim.rewards import PREFIX
+from jumping_ant.sim.rewards import PREFIX, TERMS
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +94,11 @@ def load(path: Path) -> Trajectory:
         kinds: dict[str, Any] = {field.name: field.type for field in fields(Trajectory)}
         scalars = [name for name, kind in kinds.items() if kind in (str, int, float)]
         given: dict[str, Any] = {name: kinds[name](values.pop(name)) for name in scalars}
-        given |= {name: array.astype(np.float64, copy=False) for name, array in values.items()}
-        names = [name for name in given if name.startswith(PREFIX)]
-        terms = {name.removeprefix(PREFIX): given.pop(name) for name in names}
+        for name, array in values.items():
+            if array.dtype != np.float64:
+                raise ValueError(f"{name}: given numbers of {array.dtype}, allowed: float64")
+        terms = {name: values.pop(PREFIX + name) for name in TERMS if PREFIX + name in values}
+        given |= values
         return Trajectory(**given, terms=terms)
     except Exception as error:  # the file is missing or damaged
         reason = " ".join(str(error).split())

@@ -1,3 +1,4 @@
+import copy
 import hashlib
 import io
 import pickle
@@ -47,6 +48,22 @@ def test_objects_are_neither_written_nor_read() -> None:
             archive.to_array(content)
         with pytest.raises(ValueError, match=said):
             archive.unpack_state(archive.pack({"values.json": b"{}", "state/a.npy": content}))
+
+
+def test_what_takes_more_than_it_holds_is_refused() -> None:
+    """Entries at the same place, and numbers without a size."""
+    buffer = io.BytesIO(archive.pack({"a": bytes(1000)}))
+    with zipfile.ZipFile(buffer, "a") as zipped:
+        again = copy.copy(zipped.infolist()[0])
+        again.filename = "b"
+        zipped.filelist.append(again)
+        zipped.comment = b"written anew"
+    assert len(zipfile.ZipFile(buffer).namelist()) == 2
+    with pytest.raises(ValueError, match="larger than their archive"):
+        archive.Archive(buffer.getvalue())
+    nothing = archive.from_array(np.zeros(10**6, "V0"))
+    with pytest.raises(ValueError, match="no number or text"):
+        archive.to_array(nothing)
 
 
 def test_a_damaged_entry_is_found() -> None:

@@ -4,6 +4,7 @@ import io
 import json
 import pickle
 import re
+import time
 import tracemalloc
 import zipfile
 from pathlib import Path
@@ -238,6 +239,59 @@ def test_tensors_are_read_as_pytorch_reads_them() -> None:
     for refused in ({"turned": whole.reshape(4, 6).T}, {"halves": whole.half()}):
         with pytest.raises((ValueError, pickle.UnpicklingError)):
             tensors.read(saved(refused))
+
+
+def spoilt(index: bytes, size: int = 100) -> bytes:
+    """Return a file of a tensor with another pickle; `size` numbers are in its storage."""
+    entries = dict(Archive(saved({"a": torch.zeros(size)})))
+    (name,) = (name for name in entries if name.endswith("/data.pkl"))
+    return pack({**entries, name: index})
+
+
+def text(content: str) -> bytes:
+    return b"X" + len(content).to_bytes(4, "little") + content.encode()
+
+
+def tensor(shape: bytes) -> bytes:
+    """Return an entry of a dictionary: a tensor of a hundred numbers, as pickle writes it."""
+    storage = text("storage") + b"ctorch\nFloatStorage\n" + text("0") + text("cpu") + b"K\x64"
+    return b"ctorch._utils\n_rebuild_tensor_v2\n((" + storage + b"tQK\x00" + shape + b"}tR"
+
+
+HUNDRED = tensor(b"K\x64\x85K\x01\x85")
+TUPLES = b"".join(b"h%ch%c\x86q%c" % (row, row, row + 1) for row in range(60))
+SPOILT = [
+    (b"})q\x00" + TUPLES + b"K\x01s.", "a part that repeats"),  # it would double in each
+    (b"}" + b")" + b"\x85" * 10**5 + b"K\x01s.", "a name that is no text"),  # to hash in depth
+    (b"}q\x00" + text("a") + b"h\x00s.", "a part that repeats"),
+    (b"}" + text("a") + b")2s.", "DUP None in a file"),
+    (b"X\xff\xff\xff\x7fa.", "expected 2147483647 bytes"),
+    (
+        b"}(" + b"".join(text(f"{number}") + HUNDRED for number in range(300)) + b"u.",
+        "tensors that are larger than their file",
+    ),
+    (b"}" + text("a") + tensor(b"J\xff\xff\xff\xff\x85)") + b"s.", "zip|shorter|shape"),
+    (b"}" + text("a") + tensor(b"J\xff\xff\xff\xff\x85K\x01\x85") + b"s.", r"shape \(-1,\)"),
+    (b"}" + b"0" * 2**18 + b".", "an index of more than"),
+    (b"}", "exhausted|without an end"),
+]
+
+
+@pytest.mark.parametrize(("index", "fault"), SPOILT)
+def test_a_files_size_bounds_the_time_and_memory_of_reading_it(index: bytes, fault: str) -> None:
+    content = spoilt(b"\x80\x02" + index)
+    began = time.process_time()
+    tracemalloc.start()
+    with pytest.raises(ValueError, match=fault):
+        tensors.read(content)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert time.process_time() - began < 10 and peak < 60 * len(content) + 10**6
+
+
+def test_tensors_written_by_hand_are_read() -> None:
+    read = tensors.read(spoilt(b"\x80\x02}(" + text("a") + HUNDRED + b"u."))
+    np.testing.assert_array_equal(read["a"], np.zeros(100))
 
 
 def test_a_missing_file_names_what_writes_it(tmp_path: Path) -> None:

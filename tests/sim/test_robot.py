@@ -264,6 +264,10 @@ def test_edits_that_do_not_fit_are_refused(
         ),
         ({"edits": {"option": {"*": {"gravity": "0 0 0"}}}}, "robot: given a weight of 0 N"),
         ({"edits": {"motor": {"hip_1": {"gear": "inf"}}}}, "robot: .* peak torques of inf N"),
+        *(
+            ({"edits": {"option": {"*": {"timestep": step}}}}, f".*given a time step of {step} s")
+            for step in (1e-300, 9e-06, 1.1)
+        ),
     ],
 )
 def test_other_settings_that_do_not_fit_are_refused(changes: Any, message: str) -> None:

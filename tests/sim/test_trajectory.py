@@ -79,6 +79,8 @@ FIELDS = {name: value for name, value in vars(make()).items() if name != "terms"
                 ("qvel", np.zeros(21)),
                 ("torques", np.zeros(4)),
                 ("rewards", np.zeros(5)),
+                ("rewards", np.zeros(4, np.int8)),
+                ("reward_of_mine", np.zeros(4)),
             )
         ),
     ],
