@@ -16,9 +16,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
 
-from jumping_ant.base import command_line, output
+from jumping_ant.base import command_line, locks, output
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError, reported
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.params import presets
@@ -102,10 +102,9 @@ def _share_trainings(folder: Path, params: Params) -> None:
 def _alone(folder: Path) -> Iterator[int]:
     """Keep others from a copy, whose code they would replace; yield the lock's descriptor."""
     path = folder / ".dvc" / "tmp" / "preset.lock"
-    path.parent.mkdir(parents=True, exist_ok=True)
     held: list[int] = []
     try:
-        with FileLock(path, mode=0o600, blocking=False, on_acquired=held.append):
+        with locks.lock(path, PROJECT_ROOT, blocking=False, on_acquired=held.append):
             yield held[0]
     except Timeout as error:
         raise InputError(

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 import time
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
@@ -31,7 +30,6 @@ from jumping_ant.params.model import Params  # noqa: E402
 
 command_line.switch_off_telemetry()  # before a stage imports tools that have it
 command_line.collect_garbage_rarely()  # before it imports much
-NO_THREAD = "can't start new thread"  # Python's words for a limit of the system
 
 
 def parse(docstring: str | None) -> Params:
@@ -60,22 +58,15 @@ def parse_key(docstring: str | None, kind: str) -> tuple[str, Params]:
 
 
 def run(main: Callable[[], None]) -> None:
-    """Run a stage's `main`; failures of the input or the system print one line.
+    """Run a stage's `main`; a failure of the input or the system prints one line.
 
     If DVC runs it, what it depends on may not change meanwhile, as DVC looks at it only afterwards.
     """
     output.tolerate_failures()
     stage = os.environ.get("DVC_STAGE", "").rpartition(":")[2]
-    try:
-        with reported(), inputs.unchanged(stage) if stage else nullcontext():
-            main()
-        _note_seconds(stage)
-    except (OSError, MemoryError, RuntimeError) as error:
-        if isinstance(error, RuntimeError) and str(error) != NO_THREAD:
-            raise
-        reason = str(error) or "out of memory"
-        print(f"error: {reason}; nothing already computed is lost", file=sys.stderr)
-        sys.exit(1)
+    with reported(), inputs.unchanged(stage) if stage else nullcontext():
+        main()
+    _note_seconds(stage)
 
 
 def _note_seconds(stage: str) -> None:

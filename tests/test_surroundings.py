@@ -56,7 +56,7 @@ def test_a_limit_of_the_system_ends_a_stage_in_a_line(error: Exception, line: st
     code = f"from stages import run\ndef main(): raise {error!r}\nrun(main)"
     done = run(PROJECT_ROOT, sys.executable, "-c", code)
     assert done.returncode == 1
-    assert done.stderr == f"error: {line}; nothing already computed is lost\n"
+    assert done.stderr == f"error: {line}; run it again once that is mended\n"
 
 
 def test_a_training_needs_little_of_its_surroundings(tmp_path: Path) -> None:

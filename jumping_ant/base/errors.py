@@ -3,7 +3,9 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NoReturn
 
+NO_THREAD = "can't start new thread"  # Python's words for a limit of the system
 LONGEST = 300  # characters of another library's message: zipfile and NumPy quote what they read
 
 
@@ -24,14 +26,31 @@ def told(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
 
 
+def printable(text: str) -> str:
+    """Return a text with escapes for what a terminal would obey, or show at another place."""
+    return "".join(
+        each if each.isprintable() or each == "\n" else each.encode("unicode_escape").decode()
+        for each in text
+    )
+
+
 @contextmanager
 def reported() -> Iterator[None]:
-    """Print an exception of this module as one line, and exit (2, 1, or 130 as shells do)."""
+    """Print an exception of this module or of the system, and exit (2, 1, or 130 as shells do)."""
     try:
         yield
-    except (InputError, WorkerError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        sys.exit(2 if isinstance(error, InputError) else 1)
+    except InputError as error:
+        _exit(f"error: {error}", 2)
+    except WorkerError as error:
+        _exit(f"error: {error}", 1)
     except StoppedError as error:
-        print(f"stopped: {error}", file=sys.stderr)
-        sys.exit(130)
+        _exit(f"stopped: {error}", 130)
+    except (OSError, MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and str(error) != NO_THREAD:
+            raise
+        _exit(f"error: {str(error) or 'out of memory'}; run it again once that is mended", 1)
+
+
+def _exit(line: str, status: int) -> NoReturn:
+    print(printable(line), file=sys.stderr)
+    sys.exit(status)

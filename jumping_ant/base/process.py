@@ -27,6 +27,14 @@ def is_of_this_host(name: str) -> bool:
     return name.partition(" ")[0] == socket.gethostname()
 
 
+def running(name: str) -> int | None:
+    """Return the number of a process of this user, by its name; None if it does not run here."""
+    if not (is_of_this_host(name) and exists(name)):
+        return None
+    number = int(name.split()[1])
+    return number if psutil.Process(number).uids().real == os.getuid() else None
+
+
 def exists(name: str) -> bool:
     """Tell whether a process of this host, by its name, still runs.
 

@@ -8,6 +8,8 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
+from jumping_ant.base.errors import printable
+
 Part = TypeVar("Part", bound=Sized)
 
 SECONDS_BETWEEN_LINES = 10.0
@@ -45,7 +47,7 @@ class Progress:
 
 def say(line: str) -> None:
     """Print a line to standard error, above the bars."""
-    tqdm.write(line, file=sys.stderr)
+    tqdm.write(printable(line), file=sys.stderr)
 
 
 def shown(parts: Iterable[Part], total: int, name: str, unit: str) -> Iterator[Part]:

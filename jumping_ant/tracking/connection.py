@@ -9,14 +9,14 @@ from pathlib import Path
 
 import mlflow
 import requests
-from filelock import FileLock, Timeout
+from filelock import Timeout
 from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
 from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 from sqlalchemy import make_url
 from sqlalchemy.exc import SQLAlchemyError
 
-from jumping_ant.base import databases
+from jumping_ant.base import databases, locks
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
@@ -111,8 +111,7 @@ def _held(uri: str, name: str, suffix: str, wait: Callable[[], None]) -> Iterato
     elif path is None:
         yield
     else:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(path.with_name(f"{path.name}.{suffix}"))
+        lock = locks.lock(path.with_name(f"{path.name}.{suffix}"), path.parent)
         try:
             lock.acquire(blocking=False)
         except Timeout:

@@ -18,19 +18,19 @@ keys are kept, too, for a return to earlier parameters; beyond `KEPT_BYTES`, the
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
+from pydantic import BaseModel, ConfigDict, Field
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.training_code import training_code
-from jumping_ant.base import effective_code, machine
+from jumping_ant.base import effective_code, locks, machine, process
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import told
 from jumping_ant.base.files import write_bytes
@@ -65,6 +65,23 @@ def owner_of(path: Path) -> str:
     return "/".join([*path.parts[-3:-1], path.name.partition(".")[0]])
 
 
+Steps = Annotated[int, Field(ge=0)]
+Seconds = Annotated[float, Field(ge=0)]
+
+
+class _Header(BaseModel):
+    """What a file says beside its policies."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    env_steps: Steps
+    seconds: Seconds
+    timing: list[tuple[Steps, Seconds]]
+    machine: dict[str, Any] | None
+    curve: str
+    candidates: list[tuple[Steps, Annotated[list[float], Field(min_length=1)]]]
+
+
 @dataclass(frozen=True)
 class Saved:
     """The saved state of a seed."""
@@ -92,13 +109,12 @@ class Saved:
         if _digest(owner, packed) != digest:
             raise ValueError("the digest does not match")
         entries = Archive(packed)
-        header = json.loads(entries[_HEADER])
-        header["timing"] = [tuple(row) for row in header["timing"]]
-        header["candidates"] = tuple(
+        header = _Header.model_validate_json(entries[_HEADER])
+        candidates = tuple(
             Candidate(env_steps, tuple(returns), entries[_policy(rank)])
-            for rank, (env_steps, returns) in enumerate(header["candidates"])
+            for rank, (env_steps, returns) in enumerate(header.candidates)
         )
-        return cls(content=entries[_CONTENT], **header)
+        return cls(content=entries[_CONTENT], **{**dict(header), "candidates": candidates})
 
 
 def _policy(rank: int) -> str:
@@ -115,7 +131,7 @@ class Checkpoints:
     """The checkpoints of an agent's seeds; `key` is the digest of what their results depend on."""
 
     def __init__(self, root: Path, agent: str, key: str, say: Callable[[str], None]) -> None:
-        self._workspace = root / ".checkpoints" / agent
+        self._root, self._workspace = root, root / ".checkpoints" / agent
         self._agent_folder = home(root) / ".checkpoints" / agent
         self._folder = self._agent_folder / key
         self._say = say
@@ -141,7 +157,7 @@ class Checkpoints:
     def finished(self, seed: int) -> Saved | None:
         """Return a seed that is already trained, None if it is not."""
         path = self._finished_path(seed)
-        return self._read(path) if path.exists() else None
+        return self._read(path, is_finished=True) if path.exists() else None
 
     def save(self, seed: int, saved: Saved) -> None:
         """Write a seed's next checkpoint; older ones stay if that fails, as on a full disk."""
@@ -159,9 +175,12 @@ class Checkpoints:
         for path in self._generations(seed):
             path.unlink()
 
-    def _read(self, path: Path) -> Saved | None:
+    def _read(self, path: Path, is_finished: bool = False) -> Saved | None:
         try:
-            return Saved.from_bytes(path.read_bytes(), owner_of(path))
+            saved = Saved.from_bytes(path.read_bytes(), owner_of(path))
+            if is_finished and not saved.candidates:
+                raise ValueError("no candidate to publish")
+            return saved
         except Exception as error:  # a damaged file can raise anything
             self._say(f"{path.name} is damaged ({told(error)}) and is not used")
             return None
@@ -176,17 +195,17 @@ class Checkpoints:
 
     def _locked(self, folder: Path) -> AbstractContextManager[object]:
         """Lock a folder, and note in the lock's file which process has it."""
-        folder.mkdir(parents=True, exist_ok=True)
         path = folder / "lock"
-        lock = FileLock(path, mode=0o600)
+        lock = locks.lock(path, self._root)
         try:
             held = lock.acquire(blocking=False)
         except Timeout:
-            process = path.read_text(encoding="utf-8")
-            advice = f"`kill {process}` stops it with a checkpoint"
-            self._say(f"waiting for process {process}, which is already training it; {advice}")
+            number = process.running(path.read_text(encoding="utf-8"))
+            name = f"process {number}" if number else "another process"
+            advice = f"; `kill {number}` stops it with a checkpoint" if number else ""
+            self._say(f"waiting for {name}, which is already training it{advice}")
             held = lock.acquire()
-        path.write_text(str(os.getpid()), encoding="utf-8")
+        path.write_text(process.this_process(), encoding="utf-8")
         return held
 
     def _remove_oldest(self, seeds: Iterable[int]) -> None:

@@ -1,3 +1,6 @@
+import fcntl
+import hashlib
+import json
 import os
 import shutil
 import subprocess
@@ -5,9 +8,12 @@ import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from jumping_ant.base import process
+from jumping_ant.base.archive import Archive, pack
 from jumping_ant.training import checkpoints
 from jumping_ant.training.checkpoints import Checkpoints, Saved
 from jumping_ant.training.model_selection import Candidate
@@ -91,6 +97,34 @@ def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: list[str]) ->
     assert said == [f"seed-0.finished{DAMAGED}"]
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("env_steps", value) for value in ("x", 1.5, -1, True, None, [])),
+        *(("seconds", value) for value in ("x", -1.0, None)),
+        *(("timing", value) for value in ("x", [["1", "2"]], [[1]], [1, 2], {})),
+        *(("machine", value) for value in ("x", [1])),
+        *(("curve", value) for value in (1, None, ["a"])),
+        *(("candidates", value) for value in ([], [[1, ["x"]]], [[1, []]], [[1]], "x", None)),
+        ("more", 1),
+    ],
+)
+def test_a_finished_seed_of_other_types_is_not_used(
+    tmp_path: Path, said: list[str], name: str, value: Any
+) -> None:
+    """With a digest that is right, as whoever may write there can make it."""
+    stored, owner = store(tmp_path, said), "sac/key/seed-0"
+    stored.finish(0, POLICY)
+    path = tmp_path / ".checkpoints" / f"{owner}.finished"
+    entries = dict(Archive(path.read_bytes().partition(b"\n")[2]))
+    header = json.loads(entries["header.json"]) | {name: value}
+    packed = pack(entries | {"header.json": json.dumps(header).encode()})
+    digest = hashlib.sha256(owner.encode() + packed).hexdigest()
+    path.write_bytes(digest.encode() + b"\n" + packed)
+    assert stored.finished(0) is None
+    assert len(said) == 1 and said[0].startswith("seed-0.finished is damaged (")
+
+
 def train(root: Path, said: list[str], seeds: list[int], key: str = "key") -> list[int]:
     """Train to the end; return the seeds that were not there yet."""
     stored = store(root, said, key)
@@ -150,10 +184,12 @@ def test_one_process_at_a_time(tmp_path: Path, said: list[str]) -> None:
     """What one reaches while another waits is the other's, and not trained anew."""
     program = (
         "import sys, pathlib; from jumping_ant.training.checkpoints import Checkpoints, Saved\n"
+        "from jumping_ant.training.model_selection import Candidate\n"
         "checkpoints = Checkpoints(pathlib.Path(sys.argv[1]), 'sac', 'key', print)\n"
         "with checkpoints.opened([0]):\n"
         "    print('open', flush=True); sys.stdin.read()\n"
-        "    checkpoints.finish(0, Saved(1, 0.0, [], None, '', (), b'policy'))"
+        "    one = Candidate(1, (0.0,), b'policy')\n"
+        "    checkpoints.finish(0, Saved(1, 0.0, [], None, '', (one,), b'policy'))"
     )
     pipe = subprocess.PIPE
     command = [sys.executable, "-c", program, str(tmp_path)]
@@ -167,3 +203,20 @@ def test_one_process_at_a_time(tmp_path: Path, said: list[str]) -> None:
         f"waiting for process {other.pid}, which is already training it; "
         f"`kill {other.pid}` stops it with a checkpoint"
     ]
+
+
+@pytest.mark.parametrize("who", ["ended", "a stranger's"])
+def test_no_process_is_named_that_is_not_ours(tmp_path: Path, said: list[str], who: str) -> None:
+    """Process 1 is another user's, or that of the container; advice to kill it would be bad."""
+    folder = tmp_path / ".checkpoints" / "sac"
+    folder.mkdir(parents=True)
+    with (folder / "lock").open("w", encoding="utf-8") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        print(process.name_of(1) if who != "ended" else process.this_process() + "0", file=other)
+        other.flush()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("os.getuid", lambda: 12345)
+            threading.Timer(0.3, fcntl.flock, [other, fcntl.LOCK_UN]).start()
+            with store(tmp_path, said).opened([0]):
+                pass
+    assert said == ["waiting for another process, which is already training it"]
