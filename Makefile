@@ -72,6 +72,8 @@ endif
 shared: install .venv/.shared
 
 repro: install ## list, then rerun, what a change to params.yaml or to the code affects
+	@$(foreach name,AGENT PRESET SEED STAGES,$(if $(filter command,$(origin $(name))),$(error make repro \
+		takes no $(name): `dvc repro STAGE` runs a stage, `make preset` a preset)))
 	@python -m scripts.repro
 
 try: install ## see robots learn to jump, and everything that comes of it, in .presets/quick (5 minutes)

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -145,9 +146,11 @@ def warn_of_no_name() -> None:
 
 
 def _to_yaml(params: Params | dict[str, Any]) -> str:
+    """Return parameters as YAML, of version 1.1 as well, which takes 1e-05 for text."""
     text = io.StringIO()
     YAML().dump(params.model_dump() if isinstance(params, Params) else params, text)
-    return text.getvalue()
+    written = re.sub(r"(?<=[ \[])(-?[0-9]+)(?=e[-+]?[0-9]+\b)", r"\1.0", text.getvalue())
+    return f"# yaml-language-server: $schema=params.schema.json\n{written}"
 
 
 def _copy(names: Iterable[str], folder: Path) -> None:

@@ -26,7 +26,7 @@ from jumping_ant.tuning.task import SearchSettings
 def main() -> None:
     """Parse the command line, search, and bring MLflow up to date."""
     parser = command_line.parser(__doc__)
-    parser.add_argument("agent", help="name of an agent that learns")
+    parser.add_argument("agent", metavar="AGENT", help="one that learns, as in AGENT=sac of make")
     parser.add_argument("--sampler", choices=get_args(SamplerName), default="tpe")
     parser.add_argument("--storage", help="address of another storage than a file in .tuning/")
     parser.add_argument("--preset", help="of which the agent is, if params.yaml has none such")

@@ -95,6 +95,8 @@ def run(case: Case) -> str:
         agent = type(example).model_validate(example.model_dump() | {case.setting: case.value})
     except ValidationError:
         return "refused"
+    if agent.fault(world().env):
+        return "refused"
     content = demonstrations() if agent.learns_from_demonstrations else None
     try:
         for event in trainer_of(agent)(Job(world(), agent, seed=0, demonstrations=content)):
@@ -113,6 +115,7 @@ def apart(case: Case) -> str:
             os.dup2(said.fileno(), 1)
             os.dup2(said.fileno(), 2)
             resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
+            warnings.simplefilter("ignore")  # libraries', of their own
             warnings.simplefilter("always", RuntimeWarning)
             result = run(case)
             print(result, flush=True)
@@ -150,8 +153,10 @@ def tried(drawn: list[Case]) -> list[str]:
     use_portable_kernels()
     _ = world().model, demonstrations()
     counts, faults = Counter[str](), []
-    for case in drawn:
+    for number, case in enumerate(drawn, start=1):
         result = apart(case)
+        if number % 100 == 0:
+            print(number, dict(counts), flush=True)
         counts[result.partition(":")[0]] += 1
         if result.startswith("fault"):
             faults.append(f"{case.algorithm}.{case.setting} = {case.value!r}: {result}")

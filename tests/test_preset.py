@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import yaml
 
 from jumping_ant.base.errors import InputError, StoppedError, WorkerError
 from jumping_ant.base.files import PROJECT_ROOT, write_text
@@ -126,6 +127,9 @@ def test_the_command_runs_stages_and_says_what_they_made(
     called = (copy / "called").read_text(encoding="utf-8")
     assert called.split() == [str(copy), "-m", "scripts.repro", *stages]
     assert params_file.load(copy / "params.yaml") == QUICK
+    text = (copy / "params.yaml").read_text(encoding="utf-8")
+    assert params_file.check(yaml.safe_load(text)) == QUICK, "as YAML 1.1, too"
+    assert text.startswith("# yaml-language-server: $schema=params.schema.json\n")
     assert (copy / ".venv").resolve() == (PROJECT_ROOT / ".venv").resolve()
     printed = capsys.readouterr().out
     assert f"{copy}/results" in printed

@@ -1,10 +1,12 @@
 """`make repro` lists what DVC will run, and what it took the last time."""
 
 import re
+import subprocess
 
 import pytest
 from ruamel.yaml import YAML
 
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.params import params_file
 from scripts.checkout import Checkout, copy_project
 
@@ -42,6 +44,15 @@ def test_a_mistyped_stage_is_named(project: Checkout, command: tuple[str, ...]) 
     assert done.returncode
     assert "ERROR: Stage 'typo' not found inside 'dvc.yaml' file" in done.stderr
     assert "Running stage" not in done.stdout
+
+
+@pytest.mark.parametrize("variable", ["STAGES=typo", "AGENT=sac"])
+def test_make_repro_refuses_what_it_does_not_take(variable: str) -> None:
+    command = ["make", "--no-print-directory", "-n", "repro", variable]
+    done = subprocess.run(command, cwd=PROJECT_ROOT, encoding="utf-8", capture_output=True)
+    assert done.returncode == 2 and "scripts.repro" not in done.stdout
+    name = variable.partition("=")[0]
+    assert f"make repro takes no {name}: `dvc repro STAGE` runs a stage" in done.stderr
 
 
 def test_a_bomb_is_refused_before_dvc_reads_it(project: Checkout) -> None:

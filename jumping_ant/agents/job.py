@@ -2,14 +2,22 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pkgutil import resolve_name
 from typing import Any, Generic, TypeVar
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event
+from jumping_ant.base.errors import InputError
 from jumping_ant.sim.world import World
 
+NO_MEMORY = "can't allocate memory"  # PyTorch's words
+# Settings that memory grows with.
+SIZES = {
+    *("batch_size", "buffer_size", "n_steps", "num_envs", "net_arch", "n_quantiles", "n_critics"),
+    *("population_size", "episodes", "episode_steps", "total_steps"),
+}
 Settings = TypeVar("Settings", bound=AgentBlock, covariant=True)
 
 
@@ -33,6 +41,22 @@ Trainer = Callable[[Job[Any]], Iterator[Event]]
 
 
 def trainer_of(agent: AgentBlock) -> Trainer:
-    """Return the function `train` of an agent's trainer, which imports its libraries."""
-    trainer: Trainer = resolve_name(f"{row(agent).trainer}:train")
-    return trainer
+    """Return the function `train` of an agent's trainer, which imports its libraries.
+
+    It raises an InputError that names the settings if they need more memory than there is.
+    """
+    return partial(_trained, resolve_name(f"{row(agent).trainer}:train"))
+
+
+def _trained(train: Trainer, job: Job[Any]) -> Iterator[Event]:
+    try:
+        yield from train(job)
+    except (MemoryError, RuntimeError) as error:
+        if not isinstance(error, MemoryError) and NO_MEMORY not in str(error):
+            raise
+        settings = {name: value for name, value in job.agent if name in SIZES}
+        given = ", ".join(f"{name} {value}" for name, value in settings.items())
+        raise InputError(
+            f"{job.agent.algorithm}: given {given}, which need more memory than there is; allowed: "
+            "less"
+        ) from error

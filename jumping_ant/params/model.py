@@ -25,7 +25,7 @@ from jumping_ant.params.blocks import (
     refusal,
 )
 
-RESERVED_NAMES = {"lineup"}  # names of files in media/
+RESERVED_NAMES = {"lineup", "you"}  # a file in media/, and the visitor of the live page
 # File systems allow 255 characters, of which DVC and MLflow need some.
 AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60)]
 
@@ -80,7 +80,7 @@ class Params(Block):
     @classmethod
     def _names_are_free(cls, agents: dict[str, Any]) -> dict[str, Any]:
         if taken := sorted(RESERVED_NAMES & agents.keys()):
-            raise ValueError(f"{taken[0]!r} names a file of media/; allowed: any other")
+            raise ValueError(f"{taken[0]!r} names something else; allowed: any other")
         return agents
 
     @model_validator(mode="after")

@@ -13,6 +13,8 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
 
+MOST_CHARACTERS = 20_000  # of a preset, applied in seconds; the largest has some 3,000
+
 
 def load(name: str, root: Path = PROJECT_ROOT) -> Params:
     """Return the parameters of `params.yaml` with a preset's values.
@@ -29,11 +31,22 @@ def load(name: str, root: Path = PROJECT_ROOT) -> Params:
 
     with TemporaryDirectory() as folder:
         params = Path(shutil.copy(root / "params.yaml", folder))
-        words = path.read_text(encoding="utf-8").split()  # as a shell splits them
         try:
+            words = _words(path)
             apply_overrides(params, [word for word in words if word != "-S"])
-        except (InvalidArgumentError, ValueError) as error:  # the second: encoding, keys of lists
+        except (InvalidArgumentError, ValueError, RecursionError) as error:  # also keys of lists
             reason = " ".join(str(error.__cause__ or error).split())
             line = f"presets/{name}: not overrides of params.yaml: {reason}"
             raise InputError(line) from error
         return params_file.check(params_file.read(params), f"presets/{name}")
+
+
+def _words(path: Path) -> list[str]:
+    """Return a preset's words as a shell splits them; functions and references are none."""
+    text = path.read_text(encoding="utf-8")
+    if len(text) > MOST_CHARACTERS:
+        raise ValueError(f"given {len(text):,} characters, allowed: {MOST_CHARACTERS:,}")
+    for word in text.split():
+        if "(" in word or "${" in word:
+            raise ValueError(f"given {word[:40]!r}, allowed: values alone")
+    return text.split()

@@ -46,7 +46,8 @@ def test_the_real_file_is_accepted_with_its_numbers() -> None:
         ("agents.Big One", RANDOM, "agents.Big One: String should match pattern"),
         ("agents./etc", RANDOM, "agents./etc: String should match pattern"),
         (f"agents.{'a' * 61}", RANDOM, f"agents.{'a' * 61}: String should have at most 60 charac"),
-        ("agents.lineup", RANDOM, "agents: 'lineup' names a file of media/; allowed: any"),
+        ("agents.lineup", RANDOM, "agents: 'lineup' names something else; allowed: any other"),
+        ("agents.you", RANDOM, "agents: 'you' names something else; allowed: any other"),
         # Agents may be called as pydantic calls its types.
         ("agents.float-literal", RANDOM | {"gamma": 1}, "agents.float-literal: unknown key 'gamm"),
         ("seeds", [4, 5, 4], "seeds: given 4 more than once, allowed: each seed once"),
@@ -93,6 +94,10 @@ def test_too_many_seeds_are_refused_at_once(tmp_path: Path) -> None:
         ("-S seeds=[1", "no viable alternative at input '[1'"),
         ("-S seeds.x=1", "invalid literal for int"),
         ("-S agents.dqn.gama=0.5", "Could not override 'agents.dqn.gama'."),
+        ("-S seeds=range(0,1000000000)", "given 'seeds=range(0,1000000000)', allowed: values"),
+        ("-S env.reward=${oc.env:HOME}", "given 'env.reward=${oc.env:HOME}', allowed: values"),
+        (f"-S seeds={'[' * 5000}", ""),
+        (f"-S seeds={list(range(60_000))}", "given 408,899 characters, allowed: 20,000"),
     ],
 )
 def test_presets_are_nothing_but_overrides(tmp_path: Path, text: str, said: str) -> None:

@@ -9,6 +9,8 @@ from jumping_ant.agents.algorithm import TORQUES, AgentBlock, Algorithm, setting
 from jumping_ant.agents.ranges import Between, OneOf, Ranges, whole
 from jumping_ant.params.blocks import ActionParams, Count, Fraction, NonNegative, Number, Positive
 
+Width = Annotated[float, Field(ge=1e-6, le=100)]  # in the float32 of a search
+
 
 class EvolutionParams(AgentBlock):
     """Settings shared by the evolutionary algorithms.
@@ -48,9 +50,9 @@ class GaussianParams(EvolutionParams):
 
     center_learning_rate: Positive
     """[-] Learning rate of the distribution's centre; with ClipUp, the length of a step."""
-    stdev_learning_rate: NonNegative
+    stdev_learning_rate: Annotated[float, Field(ge=0, le=10)]
     """[-] Learning rate of the distribution's width; SNES and XNES scale it by their default."""
-    stdev_init: Positive
+    stdev_init: Width
     """[-] Initial width of the distribution."""
 
 
@@ -82,7 +84,7 @@ class CEMParams(EvolutionParams):
 
     parenthood_ratio: Annotated[float, Field(gt=0, lt=1)]
     """[-] Share of a generation that the next distribution is fitted to."""
-    stdev_init: Positive
+    stdev_init: Width
     """[-] Initial width of the distribution."""
 
     @model_validator(mode="after")
@@ -99,7 +101,7 @@ class CEMParams(EvolutionParams):
 class CMAESParams(EvolutionParams):
     """Covariance matrix adaptation evolution strategy (Hansen and Ostermeier 2001)."""
 
-    stdev_init: Positive
+    stdev_init: Width
     """[-] Initial step size."""
     separable: bool = False
     """Whether the covariance matrix is diagonal."""
@@ -123,7 +125,7 @@ class ARSParams(EvolutionParams):
     """[policies] Size of a generation, in mirrored pairs: twice the number of directions."""
     learning_rate: Positive = 0.02
     """[-] Step size, before it is divided by the deviation of the best returns."""
-    delta_std: Positive = 0.05
+    delta_std: Width = 0.05
     """[-] Standard deviation of the directions."""
     n_top: Count
     """[-] Number of directions, the best, that a step follows."""
@@ -146,7 +148,7 @@ class OpenAIESParams(EvolutionParams):
     """[policies] Size of a generation, in mirrored pairs."""
     learning_rate: Positive = 0.01
     """[-] Learning rate of Adam, which moves the centre."""
-    noise_stdev: Positive = 0.02
+    noise_stdev: Width = 0.02
     """[-] Standard deviation of the policies around the centre."""
     weight_decay: NonNegative = 0.005
     """[-] Factor on the centre that is subtracted from the gradient."""

@@ -152,6 +152,8 @@ class CrossQParams(OffPolicyParams):
 
     actions: TorqueParams
     """Actions that the agent chooses from: torques."""
+    batch_size: Annotated[int, Field(ge=2, le=10**6)] = 256
+    """[transitions] Batch size of a gradient step, whose statistics need two."""
     ent_coef: Positive | Literal["auto"] = "auto"
     """[-] Weight of the policy's entropy, or `auto` to learn it."""
     policy_delay: Count = 3
