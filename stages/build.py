@@ -8,7 +8,7 @@ Writes: assets/edited.xml, assets/unedited.xml, assets/robot.json (masses and to
 
 from jumping_ant.base.files import to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.sim import robot
+from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.task import Task
 from jumping_ant.sim.trajectory import frame_stride
 from jumping_ant.sim.world import World
@@ -22,6 +22,7 @@ def main() -> None:
     xml = robot.build(settings.robot)
     world = World(xml, settings.env)
     Task(world)  # rejects a task that does not fit the robot, before any training
+    rollout.require_stability(world)
     frame_stride(float(world.model.opt.timestep), settings.record.fps)
     paths = Paths()
     write_all(

@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from jumping_ant.base.errors import InputError
+from jumping_ant.policies.actions import ActionSet
+from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.policies.policy import Policy
 from jumping_ant.sim import perturbations
 from jumping_ant.sim.perturbations import NONE, Condition
@@ -102,6 +105,21 @@ def play(world: World, plays: Sequence[Play], num_threads: int = 1) -> Iterator[
 def returns(world: World, plays: Sequence[Play], num_threads: int = 1) -> Array:
     """Return the sum of the rewards of each episode (see `play`), shape (num_episodes,)."""
     return np.array([episode.total() for episode in play(world, plays, num_threads)])
+
+
+def require_stability(world: World) -> None:
+    """Raise an InputError if a robot falls apart at once: it could neither learn nor be shown."""
+    few = {"max_episode_steps": 5, "frame_skip": min(world.env.frame_skip, 5)}
+    start = World(world.xml, world.env.model_copy(update=few))
+    policy = UniformPolicy(0, ActionSet(), world.anatomy.num_motors)
+    with perturbations.silence():
+        episodes = run(start, policy, range(8))
+    if not all(np.isfinite(episode.qvel).all() for episode in episodes):
+        raise InputError(
+            "robot: given one that falls apart in its first moments, allowed: less damping, gear, "
+            "contact_margin or env.reset_noise_scale, or a shorter time step "
+            "(robot.edits: {option: {'*': {timestep: 0.002}}})"
+        )
 
 
 def _start(plays: Sequence[Play], num_motors: int) -> tuple[Callable[[Array], Array], int]:

@@ -7,12 +7,14 @@ import pytest
 from commands import COMMAND_SIGNS
 from small_policies import linear_policy
 
+from jumping_ant.base.errors import InputError
+from jumping_ant.params import params_file
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.params.model import Params
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import OpenLoopPolicy, UniformPolicy
 from jumping_ant.policies.networks import TanhActor
-from jumping_ant.sim import rollout
+from jumping_ant.sim import robot, rollout
 from jumping_ant.sim.env import RobotEnv
 from jumping_ant.sim.rollout import Episode, Play
 from jumping_ant.sim.world import World
@@ -111,3 +113,27 @@ def test_what_is_kept_of_episodes_bounds_how_many_run_side_by_side(
     monkeypatch.setattr(rollout, "LARGEST_RECORD", 2 * 80 * (15 + 14 + 8 + 3) + 1)
     rollout.run(World(robot_xml, task), UniformPolicy(4, ActionSet(), 8), range(5))
     assert begun == [[0, 1], [2, 3], [4]]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"robot.damping": 1e6},
+        {"robot.gear": 1e6},
+        {"robot.contact_margin": 1e6},
+        {"env.reset_noise_scale": 1e6},
+    ],
+)
+def test_a_robot_that_falls_apart_is_refused(
+    change: dict[str, float], known_params: Params, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Before any training, in one line; whatever can be drawn is not."""
+    ((key, value),) = change.items()
+    block, name = key.split(".")
+    content = known_params.model_dump()
+    content[block][name] = value
+    params = params_file.check(content)
+    with pytest.raises(InputError, match="robot: given one that falls apart in its first moments"):
+        rollout.require_stability(World(robot.build(params.robot), params.env))
+    assert capfd.readouterr().err == ""
+    rollout.require_stability(World(robot.build(known_params.robot), known_params.env))
