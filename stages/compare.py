@@ -34,7 +34,6 @@ def main() -> None:
             paths.comparison: to_json({**outcome.summary, "claims": claims}),
             paths.robustness: to_json(withstood),
             paths.plots / "learning_curves.csv": curve_table,
-            paths.plots / "seeds.csv": tables.to_csv(comparison.seed_rows(agents)),
             **{paths.figures / name: content for name, content in files.items()},
         }
     )

@@ -6,7 +6,8 @@ Reads: params.yaml; the robots in assets/, models/, results/agents/, results/rob
 Writes: results/play.html.
 """
 
-from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.base.files import PROJECT_ROOT, blamed, write_text
+from jumping_ant.base.paths import Paths
 from jumping_ant.play import page
 
 from . import parse, run
@@ -14,7 +15,10 @@ from . import parse, run
 
 def main() -> None:
     """Run the stage."""
-    write_text(page.path(PROJECT_ROOT), page.build(PROJECT_ROOT, parse(__doc__)))
+    settings = parse(__doc__)
+    with blamed("compare", Paths().robustness):
+        content = page.build(PROJECT_ROOT, settings)
+    write_text(page.path(PROJECT_ROOT), content)
 
 
 if __name__ == "__main__":

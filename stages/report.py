@@ -5,7 +5,7 @@ Reads: params.yaml; assets/, models/, media/, results/agents/, results/compariso
 Writes: results/report.html.
 """
 
-from jumping_ant.base.files import PROJECT_ROOT, write_text
+from jumping_ant.base.files import PROJECT_ROOT, blamed, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.report import page
 
@@ -14,7 +14,10 @@ from . import parse, run
 
 def main() -> None:
     """Run the stage."""
-    write_text(Paths().report, page.build(PROJECT_ROOT, parse(__doc__)))
+    settings, paths = parse(__doc__), Paths()
+    with blamed("compare", paths.comparison, paths.robustness, paths.physique):
+        content = page.build(PROJECT_ROOT, settings)
+    write_text(paths.report, content)
 
 
 if __name__ == "__main__":

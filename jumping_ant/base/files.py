@@ -5,11 +5,12 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from jumping_ant.base.errors import InputError
+from jumping_ant.base.errors import InputError, told
 
 CODE_ROOT = Path(__file__).resolve().parents[2]  # the folder that contains the library
 # The project that commands work on: the checkout or, if the library is installed from a wheel, the
@@ -107,6 +108,21 @@ def read_json(path: Path, stage: str) -> dict[str, Any]:
         content = json.loads(read_bytes(path, stage))
         if not isinstance(content, dict):
             raise ValueError(f"given a {type(content).__name__}, allowed: an object")
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON: {error}; run `dvc repro --force {stage}`") from error
     return content
+
+
+@contextmanager
+def blamed(stage: str, *paths: Path) -> Iterator[None]:
+    """Turn what values of other types raise into an InputError that names a stage's files."""
+    try:
+        yield
+    except (InputError, OSError, MemoryError):
+        raise
+    except Exception as error:  # what is not as expected can raise anything
+        names = " or ".join(map(str, paths))
+        again = f"run `dvc repro --force {stage}`"
+        raise InputError(
+            f"{names}: given other values than {stage} writes ({told(error)}); {again}"
+        ) from error

@@ -125,16 +125,6 @@ def curve_rows(
     ]
 
 
-def seed_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
-    """Return every seed's evaluations as a tidy table, one row per evaluation."""
-    return [
-        {"agent": name, "seed": seed, "env_steps": int(steps), "evaluation_return": float(value)}
-        for name, agent in results.items()
-        for seed, curve in agent.curves.items()
-        for steps, value in zip(*evaluations(curve), strict=True)
-    ]
-
-
 def _common_grid(positions: Sequence[Array]) -> Array:
     """Return where to compare curves with points at increasing positions, (num_points,) each.
 

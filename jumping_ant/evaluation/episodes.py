@@ -83,13 +83,6 @@ def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
     }
 
 
-def read_means(root: Path, params: Params, agent: str) -> Table:
-    """Read the means of each seed that an agent was evaluated with, (num_seeds,) each."""
-    path, stage = Paths(root).agent(agent).seed_means, f"evaluate@{agent}"
-    columns = {"seed": SEED} | _quantities(params, are_means=True)
-    return tables.read(path, stage, {"agent": agent}, columns)
-
-
 def find(table: Table, agent: str, trajectory: Trajectory, path: Path) -> dict[str, float]:
     """Return the row of an agent's episodes that a trajectory, read from the path, shows."""
     shown = {

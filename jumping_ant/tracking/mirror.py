@@ -16,7 +16,7 @@ from jumping_ant.base.databases import without_password
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import home
 from jumping_ant.params import params_file
-from jumping_ant.tracking import descriptions, models, pages, studies
+from jumping_ant.tracking import models, pages, studies
 from jumping_ant.tracking import records as files
 from jumping_ant.tracking import store as stores
 from jumping_ant.tracking.connection import failures_as_input_errors, is_server, mirrored_alone
@@ -33,6 +33,7 @@ def track(
     pages will be served unless a server already serves them, a last one says where to look.
     """
     comparison = files.read(root, params_file.load(root / "params.yaml"))
+    comparison.check()
     if comparison.missing:
         untrained = ", ".join(f"{agent} seed {seed}" for agent, seed in comparison.missing)
         say(f"not trained yet: {untrained}")
@@ -76,7 +77,7 @@ def _mirror_comparison(
     store: Store, comparison: ComparisonRecord, say: Callable[[str], None]
 ) -> Run:
     """Return the run that runs of seeds are nested under, with runs of all seeds of each agent."""
-    key, note = comparison.key, descriptions.comparison(comparison.results)
+    key, note = comparison.key, comparison.note
     stage = {stores.DVC_STAGE: "compare"}
     content = Content(
         name=f"comparison-{key[:8]}",
@@ -89,11 +90,11 @@ def _mirror_comparison(
     parent, verb = store.settle(content, store.search(f"tags.{stores.COMPARISON} = '{key}'"))
     _tell(say, content.name, verb)
     records = {record.agent: record for record in comparison.seeds}
-    for agent, entry in comparison.results.get("agents", {}).items():
+    for agent, num_seeds in comparison.compared.items():
         if record := records.get(agent):
             tags = {stores.AGENT: agent, AGGREGATE: key, stores.ALGORITHM: record.algorithm}
             content = Content(
-                name=f"{agent}, {int(entry['seeds'])} seeds",
+                name=f"{agent}, {num_seeds} seeds",
                 tags={**tags, **stage, **pages.UNFOLDED},
                 curve=comparison.curve_over_seeds(agent),
                 metrics=comparison.over_seeds(agent),

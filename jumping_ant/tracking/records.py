@@ -15,7 +15,7 @@ import pandas as pd
 from jumping_ant.agents import catalogue
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import read_json
+from jumping_ant.base.files import blamed, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.base.tables import SEED, Column
 from jumping_ant.comparison.results import merged
@@ -168,6 +168,23 @@ class ComparisonRecord:
         """`results/comparison.json` with `results/speed.json`, empty if there is no comparison."""
         paths = Paths(self.root)
         return merged(_json(paths.comparison, "compare"), _json(paths.speed, "timing"))
+
+    def check(self) -> None:
+        """Raise an InputError if results hold other values than their stages write."""
+        paths = Paths(self.root)
+        with blamed("compare", paths.comparison, paths.robustness, paths.speed):
+            _ = self.note, self.summary, list(map(self.over_seeds, self.compared))
+
+    @cached_property
+    def note(self) -> str:
+        """What it shows, as Markdown."""
+        return descriptions.comparison(self.results)
+
+    @property
+    def compared(self) -> dict[str, int]:
+        """The numbers of seeds of the agents that were compared."""
+        agents = self.results.get("agents", {})
+        return {agent: int(entry["seeds"]) for agent, entry in agents.items()}
 
     @cached_property
     def summary(self) -> dict[str, float]:

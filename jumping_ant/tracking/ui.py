@@ -7,7 +7,9 @@ which clients of MLflow send if it is `MLFLOW_TRACKING_TOKEN`. If `MLFLOW_TRACKI
 server, that one has the pages, and only the update is made.
 """
 
+import logging
 import os
+import resource
 import secrets
 import socket
 import warnings
@@ -19,6 +21,7 @@ from typing import Any
 import uvicorn
 from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError, reported
@@ -29,11 +32,26 @@ from jumping_ant.tracking.mirror import track
 
 HOST = "127.0.0.1"
 TOKEN_BYTES = 16
+SECONDS_FOR_REQUEST = 5.0  # before a connection that asks nothing is closed
 UNKNOWN = "Open the address that `make ui` printed, or set MLFLOW_TRACKING_TOKEN to its token.\n"
 # Takes the token out of the address bar and out of the tab's history.
 ENTRANCE = '<script>location.replace("/" + location.hash)</script>'
 
 Application = Callable[[MutableMapping[str, Any], Any, Any], Awaitable[None]]
+
+
+class Impatient(H11Protocol):
+    """Closes connections that ask nothing, with which others could use up this process's files."""
+
+    def connection_made(self, transport: Any) -> None:
+        """Begin to wait for a request."""
+        super().connection_made(transport)
+        self.loop.call_later(SECONDS_FOR_REQUEST, self._close_if_idle)
+
+    def _close_if_idle(self) -> None:
+        cycle: Any = self.cycle  # None before the first request, whatever its type says
+        if cycle is None:
+            self.transport.close()
 
 
 def with_token(application: Application, token: str, port: int) -> Application:
@@ -89,7 +107,11 @@ def run(root: Path, port: int) -> None:
         track(root, pages_at=f"http://{HOST}:{port}/?token={token}")
         print("Ctrl-C ends the server", flush=True)
         guarded = with_token(_pages(uri, connection.artifacts_uri(home(root))), token, port)
-        config = uvicorn.Config(guarded, ws="none", workers=1, log_level="warning")
+        _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # a traceback for each refusal
+        settings: Any = {"ws": "none", "http": Impatient, "workers": 1, "log_level": "warning"}
+        config = uvicorn.Config(guarded, **settings)
         uvicorn.Server(config).run([listener])
 
 

@@ -48,7 +48,7 @@ def compared(root, params=PARAMS):
     claims = verdicts.check(agents, COMPARE, params.training.evaluation_episodes)
     summary = comparison.summarize(agents, COMPARE)
     timed = timing.summarize(params, agents, summary, dict.fromkeys(AGENTS, {}))
-    return summary, claims, comparison.seed_rows(agents), timed
+    return summary, claims, timed
 
 
 def faults_of_structure(header, rows, generator):

@@ -193,6 +193,33 @@ def test_files_of_another_agent_are_not_mirrored(untracked_project: Path, place:
     assert str(one) in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("comparison", {"agents": []}),
+        ("comparison", {"agents": {"sac": 1}}),
+        ("comparison", {"agents": {"sac": {"seeds": "two"}}}),
+        ("comparison", {"agents": {"sac": {"seeds": 2, "return": {"iqm": "x"}}}}),
+        ("comparison", {"claims": [1]}),
+        ("comparison", {"probability_of_improvement": {"sac>pgpe": None}}),
+        ("robustness", {"agents": {"sac": {"friction": {"retention": []}}}}),
+        ("speed", {"agents": {"sac": {"train_seconds": {}}}}),
+        ("speed", {"claims": 1}),
+        ("comparison", "["),
+        ("comparison", "[" * 100_000),
+        ("speed", "[]"),
+    ],
+)
+def test_results_of_other_types_are_named_in_a_line(
+    untracked_project: Path, name: str, content: object
+) -> None:
+    path = getattr(Paths(untracked_project), name)
+    write_text(path, content if isinstance(content, str) else json.dumps(content))
+    with pytest.raises(InputError, match=f"{name}.json.*; run `dvc repro --force") as caught:
+        tracked(untracked_project)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 700
+
+
 def test_a_comparison_is_a_table_the_best_first_and_its_claims() -> None:
     interval = {"iqm": 1234.5, "low": 0.001234, "high": 2345678.0, "mean": 1300.0, "worst": -4.0}
     fluidity = {"iqm": -2.0, "low": -3.0, "high": -1.0}

@@ -2,11 +2,14 @@
 
 import os
 import re
+import resource
 import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,6 +59,13 @@ class Served:
         return {"Cookie": f"jumping-ant-{self.port}={self.token}"}
 
 
+def as_a_login_does() -> None:
+    """Shells have what they run in the background ignore Ctrl-C, these tests perhaps."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (1024, most))
+
+
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory, tracked_template: Path) -> Iterator[Served]:
     root = tmp_path_factory.mktemp("served") / "a project"
@@ -67,8 +77,7 @@ def served(tmp_path_factory: pytest.TempPathFactory, tracked_template: Path) -> 
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         encoding="utf-8",
-        # Shells have what they run in the background ignore Ctrl-C, these tests perhaps.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=as_a_login_does,
     )
     assert process.stdout is not None
     lines = iter(process.stdout.readline, "")
@@ -124,6 +133,21 @@ def test_pages_of_other_ports_change_nothing(served: Served) -> None:
     headers = {**served.cookie, **JSON, "Origin": served.address.rstrip("/")}
     assert status(change, headers, "POST", '{"name": "evil"}') == 200
     assert status(served.address, {**served.bearer, "Host": "evil.example"}) == 403
+
+
+def test_who_asks_nothing_keeps_nobody_out(served: Served) -> None:
+    """As many connections as a process may usually open files; they are closed after a while."""
+    usual, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+    with ExitStack() as stack:
+        stack.callback(resource.setrlimit, resource.RLIMIT_NOFILE, (usual, most))
+        place = ("127.0.0.1", int(served.port))
+        idle = [stack.enter_context(socket.create_connection(place)) for _ in range(1200)]
+        began = time.monotonic()
+        assert status(served.address, served.cookie) == 200
+        assert time.monotonic() - began < 10
+        idle[-1].settimeout(30)
+        assert idle[-1].recv(1) == b""
 
 
 def test_clients_of_mlflow_bring_the_token(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
