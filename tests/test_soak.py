@@ -1,12 +1,16 @@
 """A little of `make soak`: each kind of ill treatment once, for real."""
 
+import os
 import pickle
 import random
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from jumping_ant.base.files import PROJECT_ROOT
 from scripts.checkout import Checkout, checkout
 from soak import inputs
 from soak import project as projects
@@ -83,3 +87,11 @@ def test_figures_of_parts_add_up() -> None:
         "payloads": {},
     }
     assert added({}, new) == new
+
+
+def test_some_settings_at_their_bounds_train_or_are_refused() -> None:
+    """`python -m soak.bounds` tries them all; the seed is printed, and BOUNDS_SEED gives one."""
+    given = ["--seed", seed] if (seed := os.environ.get("BOUNDS_SEED")) else []
+    command = [sys.executable, "-m", "soak.bounds", "--cases", "60", *given]
+    done = subprocess.run(command, cwd=PROJECT_ROOT, encoding="utf-8", capture_output=True)
+    assert done.returncode == 0, done.stdout + done.stderr
