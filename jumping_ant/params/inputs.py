@@ -72,9 +72,11 @@ def require_versions(code: Mapping[str, str]) -> None:
     """
     for library in filterfalse(_is_file, code):
         try:
-            installed = importlib.metadata.version(library).partition("+")[0]
+            text = importlib.metadata.distribution(library).read_text("METADATA") or ""
         except importlib.metadata.PackageNotFoundError:
             continue  # whoever imports it says so
+        # `version` would parse all of the text.
+        (installed,) = re.findall(r"^Version: ([^+\s]+)", text, re.MULTILINE)[:1] or ("unknown",)
         if installed != code[library]:
             raise InputError(
                 f"{library}: given version {installed}, which is installed, allowed: "

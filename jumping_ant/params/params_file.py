@@ -3,6 +3,8 @@
 YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
 """
 
+import copy
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +55,11 @@ def read(path: Path) -> Any:
 
 def parse(text: str) -> Any:
     """Return what YAML text holds, or raise YAMLError, or RecursionError if it is too deep."""
+    return copy.deepcopy(_parsed(text))
+
+
+@functools.lru_cache(maxsize=4)  # a stage reads its files at its beginning and its end
+def _parsed(text: str) -> Any:
     try:
         return YAML(typ="safe", pure=True).load(text)  # depth would crash the parser in C
     except ValueError as error:  # an odd scalar, such as the 45th day of a month
