@@ -129,7 +129,7 @@ def apart(case: Case) -> str:
         said.seek(0)
         lines = [line for line in said.read().splitlines() if line.strip()]
     if is_slow:
-        return "still trains" if not lines else f"fault: {lines[-1]}"
+        return f"fault: {lines[-1]}" if set(lines) - {"trained"} else "still trains"
     if ended[1] or len(lines) != 1 or lines[0] not in ("trained", "refused"):
         return f"fault: status {ended[1]}: {' | '.join(lines[-2:])[:300]}"
     return lines[0]
