@@ -7,8 +7,6 @@ Reads: params `seeds`, `env`, `evaluate`, `training.evaluation_seed`, the agent'
 Writes: results/agents/AGENT/ (episodes.csv, metrics.json, trajectory.npz, seeds.csv, variants.csv).
 """
 
-import filecmp
-
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths, SeedPaths
 from jumping_ant.evaluation import evaluation, variants
@@ -23,7 +21,7 @@ from . import parse_agent, run
 def load(paths: SeedPaths) -> tuple[Policy, Policy]:
     """Return a seed's published policy and its final one, as one object if the two are equal."""
     published, final = trained_policy.load(paths), trained_policy.load(paths, True)
-    is_same = filecmp.cmp(paths.final_policy, paths.policy, shallow=False)
+    is_same = paths.content(paths.final_policy) == paths.content(paths.policy)
     return published, published if is_same else final
 
 

@@ -15,7 +15,7 @@ from . import parse, run
 def main() -> None:
     """Run the stage."""
     settings, paths = parse(__doc__), Paths()
-    with blamed("compare", paths.comparison, paths.robustness, paths.physique):
+    with blamed("compare", paths.comparison, paths.robustness):
         content = page.build(PROJECT_ROOT, settings)
     write_text(paths.report, content)
 

@@ -83,16 +83,16 @@ def test_ctrl_c_ends_a_stage_in_a_line(project: Path, stage: str, seconds: float
 
 
 @pytest.mark.parametrize(
-    ("name", "old", "new"),
+    ("name", "old", "new", "kept"),
     [
-        ("params.yaml", "stdev_init:", "stdev_init: 0.25 #"),
-        ("jumping_ant/agents/evolution/trainer.py", "import numpy", "import this, numpy"),
+        ("params.yaml", "stdev_init:", "stdev_init: 0.25 #", 2),
+        ("jumping_ant/agents/evolution/trainer.py", "import numpy", "import this, numpy", 0),
     ],
 )
 def test_what_changed_while_it_trained_is_not_taken(
-    project: Path, name: str, old: str, new: str
+    project: Path, name: str, old: str, new: str, kept: int
 ) -> None:
-    """The next run takes up what is finished, and it alone is in dvc.lock."""
+    """Seeds of the parameters that it had loaded are kept, of other code none."""
     checkout, path, stage = Checkout(project), project / name, f"train@{AGENT}"
     projects.prepare(checkout)
     shutil.rmtree(project / ".checkpoints", ignore_errors=True)
@@ -102,10 +102,10 @@ def test_what_changed_while_it_trained_is_not_taken(
     path.write_text(before.replace(old, new, 1), encoding="utf-8")
     assert process.wait(timeout=300)
     path.write_text(before, encoding="utf-8")
-    assert f": changed while {stage} ran; " in log.read_text(encoding="utf-8")
+    assert ", while " in log.read_text(encoding="utf-8")
     assert stage not in (project / "dvc.lock").read_text(encoding="utf-8")
     again = checkout.run("dvc", "repro", stage)
-    assert (again.stderr.count("trained before"), again.returncode) == (2, 0)
+    assert (again.stderr.count("trained before"), again.returncode) == (kept, 0)
 
 
 def test_ctrl_c_while_an_extension_module_is_imported_ends_a_stage_in_a_line(project: Path) -> None:

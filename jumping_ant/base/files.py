@@ -118,9 +118,9 @@ def blamed(stage: str, *paths: Path) -> Iterator[None]:
     """Turn what values of other types raise into an InputError that names a stage's files."""
     try:
         yield
-    except (InputError, OSError, MemoryError):
+    except InputError:
         raise
-    except Exception as error:  # what is not as expected can raise anything
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
         names = " or ".join(map(str, paths))
         again = f"run `dvc repro --force {stage}`"
         raise InputError(

@@ -1,8 +1,10 @@
 """Paths of a project's files."""
 
+import hashlib
 from pathlib import Path
 
-from jumping_ant.base.files import PROJECT_ROOT, digest
+from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT, digest, read_bytes, read_json
 
 
 def home(root: Path) -> Path:
@@ -30,6 +32,26 @@ class SeedPaths:
     def digests(self) -> dict[str, str]:
         """Return the SHA-256 of each file, by its name."""
         return {path.name: digest(path) for path in self.files}
+
+    def content(self, path: Path) -> bytes:
+        """Return the content of one of the files.
+
+        Raises:
+            InputError: There is none, or it is not the one whose digest training has left, which is
+                in git, unlike the file itself.
+        """
+        agent, seed = self.owner
+        content = read_bytes(path, f"train@{agent}")
+        if self.trained.exists():  # once all seeds are trained
+            digests = read_json(self.trained, f"train@{agent}").get(str(seed))
+            allowed = digests.get(path.name) if isinstance(digests, dict) else None
+            if (given := hashlib.sha256(content).hexdigest()) != allowed:
+                raise InputError(
+                    f"{path}: given another file than was trained, of SHA-256 {given[:8]}..., "
+                    f"allowed: {str(allowed)[:8]}..., as in {self.trained}; `dvc checkout` brings "
+                    f"it back, or `dvc repro --force train@{agent}` trains it again"
+                )
+        return content
 
 
 class AgentPaths:

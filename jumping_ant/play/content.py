@@ -1,5 +1,6 @@
 """What the page knows: robots, the task, agents with their policies, starts and perturbations."""
 
+import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 
 from jumping_ant.agents import catalogue
 from jumping_ant.agents.families import BASELINE
-from jumping_ant.base.files import digest, read_json
+from jumping_ant.base.files import read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import Table
 from jumping_ant.evaluation import episodes
@@ -59,7 +60,8 @@ def policy(root: Path, agent: str, seed: int) -> dict[str, Any]:
     """Return the JSON of a seed's published policy, with its origin."""
     paths = Paths(root).agent(agent).seed(seed)
     network = policies.to_json(trained_policy.load(paths))
-    return {"agent": agent, "seed": seed, "file": {"sha256": digest(paths.policy)}} | network
+    sha256 = hashlib.sha256(paths.content(paths.policy)).hexdigest()
+    return {"agent": agent, "seed": seed, "file": {"sha256": sha256}} | network
 
 
 def all_policies(root: Path, params: Params) -> Policies:

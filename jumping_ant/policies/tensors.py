@@ -104,6 +104,8 @@ def _unpickled(content: bytes) -> dict[str, _Tensor]:
                 stack[-1].update(zip(items[::2], items[1::2], strict=True))
             case "BINPERSID":
                 _, kind, entry, *_ = stack.pop()
+                if kind not in _NAMES.values():
+                    raise ValueError(f"a storage of {kind}")
                 stack.append((kind, entry))
             case "REDUCE":
                 name, arguments = popped(2)

@@ -176,7 +176,7 @@ def jumping_ant(**settings: Any) -> RobotEnv:
     With an agent's `actions` its observations are float32, as the policies of Stable-Baselines3
     expect that are loaded with an environment.
     """
-    dtype = np.float32 if "actions" in settings else np.float64
+    dtype = np.float32 if settings.get("actions") else np.float64
     return RobotEnv(article_world(), **{"dtype": dtype} | settings)
 
 
@@ -188,10 +188,10 @@ def jumping_ants(
     `max_episode_steps` are decisions, of `actions.hold` control steps, as Gymnasium's time limit
     counts them.
     """
-    world = article_world()
-    hold = settings.get("actions", ActionSet()).hold
-    most = min(hold * (max_episode_steps or MOST_STEPS), MOST_STEPS)
-    return DrawnVectorEnv(world, num_envs, episode_steps=np.full(num_envs, most), **settings)
+    hold = (settings.get("actions") or ActionSet()).hold
+    limits = [MOST_STEPS] + [hold * steps for steps in [max_episode_steps or 0] if steps > 0]
+    settings = {"episode_steps": np.full(num_envs, min(limits))} | settings
+    return DrawnVectorEnv(article_world(), num_envs, **settings)
 
 
 gym.register(

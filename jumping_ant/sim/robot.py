@@ -131,8 +131,10 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
         return xml
     tree = ET.fromstring(xml)
     for element, patterns in edits.items():
-        # Tendons and equations name elements by such ones, which have other attributes.
-        parents = (each for each in tree.iter() if each.tag not in ("fixed", "spatial", "equality"))
+        # Tendons and equations name parts by elements called alike, of other attributes.
+        named = element in ("joint", "geom", "site", "tendon")
+        apart = ("fixed", "spatial", "equality") if named else ()
+        parents = (each for each in tree.iter() if each.tag not in apart)
         elements = [each for parent in parents for each in parent if each.tag == element]
         if not elements:
             kinds = ", ".join(sorted({each.tag for each in tree.iter()}))

@@ -1,7 +1,6 @@
 """Policies as MLflow models: logged, registered, the best in validation named champion."""
 
 import json
-import shutil
 import tempfile
 from collections.abc import Mapping
 from importlib import metadata
@@ -139,7 +138,7 @@ def _upload(store: Store, record: SeedRecord, model: LoggedModel) -> None:
     )
     with tempfile.TemporaryDirectory() as folder:
         path, policy = Path(folder) / "model", Path(folder) / record.policy_path.name
-        shutil.copyfile(record.policy_path, policy)  # MLflow refuses links, as DVC's cache may make
+        policy.write_bytes(record.content)  # MLflow refuses links, as DVC's cache may make
         mlflow.pyfunc.save_model(
             path,
             python_model=str(CODE),

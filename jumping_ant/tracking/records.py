@@ -68,10 +68,15 @@ class SeedRecord:
         """The policy file."""
         return self.paths.seed(self.seed).policy
 
+    @property
+    def content(self) -> bytes:
+        """The content of the policy file."""
+        return self.paths.seed(self.seed).content(self.policy_path)
+
     @cached_property
     def md5(self) -> str:
         """MD5 of the policy file, its key in DVC's cache."""
-        return hashlib.md5(self.policy_path.read_bytes(), usedforsecurity=False).hexdigest()
+        return hashlib.md5(self.content, usedforsecurity=False).hexdigest()
 
     @cached_property
     def hold(self) -> int:
@@ -172,7 +177,7 @@ class ComparisonRecord:
     def check(self) -> None:
         """Raise an InputError if results hold other values than their stages write."""
         paths = Paths(self.root)
-        with blamed("compare", paths.comparison, paths.robustness, paths.speed):
+        with blamed("compare timing", paths.comparison, paths.robustness, paths.speed):
             _ = self.note, self.summary, list(map(self.over_seeds, self.compared))
 
     @cached_property
@@ -234,22 +239,30 @@ class ComparisonRecord:
 
 def read(root: Path, params: Params) -> ComparisonRecord:
     """Find every policy that was trained with the parameters of a project."""
-    paths, records, missing = Paths(root), [], []
+    paths, records, missing, named = Paths(root), [], [], dict[str, str | None]()
     locked, head = commits.workspace(root), commits.head(root)
-    is_built = locked.has_params_of("build")
+    is_built = locked.allows("build")
     looked = looks({name: catalogue.row(block).family for name, block in params.agents.items()})
     for agent, block in params.agents.items():
         fixed = block.algorithm, run_params(root, params, agent), looked[agent].colour
-        is_trained = is_built and locked.has_params_of(stage(agent))
-        commit = head.commit_of(stage(agent), paths.agent(agent).training)
+        own = paths.agent(agent)
+        is_trained = is_built and locked.allows(stage(agent), own.training)
+        written = {
+            stage(agent): [own.training],
+            f"evaluate@{agent}": [own.seed_means, own.variants],
+        }
+        named[agent] = head.commit_of(written)
         for seed in params.seeds:
-            files = paths.agent(agent).seed(seed)
+            files = own.seed(seed)
             if is_trained and files.policy.exists():
-                sha256 = hashlib.sha256(trained_policy.content(files)).hexdigest()
-                records.append(SeedRecord(root, agent, seed, *fixed, sha256, commit))
+                sha256 = hashlib.sha256(files.content(files.policy)).hexdigest()
+                records.append(SeedRecord(root, agent, seed, *fixed, sha256, named[agent]))
             else:
                 missing.append((agent, seed))
-    return ComparisonRecord(root, records, missing, head.commit_of("compare", paths.comparison))
+    written = {"compare": [paths.comparison, paths.robustness]}
+    written |= {"timing": [paths.speed], "report": [paths.report]}
+    commit = head.commit_of(written) if all(named.values()) else None
+    return ComparisonRecord(root, records, missing, commit)
 
 
 def read_curve(root: Path, agent: str, seed: int) -> dict[Point, float]:

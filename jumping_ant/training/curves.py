@@ -48,7 +48,9 @@ def owner(agent: str, seed: int) -> dict[str, str | int]:
 
 def read(root: Path, params: Params, agent: str, seed: int) -> Table:
     """Read a trained seed's learning curve; a row of an evaluation has NaN for the training's."""
-    path, stage = Paths(root).agent(agent).seed(seed).curve, f"train@{agent}"
+    paths, stage = Paths(root).agent(agent).seed(seed), f"train@{agent}"
+    path = paths.curve
+    paths.content(path)  # is what training wrote
     table = tables.read(path, stage, owner(agent, seed), COLUMNS, ANY)
     with tables.blamed(path, stage):
         _check_steps(table)
@@ -81,7 +83,9 @@ def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
 
 def published_return(root: Path, agent: str, seed: int) -> float:
     """Return the mean return of a seed's published policy in validation."""
-    path = Paths(root).agent(agent).seed(seed).validation
+    paths = Paths(root).agent(agent).seed(seed)
+    path = paths.validation
+    paths.content(path)  # is what training wrote
     table = tables.read(path, f"train@{agent}", owner(agent, seed), VALIDATION_COLUMNS)
     return float(table["return_mean"].max())
 

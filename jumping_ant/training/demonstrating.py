@@ -5,7 +5,7 @@ from pathlib import Path
 from jumping_ant.agents.imitation.demonstrations import Demonstrations, Labelled, concatenated, play
 from jumping_ant.base.paths import Paths
 from jumping_ant.params.model import EPISODES_AT_ONCE, Params
-from jumping_ant.policies import policy_file, trained_policy
+from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 from jumping_ant.training import curves
@@ -17,7 +17,7 @@ def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1
     agent = params.agent(settings.agent)
     best, *_ = curves.best_first(root, settings.agent, params.seeds)
     paths = Paths(root).agent(settings.agent).seed(best)
-    content = trained_policy.content(paths)
+    content = paths.content(paths.policy)
     world = World(robot.read(root, agent.robot), params.env)
     policy, steps = policy_file.parse(content, paths.owner), 0
     episodes: list[Labelled] = []

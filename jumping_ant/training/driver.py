@@ -11,18 +11,21 @@ from functools import partial
 from pathlib import Path
 
 from jumping_ant.agents.algorithm import AgentBlock
+from jumping_ant.agents.events import Checkpoint, Finished
 from jumping_ant.agents.job import Job
+from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import portable, progress, tables
 from jumping_ant.base.errors import StoppedError
 from jumping_ant.base.files import read_bytes, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.compute import jobs
 from jumping_ant.compute.processes import Work
+from jumping_ant.params import inputs
 from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 from jumping_ant.training import curves, seed_run
-from jumping_ant.training.checkpoints import Checkpoints, checkpoint_key
+from jumping_ant.training.checkpoints import DRIVER, Checkpoints, checkpoint_key
 from jumping_ant.training.seed_files import SeedFiles
 
 SHARED_SEED = 0  # of a search whose result every seed of an agent shares
@@ -49,6 +52,11 @@ def train(root: Path, params: Params, agent_name: str) -> None:
 
     if not portable.is_supported():
         say(portable.UNSUPPORTED)
+    code = {file: inputs.code_of(file) for file in training_code(agent.algorithm, DRIVER)}
+
+    def require_same_code() -> None:  # before a worker imports it, and before its work is kept
+        inputs.refuse((file for file, it in code.items() if inputs.differs(file, it)), agent_name)
+
     key = checkpoint_key(world, params.training, agent, demonstrations)
     checkpoints = Checkpoints(root, agent_name, key, say)
     paths = Paths(root).agent(agent_name)
@@ -61,7 +69,7 @@ def train(root: Path, params: Params, agent_name: str) -> None:
             )
             for seed in params.seeds
         }
-        _run(world, params, agent, demonstrations, seeds, say)
+        _run(world, params, agent, demonstrations, seeds, say, require_same_code)
         if unfinished := [seed for seed in seeds.values() if not seed.finished]:
             places = ", ".join(f"seed {seed.number} at {seed.saved_steps:,}" for seed in unfinished)
             raise StoppedError(f"{agent_name} is not trained yet; the next run resumes: {places}")
@@ -89,6 +97,7 @@ def _run(
     demonstrations: bytes | None,
     seeds: Mapping[int, SeedFiles],
     say: Callable[[str], None],
+    require_same_code: Callable[[], None],
 ) -> None:
     """Train the seeds that are not finished.
 
@@ -107,6 +116,7 @@ def _run(
     alone, alike = (untrained, []) if agent.depends_on_seed else (untrained[:1], untrained[1:])
 
     def start(number: int) -> Work:
+        require_same_code()
         saved = seeds[number].start()
         job = Job(
             world,
@@ -127,6 +137,8 @@ def _run(
         )
 
     for number, report in jobs.stream(start, alone, workers, say, "seed {}".format):
+        if isinstance(report.event, Checkpoint | Finished):
+            require_same_code()
         for each in (number, *alike):
             seeds[each].take(report)
 

@@ -74,12 +74,16 @@ def digest_code(root: Path, **versions: str) -> None:
         (replaced("params.yaml", "[0]", "[0, 1]"), "params.yaml: seeds"),
         (replaced("params.yaml", "  a:", "  c:"), "params.yaml: agents.a"),
         (replaced("assets/robot.xml", "/", " /"), "assets/robot.xml"),
-        (returned("assets/robot.xml"), "assets/robot.xml"),
         (lambda root: write_text(root / "assets" / "other.xml", ""), "assets/other.xml"),
         (replaced(CODE, "1", "2"), CODE),
         (returned(CODE), CODE),
         (lambda root: (root / CODE).unlink(), CODE),
-        (lambda root: digest_code(root, numpy="1.0"), "numpy: given version"),
+        (replaced(CODE, "X", "    X = ("), CODE),
+        (lambda root: (root / CODE).write_bytes(b"\xff"), CODE),
+        (replaced("dvc.yaml", "train:", "trains:"), "dvc.yaml: has no stage train@a"),
+        (lambda root: write_text(root / "dvc.yaml", "<<<<<<< HEAD: ["), "dvc.yaml: has no stage"),
+        (replaced("params.yaml", "a: {algorithm: sac, rate: 0.1}", "a: 1"), "dvc.yaml: has no s"),
+        (lambda root: digest_code(root, numpy="1.0"), ".inputs/train/sac/code.json"),
         (lambda root: shutil.rmtree(root / ".inputs"), ".inputs/train/sac/code.json"),
         (replaced("params.yaml", "seeds: [0]", "seeds: ["), "params.yaml: not YAML"),
     ],
@@ -98,8 +102,11 @@ def test_what_changes_while_a_stage_runs_ends_it(root: Path, change: Change, nam
         replaced("params.yaml", "rate: 0.1", "rate: 1e-1"),
         replaced(CODE, "X", "# A comment.\nX"),
         returned("params.yaml"),  # read once, before
+        returned("assets/robot.xml"),
         lambda root: write_text(root / "package" / "__pycache__" / "code.pyc", ""),
         lambda root: write_text(root / "assets" / ".robot.xml.swp", ""),
+        lambda root: write_text(root / "assets" / "robot.xml~", ""),
+        lambda root: os.symlink("nothing", root / "assets" / "link"),
     ],
 )
 def test_what_it_does_not_use_may_change(root: Path, change: Change) -> None:
@@ -110,11 +117,24 @@ def test_what_it_does_not_use_may_change(root: Path, change: Change) -> None:
 def test_code_is_what_was_digested_when_a_stage_begins(root: Path) -> None:
     replaced(CODE, "X", "# A comment.\nX")(root)
     inputs.read("train@a", root)
+    (root / ".inputs" / "code" / "files.json").unlink()  # DVC pulls only what a stage lists
+    inputs.read("train@a", root)
+    digest_code(root, numpy="1.0")
+    with pytest.raises(InputError, match="numpy: given version .*, allowed: 1.0, as in requireme"):
+        inputs.read("train@a", root)
+    digest_code(root)
     replaced(CODE, "1", "2")(root)
     with pytest.raises(InputError, match=f"{CODE}: changed since this run digested the code"):
         inputs.read("train@a", root)
 
 
-def test_a_stage_of_the_whole_file_notices_that_it_is_saved(root: Path) -> None:
+def test_a_stage_of_the_whole_file_notices_that_it_changes(root: Path) -> None:
     with pytest.raises(InputError, match="params.yaml: changed"), inputs.unchanged("plain", root):
-        os.utime(root / "params.yaml")
+        replaced("params.yaml", "rate: 1.0", "rate: 2.0")(root)
+
+
+def test_a_large_file_is_told_by_what_the_system_says(root: Path) -> None:
+    path = root / "assets" / "large"
+    path.write_bytes(bytes(inputs.SMALL))
+    with pytest.raises(InputError, match="assets/large: ch"), inputs.unchanged("train@a", root):
+        path.write_bytes(bytes(inputs.SMALL))

@@ -326,7 +326,7 @@ def test_a_policy_is_the_one_that_was_trained(tmp_path: Path, is_final: bool) ->
     paths = Paths(tmp_path).agent("sac").seed(20)
     path = paths.final_policy if is_final else paths.policy
     with pytest.raises(InputError, match="No such file or directory; run `dvc repro train@sac`"):
-        trained_policy.content(paths, is_final)
+        paths.content(path)
     write_bytes(path, policy_file.owned(LINEAR, paths.owner))
     write_json(paths.trained, {"20": {path.name: digest(path)}})
     assert trained_policy.load(paths, is_final).to_bytes() == LINEAR
@@ -335,9 +335,10 @@ def test_a_policy_is_the_one_that_was_trained(tmp_path: Path, is_final: bool) ->
     told = f"{path}: given another file than was trained, of SHA-256 {digest(path)[:8]}..., allowed"
     with pytest.raises(InputError, match=re.escape(told)):
         trained_policy.load(paths, is_final)
-    for digests in ({"21": {path.name: digest(path)}}, {"20": {"curve.csv": digest(path)}}):
+    known = {path.name: digest(path)}
+    for digests in ({"21": known}, {"20": {"curve.csv": ""}}, {"20": [1]}, {"20": "x"}):
         write_json(paths.trained, digests)
-        with pytest.raises(InputError, match="allowed: none, as in .*training.json; `dvc repro"):
+        with pytest.raises(InputError, match="allowed: None..., as in .*training.json; `dvc ch"):
             trained_policy.load(paths, is_final)
 
 

@@ -68,6 +68,10 @@ def test_a_second_call_adds_nothing(project: Path) -> None:
     assert query(project, note) == [("Mine",)]
 
 
+NAMELESS = """
+SELECT name FROM runs WHERE lifecycle_stage = 'active'
+AND run_uuid NOT IN (SELECT run_uuid FROM tags WHERE key = 'git_commit')
+"""
 COMMITS = """
 SELECT value FROM tags WHERE key IN ('git_commit', 'mlflow.source.git.commit')
 UNION ALL SELECT value FROM model_version_tags WHERE key = 'git_commit'
@@ -81,17 +85,26 @@ def lock(project: Path, **params: object) -> None:
     stages = {}
     for agent in AGENTS:
         paths = Paths(project).agent(agent)
-        written = {str(seed): {"policy.zip": digest(paths.seed(seed).policy)} for seed in SEEDS}
+        files = {seed: filter(Path.exists, paths.seed(seed).files) for seed in SEEDS}
+        written = {str(seed): {it.name: digest(it) for it in its} for seed, its in files.items()}
         write_json(paths.training, written)
         kept = {"seeds": [0], "env": params["env"], f"agents.{agent}": params["agents"][agent]}
-        stages[f"train@{agent}"] = locked(project, paths.training, kept)
-    stages["compare"] = locked(project, Paths(project).comparison, {})
+        stages[f"train@{agent}"] = locked(project, kept, paths.training)
+        stages[f"evaluate@{agent}"] = locked(project, {}, paths.seed_means, paths.variants)
+    paths = Paths(project)
+    stages["compare"] = locked(project, {}, paths.comparison)
+    stages |= {
+        "timing": locked(project, {}, paths.speed),
+        "report": locked(project, {}, paths.report),
+    }
+    stages["build"] = locked(project, {"robot": params["robot"], "record.fps": 0})
     write_json(project / "dvc.lock", {"schema": "2.0", "stages": stages})
 
 
-def locked(project: Path, path: Path, params: Mapping[str, object]) -> dict[str, object]:
-    md5 = hashlib.md5(path.read_bytes(), usedforsecurity=False).hexdigest()
-    outs = [{"path": str(path.relative_to(project)), "md5": md5}]
+def locked(project: Path, params: Mapping[str, object], *paths: Path) -> dict[str, object]:
+    md5s = [hashlib.md5(path.read_bytes(), usedforsecurity=False).hexdigest() for path in paths]
+    names = [str(path.relative_to(project)) for path in paths]
+    outs = [{"path": name, "md5": md5} for name, md5 in zip(names, md5s, strict=True)]
     return {"params": {"params.yaml": params}, "outs": outs}
 
 
@@ -120,12 +133,12 @@ def test_the_commit_that_holds_what_was_run_is_named_once(untracked_project: Pat
     assert commit(project) != first
     tracked(project)
     assert state(project) == before and query(project, COMMITS) == named
-    train(project, "sac", 0, value=0.5)
+    change(project / "results" / "agents" / "sac" / "seeds.csv", "1,115,", "1,5,")
+    train(project, "pgpe", 0, value=0.5)
     lock(project)
-    assert tracked(project)[-1].endswith("1 created, 3 unchanged")
-    assert query(project, "SELECT COUNT(*) FROM model_version_tags WHERE key = 'git_commit'") == [
-        (4,)
-    ]
+    assert tracked(project)[-1].endswith("1 created, 1 replaced, 2 unchanged")
+    names = sorted(name for (name,) in query(project, NAMELESS))
+    assert names[1:] == ["pgpe, 2 seeds", "pgpe-seed-0", "sac, 2 seeds", "sac-seed-1"]
 
 
 def test_what_was_trained_with_other_parameters_is_not_shown_with_these(project: Path) -> None:
@@ -137,6 +150,23 @@ def test_what_was_trained_with_other_parameters_is_not_shown_with_these(project:
     first, *_, last = tracked(project)
     assert first == "not trained yet: sac seed 0, sac seed 1"
     assert last.endswith(": 2 unchanged") and ids(project) == before
+
+
+def test_what_a_stage_left_that_was_refused_is_not_shown(project: Path) -> None:
+    """Its policies may be those of parameters that were saved over, or of other code."""
+    lock(project)
+    kept = (project / "dvc.lock").read_bytes()
+    train(project, "sac", 0, value=0.5)
+    lock(project)
+    (project / "dvc.lock").write_bytes(kept)
+    assert tracked(project)[0] == "not trained yet: sac seed 0, sac seed 1"
+
+
+@pytest.mark.parametrize("lock", ["stages:", "[]", "stages: {train@sac: }", "[" * 5000, "{", "\0"])
+def test_a_lock_that_dvc_has_not_written_is_none(project: Path, lock: str) -> None:
+    (project / "dvc.lock").write_text(lock, encoding="utf-8")
+    commit(project, "dvc.lock")
+    assert tracked(project)[-1].endswith(": 4 unchanged")
 
 
 def test_a_policy_that_was_not_trained_is_not_shown(project: Path) -> None:
