@@ -129,7 +129,7 @@ def published_table(root: Path) -> str:
         InputError: SAC was not validated at these numbers of control steps.
     """
     params = params_file.load(Paths(root).params)
-    ours = [curves.evaluations(curves.read(root, params, "sac", seed)) for seed in params.seeds]
+    ours = [curves.evaluations(curves.read(root, "sac", seed)) for seed in params.seeds]
     published = tables.read(PUBLISHED, "train@sac", {}, PUBLISHED_COLUMNS)
     rows = []
     for steps in PUBLISHED_STEPS:

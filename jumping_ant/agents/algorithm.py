@@ -29,10 +29,6 @@ class AgentBlock(Block):
     def max_env_steps(self) -> int:
         """Budget of a seed [control steps]; 0 if nothing is trained."""
 
-    def has_ended(self, env_steps: int, updates: int, episodes: int) -> bool:
-        """Return whether a seed has used up its budget after so much training."""
-        return env_steps >= self.max_env_steps
-
     def fault(self, env: EnvParams) -> str | None:
         """Return what does not fit the task (key, given, allowed), or None if the block fits."""
         return None

@@ -323,7 +323,7 @@ def _fitness(root: Path, params: Params, seeds: Sequence[int]) -> dict[str, Trac
     needed = max(map(max, printed_values.PGPE_TRACES.values()))
     rows: dict[str, list[Array]] = {name: [] for name in names}
     for seed in seeds:
-        curve = curves.read(root, params, "pgpe", seed)
+        curve = curves.read(root, "pgpe", seed)
         is_generation = ~np.isnan(curve["updates"])  # the other rows are from validation
         path = Paths(root).agent("pgpe").seed(seed).curve
         if (count := int(is_generation.sum())) < needed:

@@ -60,26 +60,22 @@ def read_interface(path: Path) -> Interface:
     return _open(path)[1]
 
 
-def parse(source: bytes | BinaryIO, owner: Owner | None = None) -> Policy:
-    """Read a policy file's content, or an open policy file.
-
-    Raises:
-        InputError: It is no policy file, or that of another agent or seed than an `owner`.
-    """
-    return _parse(source, owner)[0]
+def parse(source: bytes | BinaryIO) -> Policy:
+    """Read a policy file's content, or an open policy file; others are an InputError."""
+    return _parse(source)[0]
 
 
 def _open(path: Path) -> tuple[Policy, Interface]:
     try:
         with path.open("rb") as file:
-            return _parse(file, None)
+            return _parse(file)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; `dvc repro` trains it") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def _parse(source: bytes | BinaryIO, owner: Owner | None) -> tuple[Policy, Interface]:
+def _parse(source: bytes | BinaryIO) -> tuple[Policy, Interface]:
     try:
         entries = Archive(source)
         interface = interface_of(entries)
@@ -88,17 +84,9 @@ def _parse(source: bytes | BinaryIO, owner: Owner | None) -> tuple[Policy, Inter
         shape = policy.act(np.zeros((1, interface.num_observations or 1))).shape
         if shape != (1, interface.num_motors):
             raise ValueError(f"torques of shape {shape} for {interface.num_motors} motors")
-        stated = json.loads(entries[OWNER]) if OWNER in entries else None
-        stated = stated and (stated["agent"], stated["seed"])
     except Exception as error:  # any error here means that the file is damaged
         raise InputError(
             f"policy file: given what is not a policy ({told(error)}); "
             "allowed: a policy.zip that `dvc repro` trained"
         ) from error
-    if owner and stated != owner:
-        given = f"that of agent {stated[0]}, seed {stated[1]}" if stated else "one of no agent"
-        raise InputError(
-            f"policy file: given {given}, allowed: that of agent {owner[0]}, seed {owner[1]}; "
-            f"run `dvc repro --force train@{owner[0]}`"
-        )
     return policy, interface

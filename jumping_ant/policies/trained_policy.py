@@ -11,6 +11,6 @@ def load(paths: SeedPaths, is_final: bool = False) -> Policy:
     path = paths.final_policy if is_final else paths.policy
     content = paths.content(path)
     try:
-        return policy_file.parse(content, paths.owner)
+        return policy_file.parse(content)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

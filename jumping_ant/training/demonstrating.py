@@ -19,7 +19,7 @@ def demonstrate(root: Path, params: Params, algorithm: str, num_threads: int = 1
     paths = Paths(root).agent(settings.agent).seed(best)
     content = paths.content(paths.policy)
     world = World(robot.read(root, agent.robot), params.env)
-    policy, steps = policy_file.parse(content, paths.owner), 0
+    policy, steps = policy_file.parse(content), 0
     episodes: list[Labelled] = []
     while steps < settings.steps:
         first = settings.seed + EPISODES_AT_ONCE * len(episodes)

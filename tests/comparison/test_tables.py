@@ -127,22 +127,6 @@ def test_the_order_of_rows_changes_no_bit(project):
     assert compared(project) == expected
 
 
-def test_a_cut_training_is_noticed(project):
-    """Even if both its tables end at the same evaluation."""
-    curve = Paths(project).agent("dqn").seed(3).curve
-    timing = Paths(project).agent("dqn").timing
-    rows = read_csv(curve)
-    steps = {row["env_steps"] for row in rows[-2:]}
-    write_csv(curve, rows[:-2])
-    kept = [r for r in read_csv(timing) if (r["seed"], r["env_steps"] in steps) != ("3", True)]
-    write_csv(timing, kept)
-    with pytest.raises(InputError, match="given an end after 750 control steps and 375 updates"):
-        load(project, PARAMS)
-    write_csv(curve, rows[:-1])
-    with pytest.raises(InputError, match="allowed: an evaluation at the end of the agent's budget"):
-        curves.read(project, PARAMS, "dqn", 3)
-
-
 @pytest.mark.parametrize(
     ("table", "column", "cell", "fault"),
     [

@@ -299,27 +299,6 @@ def test_a_missing_file_names_what_writes_it(tmp_path: Path) -> None:
         policy_file.load(tmp_path / "policy.zip")
 
 
-def test_a_published_policy_says_whose_it_is(tmp_path: Path) -> None:
-    paths = Paths(tmp_path).agent("sac").seed(20)
-    content = policy_file.owned(LINEAR, ("sac", 20))
-    write_bytes(paths.policy, content)
-    assert trained_policy.load(paths).to_bytes() == LINEAR
-    assert policy_file.parse(content).to_bytes() == LINEAR
-    for owner in (("sac", 21), ("dqn", 20)):
-        told = (
-            "policy file: given that of agent sac, seed 20, allowed: that of agent "
-            f"{owner[0]}, seed {owner[1]}; run `dvc repro --force train@{owner[0]}`"
-        )
-        with pytest.raises(InputError) as caught:
-            policy_file.parse(content, owner)
-        assert str(caught.value) == told
-    write_bytes(paths.policy, LINEAR)
-    with pytest.raises(InputError, match="given one of no agent, allowed: that of agent sac"):
-        trained_policy.load(paths)
-    with pytest.raises(InputError, match="given what is not a policy"):
-        policy_file.parse(pack({**Archive(LINEAR), "owner.json": b"[1]"}))
-
-
 @pytest.mark.parametrize("is_final", [False, True])
 def test_a_policy_is_the_one_that_was_trained(tmp_path: Path, is_final: bool) -> None:
     """Another one of the same agent and seed, as from a remote that somebody else writes to."""

@@ -54,10 +54,6 @@ class OpenLoopParams(AgentBlock):
         """Budget of a seed [control steps], if no episode ends early."""
         return len(self.half_periods) * self.episodes * self.episode_steps
 
-    def has_ended(self, env_steps: int, updates: int, episodes: int) -> bool:
-        """Return whether a seed has tried all rhythms."""
-        return updates >= len(self.half_periods)
-
 
 _TRAINER = "jumping_ant.agents.baselines.trainer"
 ALGORITHMS = {

@@ -36,10 +36,6 @@ class EvolutionParams(AgentBlock):
         """Budget of a seed [control steps], if no episode ends early."""
         return self.generations * self.population_size * self.episode_steps
 
-    def has_ended(self, env_steps: int, updates: int, episodes: int) -> bool:
-        """Return whether a seed has evolved all its generations."""
-        return updates >= self.generations
-
     def for_timing(self) -> Self:
         """Return settings of two generations; each row of the curve is a generation anyway."""
         return self.model_copy(update={"generations": 2})

@@ -62,10 +62,6 @@ class SB3Params(AgentBlock):
         """Budget of a seed [control steps], if no robot falls within a decision."""
         return self.total_steps
 
-    def has_ended(self, env_steps: int, updates: int, episodes: int) -> bool:
-        """Return whether a seed has used up its budget; falls may have cut decisions."""
-        return env_steps + (self.actions.hold - 1) * episodes >= self.total_steps
-
     @property
     def round_size(self) -> int:
         """Decisions of a round, in all environments."""
