@@ -209,14 +209,15 @@ def _decompositions(square: torch.Tensor) -> Iterator[Any]:
 def _policy(algorithm: str) -> bytes:
     """Return the policy that a short training ends with."""
     agent = ALGORITHMS[algorithm].example_agent()
-    demonstrations = _demonstrations() if agent.learns_from_demonstrations else None
-    *_, finished = trainer_of(agent)(Job(_world(), agent, seed=0, demonstrations=demonstrations))
+    shown = demonstrations() if agent.learns_from_demonstrations else None
+    *_, finished = trainer_of(agent)(Job(_world(), agent, seed=0, demonstrations=shown))
     assert isinstance(finished, Finished)
     return finished.policy
 
 
 @cache
-def _demonstrations() -> bytes:
+def demonstrations() -> bytes:
+    """Return demonstrations of a policy that has hardly been trained."""
     content = _policy("ars")
     expert = policy_file.parse(content)
     played = play(_world(), expert, expert, list(range(10)), 60, 0.25)

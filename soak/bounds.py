@@ -2,9 +2,9 @@
 
 Usage: python -m soak.bounds [--cases NUMBER] [--seed SEED]
 
-Each case is an agent with few updates and one setting changed, in a process of its own, which may
-use so much memory and so many seconds; one that still trains then is fine. The cases are drawn in
-an order that the seed determines; by default all are tried.
+Each case is an algorithm's example agent with one setting changed, in a process of its own, which
+may use so much memory and so many seconds; one that still trains then is fine. The seed, which is
+printed, determines the order; by default all cases are tried.
 """
 
 import math
@@ -19,57 +19,46 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from pydantic import ValidationError
 
 from jumping_ant.agents.catalogue import ALGORITHMS
-from jumping_ant.agents.events import Progress
-from jumping_ant.agents.imitation.demonstrations import Demonstrations, play
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.agents.kernels import use_portable_kernels
 from jumping_ant.base import command_line
 from jumping_ant.base.errors import InputError
 from jumping_ant.params import article
-from jumping_ant.policies import policy_file
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
+from scripts import layers
 
 SECONDS, BYTES = 6, 6 * 2**30  # for a case
-TINY, HUGE = 1e-300, 10**9
-
-
-class Case(NamedTuple):
-    """A setting of an algorithm's example agent, and its value."""
-
-    algorithm: str
-    setting: str
-    value: Any
+FAR = (1e-300, 1e-12, 0.5, 1.0)  # other numbers to try
+Case = tuple[str, str, Any]  # an algorithm, a setting and its value
 
 
 def cases() -> Iterator[Case]:
-    """Yield all cases: numbers, and numbers in lists."""
+    """Yield all cases: numbers, and lists of them."""
     for name, row in ALGORITHMS.items():
         for setting, schema in row.settings.model_json_schema()["properties"].items():
             for kind in (schema, *schema.get("anyOf", ())):
-                for value in values(kind):
-                    yield Case(name, setting, value)
+                yield from ((name, setting, value) for value in values(kind))
 
 
 def values(schema: dict[str, Any]) -> Iterator[Any]:
     """Yield the bounds of a number, those beside them, and values far from what is usual."""
+    low = schema.get("minimum", schema.get("exclusiveMinimum", 0))
+    high = schema.get("maximum", schema.get("exclusiveMaximum", 10**9))
     if schema.get("type") == "array":
-        for value in values(schema.get("items", {})):
-            yield [value]
-            yield [value] * min(schema.get("maxItems", 3), 3)
+        yield from (
+            [value] * length for value in values(schema.get("items", {})) for length in (1, 3)
+        )
     elif schema.get("type") == "integer":
-        low, high = schema.get("minimum", 0), schema.get("maximum", HUGE)
         yield from sorted({low - 1, low, low + 1, high - 1, high, high + 1, 10_000})
     elif schema.get("type") == "number":
-        low = schema.get("minimum", schema.get("exclusiveMinimum", -HUGE))
-        high = schema.get("maximum", schema.get("exclusiveMaximum", HUGE))
-        beside = [low, high, math.nextafter(low, high), math.nextafter(high, low)]
-        yield from sorted({*map(float, beside), TINY, 1e-12, 0.5, 1.0})
+        beside = (low, high, math.nextafter(low, high), math.nextafter(high, low))
+        yield from sorted({*map(float, beside), *FAR})
 
 
 @cache
@@ -78,37 +67,26 @@ def world() -> World:
     return World(robot.build(article.ROBOT), article.ENV)
 
 
-@cache
-def demonstrations() -> bytes:
-    """Return some of a policy that has hardly been trained."""
-    agent = ALGORITHMS["ars"].example_agent()
-    *_, finished = trainer_of(agent)(Job(world(), agent, seed=0))
-    expert = policy_file.parse(finished.policy)  # type: ignore[union-attr]
-    played = play(world(), expert, expert, list(range(10)), 60, 0.25)
-    return Demonstrations(played, finished.policy).to_bytes()  # type: ignore[union-attr]
-
-
-def run(case: Case) -> str:
-    """Train a case's agent; return what became of it."""
-    example = ALGORITHMS[case.algorithm].example_agent()
+def run(algorithm: str, setting: str, value: Any) -> str:
+    """Train an agent; return what became of it."""
+    example = ALGORITHMS[algorithm].example_agent()
     try:
-        agent = type(example).model_validate(example.model_dump() | {case.setting: case.value})
+        agent = type(example).model_validate(example.model_dump() | {setting: value})
     except ValidationError:
         return "refused"
-    if agent.fault(world().env):
-        return "refused"
-    content = demonstrations() if agent.learns_from_demonstrations else None
+    content = layers.demonstrations() if agent.learns_from_demonstrations else None
     try:
-        for event in trainer_of(agent)(Job(world(), agent, seed=0, demonstrations=content)):
-            if isinstance(event, Progress) and not math.isfinite(event.env_steps):
-                return "progress without number"
+        if not agent.fault(world().env):
+            list(trainer_of(agent)(Job(world(), agent, seed=0, demonstrations=content)))
+            return "trained"
     except InputError as error:
-        return "refused" if "\n" not in str(error) else f"refused in lines: {error}"
-    return "trained"
+        if "\n" in str(error):
+            return f"refused in several lines: {error}"
+    return "refused"
 
 
 def apart(case: Case) -> str:
-    """Run a case in a process of its own, and return what became of it; a fault has a colon."""
+    """Run a case in a process of its own, and return what became of it, or its fault."""
     with tempfile.TemporaryFile("w+", encoding="utf-8") as said:
         child = os.fork()
         if child == 0:
@@ -117,8 +95,7 @@ def apart(case: Case) -> str:
             resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
             warnings.simplefilter("ignore")  # libraries', of their own
             warnings.simplefilter("always", RuntimeWarning)
-            result = run(case)
-            print(result, flush=True)
+            print(run(*case), flush=True)
             os._exit(0)
         deadline = time.monotonic() + SECONDS
         while not (ended := os.waitpid(child, os.WNOHANG))[0] and time.monotonic() < deadline:
@@ -128,11 +105,11 @@ def apart(case: Case) -> str:
             os.waitpid(child, 0)
         said.seek(0)
         lines = [line for line in said.read().splitlines() if line.strip()]
-    if is_slow:
-        return f"fault: {lines[-1]}" if set(lines) - {"trained"} else "still trains"
-    if ended[1] or len(lines) != 1 or lines[0] not in ("trained", "refused"):
-        return f"fault: status {ended[1]}: {' | '.join(lines[-2:])[:300]}"
-    return lines[0]
+    if lines in (["trained"], ["refused"]) and not ended[1]:
+        return lines[0]
+    if is_slow and not lines:
+        return "still trains"
+    return f"fault: status {ended[1]}: {' | '.join(lines[-2:])[:300]}"
 
 
 def main() -> None:
@@ -144,25 +121,18 @@ def main() -> None:
     print(f"seed {options.seed}", flush=True)
     drawn = list(cases())
     random.Random(options.seed).shuffle(drawn)
-    faults = tried(drawn[: options.cases])
-    sys.exit(bool(faults))
-
-
-def tried(drawn: list[Case]) -> list[str]:
-    """Try cases, print and return the faults, and print what became of the others."""
     use_portable_kernels()
-    _ = world().model, demonstrations()
-    counts, faults = Counter[str](), []
-    for number, case in enumerate(drawn, start=1):
+    _ = world().model, layers.demonstrations()
+    counts = Counter[str]()
+    for number, case in enumerate(drawn[: options.cases], start=1):
         result = apart(case)
-        if number % 100 == 0:
-            print(number, dict(counts), flush=True)
         counts[result.partition(":")[0]] += 1
         if result.startswith("fault"):
-            faults.append(f"{case.algorithm}.{case.setting} = {case.value!r}: {result}")
-            print(faults[-1], flush=True)
-    print(dict(counts), flush=True)
-    return faults
+            print(*case, result, flush=True)
+        if number % 100 == 0:
+            print(number, dict(counts), flush=True)
+    print(dict(counts))
+    sys.exit(bool(counts["fault"]))
 
 
 if __name__ == "__main__":
