@@ -6,9 +6,11 @@ Usage: python -m scripts.repro [STAGE ...] (`make repro`)
 import re
 import subprocess
 import sys
+from contextlib import suppress
+from typing import Any
 
 from jumping_ant.base import command_line, output
-from jumping_ant.base.errors import reported
+from jumping_ant.base.errors import InputError, reported
 from jumping_ant.base.files import read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.params import params_file
@@ -47,9 +49,10 @@ def run(targets: list[str], stages: list[str]) -> None:
     """List stages with the seconds that each noted last, and run DVC; exit as it if it fails."""
     from dvc.cli import main as dvc  # type: ignore[import-untyped]
 
-    path = Paths().seconds
-    last = read_json(path, "") if path.exists() else {}
-    listed = {stage: last.get(stage, 0) for stage in stages}
+    last: dict[str, Any] = {}
+    with suppress(InputError):  # a hint: none, or a damaged one
+        last = read_json(Paths().seconds, "")
+    listed = {it: last[it] if isinstance(last.get(it), int | float) else 0 for it in stages}
     print("To run, if inputs have changed by then, with the seconds of the last time:")
     for name, seconds in [*listed.items(), ("sum", sum(listed.values()))]:
         print(f"  {name:36}{f'{seconds:.0f}' if seconds else '-':>8}")

@@ -16,8 +16,7 @@ def main() -> None:
     """Run the stage."""
     settings, paths = parse(__doc__), Paths()
     with blamed("compare", paths.comparison, paths.robustness):
-        content = page.build(PROJECT_ROOT, settings)
-    write_text(paths.report, content)
+        write_text(paths.report, page.build(PROJECT_ROOT, settings))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ Reads:  params.yaml, the robots in assets/, models/<agent>/seed-<n>/curve.csv,
 Writes: results/scaling.csv, results/speed.json
 """
 
-from jumping_ant.base.files import PROJECT_ROOT, read_json, to_json, write_all
+from jumping_ant.base.files import PROJECT_ROOT, blamed, read_json, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import results, timing
 from jumping_ant.training import curves, scaling
@@ -21,7 +21,8 @@ def main() -> None:
     agents = results.load(PROJECT_ROOT, settings, curves.read_timed)
     compared = read_json(paths.comparison, "compare")
     measured = scaling.measure_all(PROJECT_ROOT, settings)
-    timed = timing.summarize(settings, agents, compared, measured)
+    with blamed("compare", paths.comparison):
+        timed = timing.summarize(settings, agents, compared, measured)
     table = scaling.to_csv(measured, settings.seeds)
     write_all({paths.scaling: table, paths.speed: to_json(timed)})
 

@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[Any]
 
+MOST_ENTRIES = 2000
+MOST_JSON = 2**22  # [bytes]: in memory it is thirty times as large
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip entry can carry
 _UNIX, _PRIVATE = 3, 0o600 << 16  # the system that packed an entry, and its permissions there
 _VALUES = "values.json"
@@ -42,8 +44,11 @@ class Archive(Mapping[str, bytes]):
         file = io.BytesIO(source) if isinstance(source, bytes) else source
         self._size = file.seek(0, io.SEEK_END)
         self._archive = zipfile.ZipFile(file)
-        if sum(entry.file_size for entry in self._archive.infolist()) > self._size:
+        entries = self._archive.infolist()
+        if sum(entry.file_size for entry in entries) > self._size:
             raise ValueError("entries that are larger than their archive")  # as they overlap
+        if len(entries) > MOST_ENTRIES or len(entries) > len({it.filename for it in entries}):
+            raise ValueError(f"more than {MOST_ENTRIES} entries, or two of a name")
 
     def __getitem__(self, name: str) -> bytes:
         self.size(name)
@@ -57,6 +62,12 @@ class Archive(Mapping[str, bytes]):
         if entry.file_size != entry.compress_size:
             raise ValueError(f"{name}: not of its declared size")
         return entry.file_size
+
+    def json(self, name: str) -> Any:
+        """Return what an entry of JSON holds."""
+        if self.size(name) > MOST_JSON:
+            raise ValueError(f"{name}: more than {MOST_JSON:,} bytes of JSON")
+        return json.loads(self[name])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._archive.namelist())
@@ -109,7 +120,7 @@ def pack_state(state: Mapping[str, Any]) -> bytes:
 def unpack_state(content: bytes) -> dict[str, Any]:
     """Return the state that `pack_state` packed."""
     archive = Archive(content)
-    state: dict[str, Any] = json.loads(archive[_VALUES])
+    state: dict[str, Any] = archive.json(_VALUES)
     for path in archive:
         if path == _VALUES:
             continue

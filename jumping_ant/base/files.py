@@ -1,14 +1,16 @@
 """Atomic writes, reads of stage outputs, and digests of files."""
 
+import errno
 import glob
 import hashlib
 import json
 import os
 import re
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from jumping_ant.base.errors import InputError, told
 
@@ -94,10 +96,25 @@ def digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+@contextmanager
+def regular(path: Path) -> Iterator[BinaryIO]:
+    """Open a regular file; others, which may have no end or no writer, are an OSError."""
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "Not a regular file")
+        yield file
+
+
+def content(path: Path) -> bytes:
+    """Return the content of a regular file."""
+    with regular(path) as file:
+        return file.read()
+
+
 def read_bytes(path: Path, stage: str) -> bytes:
     """Read a file that a stage has written; an InputError says what to run if that fails."""
     try:
-        return path.read_bytes()
+        return content(path)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; run `dvc repro {stage}`") from error
 
@@ -105,12 +122,12 @@ def read_bytes(path: Path, stage: str) -> bytes:
 def read_json(path: Path, stage: str) -> dict[str, Any]:
     """Read a JSON object that a stage has written; an InputError says what to run if that fails."""
     try:
-        content = json.loads(read_bytes(path, stage))
-        if not isinstance(content, dict):
-            raise ValueError(f"given a {type(content).__name__}, allowed: an object")
+        found = json.loads(read_bytes(path, stage))
+        if not isinstance(found, dict):
+            raise ValueError(f"given a {type(found).__name__}, allowed: an object")
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not JSON: {error}; run `dvc repro --force {stage}`") from error
-    return content
+    return found
 
 
 @contextmanager

@@ -16,7 +16,7 @@ def lock(path: Path, root: Path, **options: Any) -> FileLock:
     """Return a lock in a project, with other options of `FileLock`; its folder exists by then."""
     path.parent.mkdir(parents=True, exist_ok=True)
     mode = SHARED if _is_shared(root) else ALONE
-    if path.exists() and path.stat().st_uid == os.getuid():
+    if path.exists() and not path.is_symlink() and path.stat().st_uid == os.getuid():
         path.chmod(mode)
     return FileLock(path, mode=mode, **options)
 

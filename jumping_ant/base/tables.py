@@ -116,12 +116,15 @@ def exactly(table: Table, asked: Sequence[Sequence[float | str]], *keys: str) ->
     return {name: column[order] for name, column in table.items()}
 
 
+MOST_COLUMNS = 200  # of a table; more would take pandas minutes
+
+
 @contextmanager
 def blamed(path: Path, stage: str) -> Iterator[None]:
     """Turn a ValueError about a file into an InputError that names it and the stage to run."""
     try:
         yield
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: {reason}; run `dvc repro --force {stage}`") from error
 
@@ -134,6 +137,8 @@ def _parse(
 ) -> Table:
     import pandas as pd  # takes half a second, and training only writes
 
+    if content.partition(b"\n")[0].count(b",") >= MOST_COLUMNS:
+        raise ValueError(f"given more columns than {MOST_COLUMNS}")
     whose = {name: Column(words=(str(value),)) for name, value in owner.items()}
     kinds = {**whose, **columns}
     words = {name: str for name, kind in kinds.items() if kind.words}

@@ -64,9 +64,9 @@ def frames(
     xml: str, trajectory: Trajectory, params: RecordParams, processes: int = 0, view: View = VIEW
 ) -> Iterator[NDArray[np.uint8]]:
     """Draw an episode's first seconds on demand, as pictures of shape (height, width, 3)."""
-    rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
     model = scene(xml, view.shadow_size)
     trajectory.check(model)
+    rows = trajectory.rows(frame_stride(trajectory.timestep, params.fps), params.seconds)
     shots = Shots(
         model=model,
         qpos=trajectory.qpos[rows],

@@ -246,7 +246,7 @@ class ComputeParams(Block):
 class EvaluateParams(Block):
     """Held-out episodes (see `jumping_ant.evaluation.evaluation`)."""
 
-    episodes: Count
+    episodes: Annotated[int, Field(ge=1, le=10_000)]
     """[-] For each seed, of learners and of the variants of their policies that claims are on."""
     baseline_episodes: Count
     """[-] For each seed, of baselines and of all other variants: the first of the seed's block."""
@@ -302,7 +302,7 @@ class MarginParams(Block):
 class CompareParams(Block):
     """Statistics (see `jumping_ant.comparison.estimates` and `jumping_ant.comparison.claims`)."""
 
-    confidence: Annotated[float, Field(gt=0, lt=1)] = 0.95
+    confidence: Annotated[float, Field(ge=0.5, le=0.9999)] = 0.95
     """[-] Confidence level of every interval."""
     bootstrap_samples: Annotated[int, Field(ge=100, le=10**6)]
     """[-] Bootstrap resamples for the interval of a statistic that has no formula."""

@@ -11,10 +11,11 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
+from ruamel.yaml.constructor import SafeConstructor
 from ruamel.yaml.error import YAMLError
 
-from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import CODE_ROOT, PROJECT_ROOT
+from jumping_ant.base.errors import InputError, told
+from jumping_ant.base.files import CODE_ROOT, PROJECT_ROOT, regular
 from jumping_ant.params.model import Params
 
 # The default parameters: those of the checkout, or those included in the wheel.
@@ -29,6 +30,15 @@ MOST_VALUES = 100_000  # of a params file; the default has some 300
 COMPLETE = ("missing", "value_error", "union_tag_invalid", "union_tag_not_found")
 
 
+class _Constructor(SafeConstructor):
+    """Refuses merge keys, which copy what they name, and so may double it in each line."""
+
+    def flatten_mapping(self, node: Any) -> Any:
+        """Do nothing, if there is nothing to merge."""
+        if any(key.tag.endswith(":merge") for key, _ in node.value):
+            raise YAMLError(f"merge keys (<<) in line {node.start_mark.line + 1}")
+
+
 def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
     """Read and check a params file; an InputError has a line for each error."""
     return check(read(path), path.name)
@@ -37,8 +47,8 @@ def load(path: Path = PROJECT_ROOT / "params.yaml") -> Params:
 def read(path: Path) -> Any:
     """Read a params file without checking what it holds."""
     try:
-        with path.open(encoding="utf-8") as file:
-            text = file.read(MOST_CHARACTERS + 1)
+        with regular(path) as file:
+            text = file.read(4 * MOST_CHARACTERS).decode()
         if len(text) > MOST_CHARACTERS:
             raise InputError(f"{path.name}: given more, allowed: {MOST_CHARACTERS:,} characters")
         content = parse(text)
@@ -60,10 +70,13 @@ def parse(text: str) -> Any:
 
 @functools.lru_cache(maxsize=4)  # a stage reads its files at its beginning and its end
 def _parsed(text: str) -> Any:
+    yaml = YAML(typ="safe", pure=True)  # depth would crash the parser in C
+    yaml.Constructor = _Constructor
     try:
-        return YAML(typ="safe", pure=True).load(text)  # depth would crash the parser in C
-    except ValueError as error:  # an odd scalar, such as the 45th day of a month
-        raise YAMLError(str(error)) from error
+        return yaml.load(text)
+    except (ValueError, TypeError, LookupError, AttributeError, OverflowError) as error:
+        said = str(error) if isinstance(error, ValueError) else told(error)
+        raise YAMLError(said) from error  # an odd scalar, such as the 45th day of a month
 
 
 def check(content: Any, where: str = "params.yaml") -> Params:

@@ -56,7 +56,10 @@ class Network(Stateless):
         outputs = len(layers[-1][1])
         if actions.table is not None and outputs != len(actions.table):
             raise ValueError(f"a network of {outputs} outputs instead of {len(actions.table)}")
-        return cls(state[cls.FACTORS], actions, layers, **cls._heads(state))
+        factors = state[cls.FACTORS]
+        if factors.shape != (layers[0][0].shape[1],) or not np.isfinite(factors).all():
+            raise ValueError("factors that are not finite, or not one for each observation")
+        return cls(factors, actions, layers, **cls._heads(state))
 
     @classmethod
     def _folded(cls, state: State, actions: ActionSet) -> State:

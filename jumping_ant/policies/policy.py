@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from jumping_ant.base.archive import from_array, pack, to_array
 from jumping_ant.policies.actions import ActionSet
@@ -66,8 +66,10 @@ class Interface:
 
 
 class _Header(BaseModel):
+    model_config = ConfigDict(strict=True)
+
     format: Literal[3]
-    hold: Annotated[int, Field(ge=1)]
+    hold: Annotated[int, Field(ge=1, le=10**6)]
     amplitude: Annotated[float, Field(gt=0, le=1)]
     num_observations: Size | None
     num_motors: Size

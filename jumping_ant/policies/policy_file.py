@@ -79,7 +79,7 @@ def _parse(source: bytes | BinaryIO) -> tuple[Policy, Interface]:
     try:
         entries = Archive(source)
         interface = interface_of(entries)
-        policy: Policy = KINDS[json.loads(entries[HEADER])["kind"]].from_entries(interface, entries)
+        policy: Policy = KINDS[entries.json(HEADER)["kind"]].from_entries(interface, entries)
         policy.start([0])
         shape = policy.act(np.zeros((1, interface.num_observations or 1))).shape
         if shape != (1, interface.num_motors):

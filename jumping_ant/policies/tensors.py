@@ -47,14 +47,18 @@ def read(content: bytes) -> dict[str, NDArray[Any]]:
         raise ValueError("tensors of another byte order")
     if archive.size(index) > MOST_INDEX:
         raise ValueError(f"an index of more than {MOST_INDEX} bytes")
-    arrays, room = {}, len(content)
+    arrays, room, storages = {}, len(content), dict[Any, NDArray[Any]]()
     for name, tensor in _unpickled(archive[index]).items():
         size = _size(tensor)
         room -= size * np.dtype(tensor.storage[0]).itemsize
         if room < 0:
             raise ValueError("tensors that are larger than their file")
-        numbers = np.frombuffer(archive[f"{folder}data/{tensor.storage[1]}"], tensor.storage[0])
-        part = numbers[tensor.first : tensor.first + size]
+        if tensor.storage not in storages:
+            kind, entry = tensor.storage
+            storages[tensor.storage] = np.frombuffer(archive[f"{folder}data/{entry}"], kind)
+        if tensor.first < 0:
+            raise ValueError(f"a tensor from number {tensor.first} of its storage")
+        part = storages[tensor.storage][tensor.first : tensor.first + size]
         arrays[name] = part.reshape(tensor.shape).copy()
     return arrays
 

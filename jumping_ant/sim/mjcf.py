@@ -6,11 +6,9 @@ from outside: this module parses it, inserts what it includes, checks every elem
 MuJoCo the text that it writes from the result.
 """
 
-import errno
 import math
 import os
 import re
-import stat
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -21,6 +19,7 @@ from xml.parsers import expat
 import mujoco
 
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import regular
 
 MOST_BYTES = 2**20  # of a robot with all its files; Gymnasium's largest has 12 kB
 MOST_ELEMENTS = 1000  # each as often as it is repeated; Gymnasium's largest robot has 94
@@ -118,14 +117,8 @@ def answered(where: str) -> Iterator[None]:
 
 def content(path: Path) -> bytes:
     """Return a regular file's content, at most a byte more than allowed, or raise OSError."""
-    with open(path, "rb", opener=_without_waiting) as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise OSError(errno.EINVAL, "Not a regular file")
+    with regular(path) as file:
         return file.read(MOST_BYTES + 1)
-
-
-def _without_waiting(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK)  # otherwise a pipe waits for a writer
 
 
 class _Reading:

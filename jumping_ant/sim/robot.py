@@ -11,6 +11,7 @@ import hashlib
 import importlib.metadata
 import math
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -146,6 +147,8 @@ def _edit(xml: str, edits: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> str
             if not matching:
                 allowed = ", ".join(filter(None, names)) or "*, because none has a name"
                 raise InputError(f"{key}: matches no name; allowed: {allowed}")
+            if odd := [name for name in attributes if not re.fullmatch(r"[A-Za-z_]\w*", name)]:
+                raise InputError(f"{key}: given {odd[0][:40]!r}, allowed: names of attributes")
             with mjcf.answered(key):  # Python writes no integer of more than 4300 digits
                 texts = {name: _text(value) for name, value in attributes.items()}
             for each, name in zip(elements, names, strict=True):

@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 
 from jumping_ant.base.archive import Archive, from_array, pack, to_array
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import content
+from jumping_ant.sim.mjcf import TIMESTEPS
 from jumping_ant.sim.rewards import PREFIX, TERMS
+
+LEAST, MOST = TIMESTEPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +35,7 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         steps = len(self.torques)
-        if steps == 0 or not 0 < self.timestep < np.inf or self.frame_skip < 1:
+        if steps == 0 or not LEAST <= self.timestep <= MOST or self.frame_skip < 1:
             raise ValueError(
                 f"given {steps} control steps of {self.frame_skip} simulation steps of "
                 f"{self.timestep} s; allowed: at least one of each, of a positive duration"
@@ -39,7 +43,7 @@ class Trajectory:
         rows = steps * self.frame_skip + 1
         for name, length in {"qpos": rows, "qvel": rows, "torques": steps}.items():
             shape = getattr(self, name).shape
-            if len(shape) != 2 or shape[0] != length:
+            if len(shape) != 2 or shape[0] != length or shape[1] == 0:
                 raise ValueError(f"{name}: given shape {shape}, allowed: {length} rows")
         for name, values in {"rewards": self.rewards, **self.terms}.items():
             if values.shape != (steps,):
@@ -53,6 +57,11 @@ class Trajectory:
                 "trajectory: given states of {} positions and {} velocities and {} torques, "
                 "allowed: the robot's {}, {} and {}; it is of another robot; run `dvc repro` "
                 "to evaluate this one".format(*given, model.nq, model.nv, model.nu)
+            )
+        if self.timestep != model.opt.timestep:
+            raise InputError(
+                f"trajectory: given a time step of {self.timestep:g} s, allowed: the robot's "
+                f"{model.opt.timestep:g} s; run `dvc repro` to evaluate this one"
             )
 
     def rows(self, stride: int = 1, seconds: float = np.inf) -> NDArray[np.int64]:
@@ -89,11 +98,11 @@ def frame_stride(timestep: float, fps: int) -> int:
 def load(path: Path) -> Trajectory:
     """Read a trajectory; anything wrong with it is an InputError."""
     try:
-        archive = Archive(path.read_bytes())
+        archive = Archive(content(path))
         values = {name.removesuffix(".npy"): to_array(archive[name]) for name in archive}
         kinds: dict[str, Any] = {field.name: field.type for field in fields(Trajectory)}
         scalars = [name for name, kind in kinds.items() if kind in (str, int, float)]
-        given: dict[str, Any] = {name: kinds[name](values.pop(name)) for name in scalars}
+        given: dict[str, Any] = {name: _scalar(name, values.pop(name), kinds) for name in scalars}
         for name, array in values.items():
             if array.dtype != np.float64:
                 raise ValueError(f"{name}: given numbers of {array.dtype}, allowed: float64")
@@ -103,3 +112,12 @@ def load(path: Path) -> Trajectory:
     except Exception as error:  # the file is missing or damaged
         reason = " ".join(str(error).split())
         raise InputError(f"trajectory: cannot read {path}: {reason}") from error
+
+
+def _scalar(name: str, value: NDArray[Any], kinds: dict[str, Any]) -> Any:
+    """Return a single text, whole number or number, of the kind that it must be."""
+    kind = kinds[name]
+    if value.shape or value.dtype.kind not in {str: "U", int: "iu", float: "f"}[kind]:
+        given = f"{value.dtype} of shape {value.shape}"
+        raise ValueError(f"{name}: given {given}, allowed: {kind.__name__}")
+    return kind(value)

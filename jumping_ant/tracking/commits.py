@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from ruamel.yaml.error import YAMLError
 
+from jumping_ant.base.files import read_bytes
 from jumping_ant.base.paths import Paths
 from jumping_ant.params import inputs, params_file
 
@@ -49,7 +50,7 @@ class Locked(NamedTuple):
 def workspace(root: Path) -> Locked:
     """Read the `dvc.lock` of a project; before its first run there is none."""
     path = Paths(root).lock
-    return _parsed(root, path.read_text(encoding="utf-8") if path.exists() else "")
+    return _parsed(root, read_bytes(path, "").decode(errors="replace") if path.exists() else "")
 
 
 def head(root: Path) -> Locked:

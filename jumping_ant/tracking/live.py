@@ -11,7 +11,7 @@ from pathlib import Path
 from mlflow.entities import Param, Run
 from mlflow.utils.time import get_current_time_millis
 
-from jumping_ant.base.errors import InputError
+from jumping_ant.base.errors import InputError, printable
 from jumping_ant.base.files import digest
 from jumping_ant.base.paths import Paths
 from jumping_ant.params.model import Params
@@ -55,7 +55,8 @@ class _Follower:
             step()
         except InputError as error:
             if not self._is_reported:
-                print(f"warning: no live curves: {error}; {REST}", file=sys.stderr)
+                warning = printable(f"warning: no live curves: {error}; {REST}")
+                print(warning, file=sys.stderr)
             self._is_reported = True
             return False
         return True

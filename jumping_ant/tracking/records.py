@@ -179,6 +179,7 @@ class ComparisonRecord:
         paths = Paths(self.root)
         with blamed("compare timing", paths.comparison, paths.robustness, paths.speed):
             _ = self.note, self.summary, list(map(self.over_seeds, self.compared))
+            _ = list(map(self.curve_over_seeds, self.compared))
 
     @cached_property
     def note(self) -> str:
@@ -215,7 +216,7 @@ class ComparisonRecord:
             return {}
         with tables.blamed(path, "compare"):
             columns = ["agent", "env_steps", *CURVES_OVER_SEEDS.values()]
-            table = pd.read_csv(path, usecols=columns)
+            table = pd.read_csv(path, usecols=columns, dtype={"agent": str}, keep_default_na=False)
         rows = table[table["agent"] == agent]
         return {
             (name, round(step)): value

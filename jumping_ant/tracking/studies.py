@@ -12,7 +12,8 @@ from typing import Any
 import pandas as pd
 from mlflow.entities import Run
 
-from jumping_ant.base.files import read_json
+from jumping_ant.base.errors import printable
+from jumping_ant.base.files import blamed, read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.tracking import pages
 from jumping_ant.tracking import store as stores
@@ -34,7 +35,8 @@ def track(root: Path, say: Callable[[str], None]) -> None:
     store = stores.connect(root, EXPERIMENT)
     with failures_as_input_errors(store.uri), mirrored_alone(store.uri, say):
         for path in summaries:
-            _mirror(store, path, path.with_suffix(".csv"), say)
+            with blamed("tune", path, path.with_suffix(".csv")):
+                _mirror(store, path, path.with_suffix(".csv"), say)
 
 
 def _mirror(store: Store, path: Path, trials_path: Path, say: Callable[[str], None]) -> None:
@@ -65,7 +67,7 @@ def _mirror(store: Store, path: Path, trials_path: Path, say: Callable[[str], No
     verbs = [store.settle(_trial(row, study), known[row["trial"]])[1] for row in rows]
     num_new = len(rows) - verbs.count("unchanged")
     if num_new or verb != "unchanged":
-        say(f"study {name}: {len(rows)} trials, {num_new} new")
+        say(printable(f"study {name}: {len(rows)} trials, {num_new} new"))
 
 
 def _trial(row: Mapping[str, Any], study: Run) -> Content:

@@ -33,7 +33,7 @@ from jumping_ant.agents.training_code import training_code
 from jumping_ant.base import effective_code, locks, machine, process
 from jumping_ant.base.archive import Archive, pack
 from jumping_ant.base.errors import told
-from jumping_ant.base.files import write_bytes
+from jumping_ant.base.files import content, write_bytes
 from jumping_ant.base.paths import home
 from jumping_ant.params.blocks import TrainingParams
 from jumping_ant.sim.world import World
@@ -65,21 +65,22 @@ def owner_of(path: Path) -> str:
     return "/".join([*path.parts[-3:-1], path.name.partition(".")[0]])
 
 
-Steps = Annotated[int, Field(ge=0)]
-Seconds = Annotated[float, Field(ge=0)]
+Steps = Annotated[int, Field(ge=0, le=10**15, strict=True)]
+Seconds = Annotated[float, Field(ge=0, le=1e12, strict=True)]
+Return = Annotated[float, Field(ge=-1e15, le=1e15, strict=True)]
 
 
 class _Header(BaseModel):
     """What a file says beside its policies."""
 
-    model_config = ConfigDict(strict=True, extra="forbid")
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     env_steps: Steps
     seconds: Seconds
     timing: list[tuple[Steps, Seconds]]
     machine: dict[str, Any] | None
     curve: str
-    candidates: list[tuple[Steps, Annotated[list[float], Field(min_length=1)]]]
+    candidates: list[tuple[Steps, Annotated[list[Return], Field(min_length=1)]]]
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,8 @@ class Saved:
         if _digest(owner, packed) != digest:
             raise ValueError("the digest does not match")
         entries = Archive(packed)
-        header = _Header.model_validate_json(entries[_HEADER])
+        header = _Header.model_validate(entries.json(_HEADER))
+        json.dumps(header.machine, allow_nan=False)
         candidates = tuple(
             Candidate(env_steps, tuple(returns), entries[_policy(rank)])
             for rank, (env_steps, returns) in enumerate(header.candidates)
@@ -177,7 +179,7 @@ class Checkpoints:
 
     def _read(self, path: Path, is_finished: bool = False) -> Saved | None:
         try:
-            saved = Saved.from_bytes(path.read_bytes(), owner_of(path))
+            saved = Saved.from_bytes(content(path), owner_of(path))
             if is_finished and not saved.candidates:
                 raise ValueError("no candidate to publish")
             return saved
@@ -187,7 +189,7 @@ class Checkpoints:
 
     def _generations(self, seed: int) -> list[Path]:
         """Return a seed's checkpoints, oldest first."""
-        paths = self._folder.glob(f"seed-{seed}.*.checkpoint")
+        paths = self._folder.glob(f"seed-{seed}.[1-9]*.checkpoint")
         return sorted(paths, key=lambda path: int(path.suffixes[-2][1:]))
 
     def _finished_path(self, seed: int) -> Path:

@@ -2,6 +2,7 @@ import copy
 import hashlib
 import io
 import pickle
+import warnings
 import zipfile
 
 import numpy as np
@@ -61,6 +62,15 @@ def test_what_takes_more_than_it_holds_is_refused() -> None:
     assert len(zipfile.ZipFile(buffer).namelist()) == 2
     with pytest.raises(ValueError, match="larger than their archive"):
         archive.Archive(buffer.getvalue())
+    with pytest.raises(ValueError, match="or two of a name"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        twice = io.BytesIO()
+        with zipfile.ZipFile(twice, "w") as zipped:
+            zipped.writestr("a", b"")
+            zipped.writestr("a", b"1")
+        archive.Archive(twice.getvalue())
+    with pytest.raises(ValueError, match="bytes of JSON"):
+        archive.Archive(archive.pack({"a": b" " * (archive.MOST_JSON + 1)})).json("a")
     nothing = archive.from_array(np.zeros(10**6, "V0"))
     with pytest.raises(ValueError, match="no number or text"):
         archive.to_array(nothing)

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from jumping_ant.base import files
+from jumping_ant.base.errors import InputError
 
 
 def test_folders_are_made_and_the_content_is_as_given(tmp_path: Path) -> None:
@@ -133,3 +134,15 @@ def test_json_has_no_numbers_that_are_none(tmp_path: Path, number: float) -> Non
     with pytest.raises(ValueError, match="not JSON compliant"):
         files.write_json(tmp_path / "a.json", {"x": number})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_no_regular_file_is_not_read(tmp_path: Path) -> None:
+    """A link to a device has no end, and a pipe may have no writer."""
+    pipe, link = tmp_path / "pipe", tmp_path / "link"
+    os.mkfifo(pipe)
+    link.symlink_to("/dev/zero")
+    for path in (pipe, link, tmp_path):
+        with pytest.raises(
+            InputError, match="(Not a regular file|Is a directory); run `dvc repro x"
+        ):
+            files.read_bytes(path, "x")

@@ -10,7 +10,7 @@ import pytest
 from changed_params import CONTENT, MISSING, changed, refusal
 
 from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.params import params_file, presets
 
 RANDOM = CONTENT["agents"]["random"]
@@ -96,6 +96,10 @@ def test_too_many_seeds_are_refused_at_once(tmp_path: Path) -> None:
         ("-S agents.dqn.gama=0.5", "Could not override 'agents.dqn.gama'."),
         ("-S seeds=range(0,1000000000)", "given 'seeds=range(0,1000000000)', allowed: values"),
         ("-S env.reward=${oc.env:HOME}", "given 'env.reward=${oc.env:HOME}', allowed: values"),
+        (
+            r"-S env.reward=$\{oc.env:HOME}",
+            "given 'env.reward=$\\\\{oc.env:HOME}', allowed: values",
+        ),
         (f"-S seeds={'[' * 5000}", ""),
         (f"-S seeds={list(range(60_000))}", "given 408,899 characters, allowed: 20,000"),
     ],
@@ -107,6 +111,18 @@ def test_presets_are_nothing_but_overrides(tmp_path: Path, text: str, said: str)
     line = f"presets/mine: not overrides of params.yaml: {said}"
     with pytest.raises(InputError, match=re.escape(line)):
         presets.load("mine", tmp_path)
+
+
+def test_presets_read_no_variables_for_a_params_file(tmp_path: Path) -> None:
+    """DVC would resolve references in it, and read it whatever it holds."""
+    write_text(tmp_path / "presets" / "mine", "-S seeds=[1]")
+    for more in ("zz: ${oc.env:HOME}", "a: &a {<<: {b: 1}}"):
+        text = (PROJECT_ROOT / "params.yaml").read_text(encoding="utf-8")
+        write_text(tmp_path / "params.yaml", f"{text}\n{more}\n")
+        with pytest.raises(
+            InputError, match=r"params.yaml: (given a reference|not YAML: merge ke)"
+        ):
+            presets.load("mine", tmp_path)
 
 
 def test_an_unknown_agent_is_answered_with_those_there_are() -> None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,10 @@ FIELDS = {name: value for name, value in vars(make()).items() if name != "terms"
                 ("rewards", np.zeros(5)),
                 ("rewards", np.zeros(4, np.int8)),
                 ("reward_of_mine", np.zeros(4)),
+                ("qpos", np.zeros((21, 0))),
+                ("seed", np.float64(30.7)),
+                ("seed", np.str_("30")),
+                ("frame_skip", np.ones(1, int)),
             )
         ),
     ],
@@ -93,6 +98,12 @@ def test_damaged_and_foreign_files_are_refused(
         path.write_bytes(content)
     with pytest.raises(InputError, match=words):
         trajectory.load(path)
+
+
+@pytest.mark.parametrize("step", [1e-300, 3e-13, 1e300, 0.0])
+def test_a_time_step_that_no_robot_has_is_refused(step: float) -> None:
+    with pytest.raises(ValueError, match="simulation steps of"):
+        replace(make(), timestep=step)
 
 
 def test_an_empty_trajectory_is_refused() -> None:

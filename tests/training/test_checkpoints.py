@@ -1,6 +1,7 @@
 import fcntl
 import hashlib
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -101,7 +102,10 @@ def test_a_finished_seed_needs_no_checkpoint(tmp_path: Path, said: list[str]) ->
     ("name", "value"),
     [
         *(("env_steps", value) for value in ("x", 1.5, -1, True, None, [])),
-        *(("seconds", value) for value in ("x", -1.0, None)),
+        *(("seconds", value) for value in ("x", -1.0, None, math.inf)),
+        ("env_steps", 10**30),
+        ("machine", {"x": math.nan}),
+        ("candidates", [[1, [math.nan]]]),
         *(("timing", value) for value in ("x", [["1", "2"]], [[1]], [1, 2], {})),
         *(("machine", value) for value in ("x", [1])),
         *(("curve", value) for value in (1, None, ["a"])),

@@ -59,12 +59,14 @@ class Demonstrations:
         """Read a file's content; no code in it is run."""
         try:
             entries = Archive(content)
-            if (found := json.loads(entries[_HEADER])["format"]) != FORMAT:
+            if (found := entries.json(_HEADER)["format"]) != FORMAT:
                 raise ValueError(f"format {found!r} instead of {FORMAT}")
             labelled = Labelled(*(to_array(entries[name]) for name in _ARRAYS))
             observations, torques, returns = vars(labelled).values()
             if not (observations.ndim == torques.ndim == 2 and returns.ndim == 1):
                 raise ValueError("arrays of other dimensions")
+            if any(array.dtype.kind != "f" for array in (observations, torques, returns)):
+                raise ValueError("arrays of other kinds")
             if not len(observations) == len(torques) == len(returns) > 0:
                 raise ValueError("arrays of different lengths, or empty ones")
             if not (np.isfinite(observations).all() and (np.abs(torques) <= 1).all()):
