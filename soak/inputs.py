@@ -13,7 +13,7 @@ EACH = 5  # cut versions of each file
 INPUTS = [  # file, what the error names, the stage that reads the file
     ("params.yaml", "params.yaml", ("build",)),
     ("assets/edited.xml", "robot XML", ("train", "dqn")),
-    (f"models/{AGENT}/seed-0/policy.zip", "policy file", ("evaluate", AGENT)),
+    (f"models/{AGENT}/seed-0/policy.zip", "policy.zip: given another file", ("evaluate", AGENT)),
     (f"results/agents/{AGENT}/trajectory.npz", "trajectory.npz", ("record", AGENT)),
 ]
 LEAST_CUT = 100  # [bytes]
