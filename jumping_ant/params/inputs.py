@@ -70,9 +70,8 @@ def read(stage: str, root: Path = PROJECT_ROOT) -> Inputs:
         InputError: Code is not what `digest` digested, or a library not of the version that it saw.
     """
     values, paths = _values(stage, root), Paths(root)
-    keys = [root / name for name in values if name.endswith(".json")]
     listed: dict[str, str] = {}
-    for file in keys:
+    for file in (root / name for name in values if name.endswith(".json")):
         if paths.inputs in file.parents:
             listed |= read_json(file, "digest")
     whole = paths.code("files")
@@ -96,7 +95,8 @@ def code_of(path: Path) -> Code:
 def differs(path: Path, before: Code) -> bool:
     """Tell if a file of code does something else than before, or was changed and changed back.
 
-    Other comments are no difference: that between them it did something else is not noticed.
+    Other comments are no difference. If a file has them in the end, nobody sees whether it did
+    something else in between.
     """
     if not path.is_file():
         return True

@@ -13,7 +13,7 @@ from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.params import params_file
 from jumping_ant.params.model import Params
 
-MOST_CHARACTERS = 20_000  # of a preset, applied in seconds; the largest has some 3,000
+MOST_CHARACTERS = 20_000  # of a preset, applied in seconds; the largest has some 8,000
 
 
 def load(name: str, root: Path = PROJECT_ROOT) -> Params:

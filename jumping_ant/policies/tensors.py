@@ -97,8 +97,10 @@ def _unpickled(content: bytes) -> dict[str, _Tensor]:
                 stack.append({})
             case "MARK":
                 marks.append(len(stack))
-            case "EMPTY_TUPLE" | "TUPLE1" | "TUPLE2" | "TUPLE3":
-                stack.append(popped(int(operation.name[-1]) if operation.name[-1] != "E" else 0))
+            case "EMPTY_TUPLE":
+                stack.append(())
+            case "TUPLE1" | "TUPLE2" | "TUPLE3":
+                stack.append(popped(int(operation.name[-1])))
             case "TUPLE":
                 stack.append(popped(len(stack) - marks.pop()))
             case "SETITEM" | "SETITEMS":

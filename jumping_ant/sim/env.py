@@ -85,7 +85,6 @@ class RobotEnv(gym.Env[NDArray[Any], NDArray[Any]]):
         settings: Others of `DrawnVectorEnv`. `actions` makes it that of an agent of `params.yaml`:
             `ActionSet.of(params.agent("dqn").actions, params.env.commands)`.
         dtype: Of observations.
-
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}
