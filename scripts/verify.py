@@ -11,7 +11,6 @@ scripts.fingerprint); the exit status is 1 then.
 """
 
 import csv
-import json
 import subprocess
 import sys
 import tempfile
@@ -23,7 +22,7 @@ from typing import Any
 from jumping_ant.agents.catalogue import demonstrated
 from jumping_ant.base import command_line, output
 from jumping_ant.base.errors import InputError, WorkerError, reported
-from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.files import PROJECT_ROOT, blamed, read_json
 from jumping_ant.base.paths import AgentPaths, Paths
 from jumping_ant.params import params_file
 from scripts.checkout import Checkout, git
@@ -100,11 +99,12 @@ def compare(published: Path, retrained: Path, agent: str, seed: int, commit: str
     before, after = digests(theirs, seed), digests(ours, seed)
     names = [path.name for path in ours.seed(seed).files]
     different = [it for it in names if it not in before or before[it] != after.get(it)]
-    then, now = _episodes(theirs, seed), _episodes(ours, seed)
+    with blamed(f"evaluate@{agent}", theirs.episodes, ours.episodes):
+        then, now = _episodes(theirs, seed), _episodes(ours, seed)
+        old, new = (fmean(float(row["return"]) for row in rows) for rows in (then, now))
     if then != now:
         different.append(theirs.episodes.name)
     if different:
-        old, new = (fmean(float(row["return"]) for row in rows) for rows in (then, now))
         verdict = (
             f"{', '.join(different)} differ from what is published (commit {commit}); mean return "
             f"{new:,.1f}, published {old:,.1f} over {len(then)} episodes"
@@ -131,8 +131,10 @@ def digests(paths: AgentPaths, seed: int) -> dict[str, str]:
     """Return the digests of the files that a seed's training wrote, by name."""
     if not paths.training.exists():
         return {}
-    by_seed: dict[str, dict[str, str]] = json.loads(paths.training.read_text(encoding="utf-8"))
-    return by_seed.get(str(seed), {})
+    found: dict[str, str] = read_json(paths.training, f"train@{paths.models.name}").get(
+        str(seed), {}
+    )
+    return found
 
 
 def _episodes(paths: AgentPaths, seed: int) -> list[dict[str, str]]:

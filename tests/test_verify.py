@@ -64,3 +64,8 @@ def test_differences_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     paths.episodes.write_text("".join(lines[:-1]), encoding="utf-8")
     assert not verify.compare(theirs, ours, "dqn", last, "abc")
     assert "episodes.csv differ" in capsys.readouterr().out
+    for path in (paths.training, paths.episodes):
+        path.write_text("[\n", encoding="utf-8")
+        with pytest.raises(InputError, match=f"{path.name}: .*; run `dvc repro --force"):
+            verify.compare(theirs, ours, "dqn", first, "abc")
+        path.write_text(training, encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Event
-from jumping_ant.base.errors import InputError
+from jumping_ant.base.errors import InputError, told
 from jumping_ant.sim.world import World
 
 NO_MEMORY = "can't allocate memory"  # PyTorch's words
@@ -43,17 +43,26 @@ Trainer = Callable[[Job[Any]], Iterator[Event]]
 def trainer_of(agent: AgentBlock) -> Trainer:
     """Return the function `train` of an agent's trainer, which imports its libraries.
 
-    It raises an InputError that names the settings if they need more memory than there is.
+    It raises an InputError if a checkpoint holds something else, or settings, which it names, need
+    more memory than there is.
     """
     return partial(_trained, resolve_name(f"{row(agent).trainer}:train"))
 
 
 def _trained(train: Trainer, job: Job[Any]) -> Iterator[Event]:
+    has_begun = not job.checkpoint
     try:
-        yield from train(job)
-    except (MemoryError, RuntimeError) as error:
+        for event in train(job):
+            has_begun = True
+            yield event
+    except Exception as error:
         if not isinstance(error, MemoryError) and NO_MEMORY not in str(error):
-            raise
+            if has_begun or isinstance(error, InputError | OSError):
+                raise
+            raise InputError(
+                f"seed {job.seed}: given a checkpoint that it cannot resume from ({told(error)}), "
+                "allowed: its own; remove the agent's folder in .checkpoints"
+            ) from error
         settings = {name: value for name, value in job.agent if name in SIZES}
         given = ", ".join(f"{name} {value}" for name, value in settings.items())
         raise InputError(

@@ -132,14 +132,17 @@ def read_json(path: Path, stage: str) -> dict[str, Any]:
 
 @contextmanager
 def blamed(stage: str, *paths: Path) -> Iterator[None]:
-    """Turn what values of other types raise into an InputError that names a stage's files."""
+    """Turn what values that a stage does not write raise into an InputError that names its files.
+
+    A ValueError says what was given; what others say is put in brackets.
+    """
     try:
         yield
     except InputError:
         raise
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        fault = f"given other values than {stage} writes ({told(error)})"
+        if isinstance(error, ValueError):
+            fault = " ".join(str(error).split())
         names = " or ".join(map(str, paths))
-        again = f"run `dvc repro --force {stage}`"
-        raise InputError(
-            f"{names}: given other values than {stage} writes ({told(error)}); {again}"
-        ) from error
+        raise InputError(f"{names}: {fault}; run `dvc repro --force {stage}`") from error

@@ -29,16 +29,16 @@ def modules(path: Path, root: Path = CODE_ROOT) -> frozenset[str]:
 
 
 def direct(path: Path, root: Path = CODE_ROOT) -> set[Path]:
-    """Return the project's files that a Python file imports, except empty ones."""
+    """Return the project's files that a Python file imports."""
     return {file for name in modules(path, root) for file in files_of(name, root)}
 
 
 def files_of(module: str, root: Path = CODE_ROOT) -> set[Path]:
-    """Return the project's non-empty files that importing a module runs, with parent packages."""
+    """Return the project's files that importing a module runs, with parent packages."""
     parts = module.split(".") if module else []
     places = [root.joinpath(*parts[: length + 1]) for length in range(len(parts))]
     files = {file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")}
-    return {file for file in files if file.is_file() and file.stat().st_size > 0}
+    return set(filter(Path.is_file, files))
 
 
 def closure(*paths: Path, root: Path = CODE_ROOT) -> set[Path]:

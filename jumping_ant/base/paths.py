@@ -82,7 +82,7 @@ class StudyPaths:
     """The files of a search for an agent's settings; its control, random draws, has its own."""
 
     def __init__(self, root: Path, agent: str, is_control: bool = False) -> None:
-        folder, name = root / "results" / "tuning", agent + "-random" * is_control
+        folder, name = root / "results" / "tuning", agent + ".random" * is_control
         self.study = root / ".tuning" / f"{name}.db"  # Optuna's, if it is in no other storage
         self.trials = folder / f"{name}.csv"  # every trial
         self.summary = folder / f"{name}.json"  # what was found, and the verdict

@@ -7,19 +7,18 @@ import csv
 import io
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
-from jumping_ant.base.errors import InputError
-from jumping_ant.base.files import read_bytes
+from jumping_ant.base.files import blamed, read_bytes
 
 LARGEST = 1e30  # of what is compared: statistics of such numbers are finite
 LONGEST = 40  # characters that a message quotes
+MOST_COLUMNS = 200  # of a table; more would take pandas minutes
 
 Table = dict[str, NDArray[Any]]
 """A table by column, each of shape (num_rows,): numbers, NaN for empty cells, or words."""
@@ -55,6 +54,7 @@ def read(
     columns: Mapping[str, Column],
     others: Column | None = None,
     has_rows: bool = True,
+    load: Callable[[Path], bytes] | None = None,
 ) -> Table:
     """Return the columns of a CSV file after those of its owner, each cell of which is checked.
 
@@ -65,9 +65,10 @@ def read(
         columns: The columns that follow, in order.
         others: What further columns hold; by default there are none.
         has_rows: Whether it has any rows.
+        load: Returns the content of the file; by default whatever it holds.
     """
-    content = read_bytes(path, stage)
-    with blamed(path, stage):
+    content = load(path) if load else read_bytes(path, stage)
+    with blamed(stage, path):
         if content and not content.endswith(b"\n"):
             raise ValueError("its last line is cut off")
         table = _parse(content, owner, columns, others)
@@ -86,7 +87,7 @@ def read_growing(
     """
     content = path.read_bytes() if path.exists() else b""
     lines = content[: content.rfind(b"\n") + 1]
-    with blamed(path, stage):
+    with blamed(stage, path):
         return _parse(lines, owner, columns, ANY) if lines else {}
 
 
@@ -114,19 +115,6 @@ def exactly(table: Table, asked: Sequence[Sequence[float | str]], *keys: str) ->
     places = {row: place for place, row in enumerate(given)}
     order = [places[row] for row in wanted]
     return {name: column[order] for name, column in table.items()}
-
-
-MOST_COLUMNS = 200  # of a table; more would take pandas minutes
-
-
-@contextmanager
-def blamed(path: Path, stage: str) -> Iterator[None]:
-    """Turn a ValueError about a file into an InputError that names it and the stage to run."""
-    try:
-        yield
-    except (ValueError, OverflowError) as error:
-        reason = " ".join(str(error).split())
-        raise InputError(f"{path}: {reason}; run `dvc repro --force {stage}`") from error
 
 
 def _parse(

@@ -12,6 +12,7 @@ import numpy as np
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.agents.catalogue import row
 from jumping_ant.base import tables
+from jumping_ant.base.files import blamed
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import EPISODE_SEED, SEED, Column, Table
 from jumping_ant.evaluation.measures import MEASURES, TERM
@@ -63,7 +64,7 @@ def read(root: Path, params: Params, agent: str) -> Table:
     count = num_episodes(params.agent(agent), params.evaluate)[PUBLISHED]
     blocks = {seed: params.evaluate.block(seed)[:count] for seed in params.seeds}
     asked = [(seed, i, block[i]) for seed, block in blocks.items() for i in range(count)]
-    with tables.blamed(path, stage):
+    with blamed(stage, path):
         return tables.exactly(table, asked, *EPISODE_KEYS)
 
 
@@ -75,7 +76,7 @@ def read_variants(root: Path, params: Params, agent: str) -> dict[str, Table]:
     keys = {"seed": SEED, "variant": Column(words=names), "episodes": COUNT}
     table = tables.read(path, stage, {"agent": agent}, keys | _quantities(params, are_means=True))
     asked = [(seed, name, counts[name]) for name in names for seed in params.seeds]
-    with tables.blamed(path, stage):
+    with blamed(stage, path):
         ordered = tables.exactly(table, asked, *keys)
     return {
         name: {column: values[ordered["variant"] == name] for column, values in ordered.items()}
@@ -92,7 +93,7 @@ def find(table: Table, agent: str, trajectory: Trajectory, path: Path) -> dict[s
         "return": trajectory.episode_return,
     }
     matches = np.logical_and.reduce([table[name] == value for name, value in shown.items()])
-    with tables.blamed(path, f"evaluate@{agent}"):
+    with blamed(f"evaluate@{agent}", path):
         if trajectory.agent != agent or not matches.any():
             values = ", ".join(f"{name} {value:g}" for name, value in shown.items())
             raise ValueError(

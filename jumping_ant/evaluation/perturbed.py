@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.agents.catalogue import row
 from jumping_ant.base import tables
+from jumping_ant.base.files import blamed
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import EPISODE_SEED, SEED, Column
 from jumping_ant.params.model import Params
@@ -78,7 +79,7 @@ def read(root: Path, params: Params, agent: str) -> dict[Condition, NDArray[np.f
     table = tables.read(path, stage, {"agent": agent}, COLUMNS, has_rows=bool(asked))
     if not asked:
         return {}
-    with tables.blamed(path, stage):
+    with blamed(stage, path):
         # As text, so that a message has all digits of a level that is missing.
         table["level"] = np.array([_exact(level) for level in table["level"]])
         keys = [

@@ -173,7 +173,7 @@ def _physique(spec: mujoco.MjSpec) -> dict[str, Any]:
     mass = float(model.body_subtreemass[0])
     weight = mass * float(abs(model.opt.gravity[2]))
     torques = {
-        actuator.target: float(actuator.gear[0]) * _control_limit(actuator)
+        actuator.name: float(actuator.gear[0]) * _control_limit(actuator)
         for actuator in spec.actuators
     }
     torque = sum(torques.values())

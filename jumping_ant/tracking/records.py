@@ -214,7 +214,7 @@ class ComparisonRecord:
         path = Paths(self.root).plots / "learning_curves.csv"
         if not path.exists():
             return {}
-        with tables.blamed(path, "compare"):
+        with blamed("compare", path):
             columns = ["agent", "env_steps", *CURVES_OVER_SEEDS.values()]
             table = pd.read_csv(path, usecols=columns, dtype={"agent": str}, keep_default_na=False)
         rows = table[table["agent"] == agent]

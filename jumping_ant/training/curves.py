@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from jumping_ant.base import tables
+from jumping_ant.base.files import blamed
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import ANY, SECONDS, SEED, Column, Table
 from jumping_ant.params.model import Params
@@ -47,10 +48,9 @@ def owner(agent: str, seed: int) -> dict[str, str | int]:
 
 def read(root: Path, agent: str, seed: int) -> Table:
     """Read a trained seed's learning curve; a row of an evaluation has NaN for the training's."""
-    paths, stage = Paths(root).agent(agent).seed(seed), f"train@{agent}"
-    path = paths.curve
-    paths.content(path)  # is what training wrote
-    return tables.read(path, stage, owner(agent, seed), COLUMNS, ANY)
+    files = Paths(root).agent(agent).seed(seed)
+    whose = owner(agent, seed)
+    return tables.read(files.curve, f"train@{agent}", whose, COLUMNS, ANY, load=files.content)
 
 
 def read_all(root: Path, params: Params, agent: str) -> dict[int, Table]:
@@ -63,7 +63,7 @@ def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
     paths, stage = Paths(root).agent(agent), f"train@{agent}"
     timing = tables.read(paths.timing, stage, {"agent": agent}, TIMING_COLUMNS)
     curves, agent_block = read_all(root, params, agent), params.agent(agent)
-    with tables.blamed(paths.timing, stage):
+    with blamed(stage, paths.timing):
         for seed in dict.fromkeys([*curves, *timing["seed"].tolist()]):
             rows = timing["seed"] == seed
             steps = curves[seed]["env_steps"] if seed in curves else np.empty(0)
@@ -78,10 +78,9 @@ def read_timed(root: Path, params: Params, agent: str) -> dict[int, Table]:
 
 def published_return(root: Path, agent: str, seed: int) -> float:
     """Return the mean return of a seed's published policy in validation."""
-    paths = Paths(root).agent(agent).seed(seed)
-    path = paths.validation
-    paths.content(path)  # is what training wrote
-    table = tables.read(path, f"train@{agent}", owner(agent, seed), VALIDATION_COLUMNS)
+    files, whose = Paths(root).agent(agent).seed(seed), owner(agent, seed)
+    kinds, stage = VALIDATION_COLUMNS, f"train@{agent}"
+    table = tables.read(files.validation, stage, whose, kinds, load=files.content)
     return float(table["return_mean"].max())
 
 

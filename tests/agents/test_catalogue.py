@@ -15,6 +15,7 @@ from jumping_ant.agents.events import Checkpoint, Event, Finished, Progress, Sna
 from jumping_ant.agents.families import BASELINE
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base.archive import Archive
+from jumping_ant.base.errors import InputError
 from jumping_ant.params.blocks import EnvParams
 from jumping_ant.policies import policy_file
 from jumping_ant.sim.world import World
@@ -113,3 +114,6 @@ def test_a_resumed_training_is_the_same_to_the_last_bit(name: str, robot_xml: st
             for part in (rest, events[place + 1 :])
         )
         assert resumed == whole
+    cut = events[places[0]].content[:-100]
+    with pytest.raises(InputError, match="^seed 3: given a checkpoint that it cannot resume from"):
+        list(trainer_of(run.job.agent)(replace(run.job, checkpoint=cut)))

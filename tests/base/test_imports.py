@@ -31,7 +31,8 @@ def names(files: set[Path], root: Path) -> set[str]:
 
 
 def test_imports_of_the_project_are_found_wherever_they_stand(project: Path) -> None:
-    cellar = {"house/cellar/__init__.py", "house/cellar/wine.py"}
+    packages = {"house/__init__.py", "house/cellar/__init__.py"}
+    cellar = packages | {"house/cellar/wine.py"}
     found = imports.direct(project / "house/kitchen.py", project)
     assert names(found, project) == cellar
     relative = imports.direct(project / "house/cellar/stairs.py", project)
@@ -40,8 +41,9 @@ def test_imports_of_the_project_are_found_wherever_they_stand(project: Path) -> 
 
 def test_the_closure_follows_them(project: Path) -> None:
     found = imports.closure(project / "stage.py", root=project)
+    house = {"house/__init__.py", "house/kitchen.py", "house/garden.py"}
     cellar = {"house/cellar/__init__.py", "house/cellar/wine.py"}
-    assert names(found, project) == {"stage.py", "house/kitchen.py"} | cellar
+    assert names(found, project) == {"stage.py"} | house | cellar
 
 
 def test_no_name_is_no_file_whatever_lies_beside_the_project(project: Path) -> None:

@@ -321,3 +321,7 @@ def test_motors_of_one_joint_need_names(tmp_path: Path) -> None:
     write_text(tmp_path / "robots" / "mine.xml", xml)
     with pytest.raises(InputError, match=r"^robot.source: robots/mine.xml: .* repeated name 'a'"):
         robot.build(MINE, tmp_path)
+    named = xml.replace("<motor", '<motor name="b"', 1)
+    write_text(tmp_path / "robots" / "mine.xml", named)
+    summary = robot.summarize(MINE, robot.build(MINE, tmp_path), tmp_path)
+    assert summary["before"]["peak_torque"] == {"b": 1.0, "a": 1.0}
