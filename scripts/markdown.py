@@ -145,18 +145,14 @@ def published_table(root: Path) -> str:
 
 
 def kept_table(withstood: dict[str, Any]) -> str:
-    """Return the share [%] of its return that each agent keeps at a perturbation's last level.
-
-    A level from which on a metronome is ahead by more than the margin stands beside it.
-    """
+    """Return the share [%] of its return that each agent keeps at a perturbation's last level."""
     agents = withstood["agents"]
     rows = []
     for name in withstood["perturbations"]:
         cells = [name.replace("_", " ")]
         for perturbed in (agent[name] for agent in agents.values()):
-            share, ahead = perturbed["retention"][-1], perturbed["crossing"]
-            kept = "–" if share is None else style.percent(share)
-            cells.append(kept if ahead is None else f"{kept} (from {ahead:g} on)")
+            share = perturbed["retention"][-1]
+            cells.append("–" if share is None else style.percent(share))
         rows.append(cells)
     return table(["perturbation", *agents], rows)
 

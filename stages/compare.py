@@ -1,16 +1,16 @@
 """Compare the agents: statistics over seeds, what they withstand, claims, figures.
 
 Usage:  python -m stages.compare
-Reads:  params.yaml, models/<agent>/seed-<n>/curve.csv, results/agents/<agent>/ (episodes.csv,
-        variants.csv), results/robustness/<agent>.csv
+Reads:  params.yaml, claims/, models/<agent>/seed-<n>/curve.csv, results/agents/<agent>/
+        (episodes.csv, variants.csv), results/robustness/<agent>.csv
 Writes: results/comparison.json, results/robustness.json, results/figures/, results/plots/
 """
 
 from jumping_ant.base import tables
 from jumping_ant.base.files import PROJECT_ROOT, to_json, write_all
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison, results, retention
-from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison import claims, comparison, results, retention
+from jumping_ant.params import claims as asked
 from jumping_ant.report import figures
 from jumping_ant.report.outcome import Outcome
 
@@ -20,10 +20,12 @@ from . import parse, run
 def main() -> None:
     """Run the stage."""
     settings = parse(__doc__)
-    agents = results.load(PROJECT_ROOT, settings)
+    played = retention.read(PROJECT_ROOT, settings)
+    agents = retention.with_groups(results.load(PROJECT_ROOT, settings), played)
     outcome = Outcome(settings, agents, comparison.summarize(agents, settings.compare))
-    claims = verdicts.check(agents, settings.compare, settings.training.evaluation_episodes)
-    withstood = retention.summarize(PROJECT_ROOT, settings, agents)
+    family = claims.on_seconds(asked.of_project(PROJECT_ROOT, settings), is_so=False)
+    learned = claims.out_of_luck(agents.values(), settings.training.evaluation_episodes)
+    judged = claims.judge(family, agents, settings.compare, learned)
 
     files = figures.draw(outcome)
 
@@ -31,8 +33,8 @@ def main() -> None:
     curve_table = tables.to_csv(comparison.curve_rows(outcome.curves, outcome.families))
     write_all(
         {
-            paths.comparison: to_json({**outcome.summary, "claims": claims}),
-            paths.robustness: to_json(withstood),
+            paths.comparison: to_json({**outcome.summary, **judged}),
+            paths.robustness: to_json(retention.summarize(played, settings.compare.confidence)),
             paths.plots / "learning_curves.csv": curve_table,
             **{paths.figures / name: content for name, content in files.items()},
         }

@@ -1,7 +1,7 @@
 """Measure how training speeds up with threads, and summarize what it took on this machine.
 
 Usage:  python -m stages.timing
-Reads:  params.yaml, the robots in assets/, models/<agent>/seed-<n>/curve.csv,
+Reads:  params.yaml, claims/, the robots in assets/, models/<agent>/seed-<n>/curve.csv,
         results/agents/<agent>/ (episodes.csv, variants.csv), results/timing/<agent>/timing.csv,
         results/comparison.json
 Writes: results/scaling.csv, results/speed.json
@@ -10,6 +10,7 @@ Writes: results/scaling.csv, results/speed.json
 from jumping_ant.base.files import PROJECT_ROOT, blamed, read_json, to_json, write_all
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import results, timing
+from jumping_ant.params import claims
 from jumping_ant.training import curves, scaling
 
 from . import parse, run
@@ -18,11 +19,12 @@ from . import parse, run
 def main() -> None:
     """Run the stage."""
     settings, paths = parse(__doc__), Paths()
+    asked = claims.of_project(PROJECT_ROOT, settings)
     agents = results.load(PROJECT_ROOT, settings, curves.read_timed)
     compared = read_json(paths.comparison, "compare")
     measured = scaling.measure_all(PROJECT_ROOT, settings)
     with blamed("compare", paths.comparison):
-        timed = timing.summarize(settings, agents, compared, measured)
+        timed = timing.summarize(settings, asked, agents, compared, measured)
     table = scaling.to_csv(measured, settings.seeds)
     write_all({paths.scaling: table, paths.speed: to_json(timed)})
 

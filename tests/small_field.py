@@ -1,4 +1,4 @@
-"""Agents of a run with results that tests choose, and the claims about them."""
+"""Agents of a run with results that tests choose, and claims about them."""
 
 from dataclasses import replace
 
@@ -6,12 +6,13 @@ import numpy as np
 import small_agents
 from small_project import COMPARE
 
-from jumping_ant.comparison.claims import statements, verdicts
+from jumping_ant.comparison import claims
 from jumping_ant.comparison.results import AgentResults
+from jumping_ant.params.claims import Claim
 
 LOW, MIDDLE, HIGH = (np.linspace(start, 1.1 * start, 8) for start in (300.0, 700.0, 3000.0))
 TORN = np.array([100.0, 150.0, 200.0, 290.0, 340.0, 500.0, 700.0, 900.0])  # on both sides of LOW
-COMMANDS = {"kind": "commands", "amplitude": 0.5, "hold": 3}
+LEARNED = 500.0  # returns above this were learned
 
 
 def agent(name, algorithm, returns=MIDDLE, reached_at=100, budget=1000, **block):
@@ -42,19 +43,19 @@ def having(one, variants=None, **quantities):
     return replace(one, quantities=one.quantities | others, variants=variants)
 
 
-def check(*agents, table=statements.CLAIMS):
-    return verdicts.check({one.name: one for one in agents}, COMPARE, 2, table)
+def claim(measure="return", agent="sac", against="dqn", **more):
+    return Claim.model_validate(
+        {"text": "One is more.", "measure": measure, "agent": agent, "against": against} | more
+    )
 
 
-def the_claim(part, *agents, table=statements.CLAIMS):
-    """Return the only claim whose text has a part."""
-    matching = [claim for claim in check(*agents, table=table) if part in claim["text"]]
-    assert len(matching) == 1
-    return matching[0]
+def judge(asked, *agents):
+    return claims.judge(asked, {one.name: one for one in agents}, COMPARE, LEARNED)
 
 
-def one_verdict(part, *agents, table=statements.CLAIMS):
-    return the_claim(part, *agents, table=table)["verdict"]
-
-
-RANDOM, METRONOME = agent("random", "random", LOW), agent("metronome", "open_loop", LOW)
+def one_of(asked, *agents):
+    """Return the verdict's entry on one claim."""
+    judged = judge([asked], *agents)
+    assert not judged["not_asked"]
+    (entry,) = judged["claims"]
+    return entry

@@ -1,6 +1,7 @@
 """A project folder in miniature: the files that `compare` reads, with numbers that tests choose."""
 
 import csv
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,21 +12,18 @@ import small_agents
 
 from jumping_ant.agents.algorithm import AgentBlock
 from jumping_ant.base import tables
-from jumping_ant.base.files import write_json, write_text
+from jumping_ant.base.files import PROJECT_ROOT, write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.evaluation import episodes as held_out
 from jumping_ant.evaluation import perturbed
 from jumping_ant.params import article, params_file
-from jumping_ant.params.blocks import CompareParams, EvaluateParams, MarginParams
+from jumping_ant.params.blocks import CompareParams, EvaluateParams
 from jumping_ant.params.model import Params
 from jumping_ant.sim import levels
 from jumping_ant.sim.perturbations import Condition
 from jumping_ant.sim.trajectory import Trajectory
 
-COMPARE = CompareParams(
-    bootstrap_samples=500,
-    margins=MarginParams(returns=10, fluidity=0.01, relative_spread=0.01, seconds=1.25),
-)
+COMPARE = CompareParams(bootstrap_samples=500, margin=10)
 LEVELS = {"random": 330.0, "open_loop": 500.0, "dqn": 700.0, "sac": 3000.0, "pgpe": 5000.0}
 BUDGETS = {"random": 0, "open_loop": 400, "dqn": 1000, "sac": 200, "pgpe": 8000}
 EPISODES = 3
@@ -57,11 +55,13 @@ def block(algorithm: str) -> AgentBlock:
 
 
 def write_project(root: Path, agents: Mapping[str, str], seeds: Sequence[int]) -> None:
-    """Write the episodes, variants, curves, timing and machines of every agent.
+    """Copy claims, and write episodes, variants, curves, timing and machines of every agent.
 
     Seed number i returns its algorithm's level plus 10 * i, in each episode up to a spread of
     symmetric noise, and reaches it half way through its budget; in variants, 7 less.
     """
+    for name in ("claims", "presets"):
+        shutil.copytree(PROJECT_ROOT / name, root / name, dirs_exist_ok=True)
     for name, algorithm in agents.items():
         paths, episodes, timing = Paths(root).agent(name), [], []
         for i, seed in enumerate(seeds):

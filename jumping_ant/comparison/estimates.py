@@ -9,8 +9,8 @@ exact bootstrap mean and variance of an L-estimator", Journal of the Royal Stati
 62, 2000; Efron and Tibshirani, "An Introduction to the Bootstrap", 1993, chapters 12 and 13 (t and
 percentile intervals); Mann and Whitney, Annals of Mathematical Statistics 18, 1947, and Mantel,
 Biometrics 23, 1967 (scores of pairs of values, and of bounds); Hodges and Lehmann, Annals of
-Mathematical Statistics 34, 1963 (medians of pairs); Brown and Forsythe, Journal of the American
-Statistical Association 69, 1974 (spread).
+Mathematical Statistics 34, 1963 (medians of pairs and their intervals); Brown and Forsythe, Journal
+of the American Statistical Association 69, 1974 (spread).
 """
 
 import warnings
@@ -27,6 +27,7 @@ from jumping_ant.params.blocks import CompareParams
 Array = NDArray[np.float64]
 
 BATCH = 500  # resamples held in memory at once
+MOST_PAIRS = 10_000  # of two samples whose deals are counted exactly
 QUARTER = 0.25  # of the sample; the interquartile mean leaves it out at either end
 
 
@@ -192,9 +193,42 @@ def probability_of_improvement(x: Array, y: Array, params: CompareParams) -> Est
     return estimate(mean, [np.arange(size, dtype=np.float64) for size in scores.shape], params)
 
 
-def pairwise_median(combine: Callable[[Array, Array], Array]) -> Callable[[Array, Array], Array]:
-    """Return a statistic of two samples: the median over all pairs of what they combine to.
+def pairwise_median(
+    combine: Callable[[Array, Array], Array], x: Array, y: Array, confidence: float
+) -> Estimate:
+    """Return the median over all pairs of what they combine to, and the interval of the rank test.
 
-    Of differences, it is the estimate that belongs to the rank test (Hodges and Lehmann 1963).
+    Of differences, these are the shifts of y that the test does not reject, between two order
+    statistics of the pairs (Hodges and Lehmann 1963); of ratios, the factors. NaN where samples are
+    too small for an interval.
     """
-    return lambda x, y: np.median(combine(x[..., :, None], y[..., None, :]), axis=(-2, -1))
+    pairs = np.sort(combine(x[:, None], y), axis=None)
+    sums, chances = deals(np.arange(len(x) + len(y)), len(x))  # of ranks, in samples without ties
+    won = sums - len(x) * (len(x) - 1) // 2  # pairs
+    rejected = won[np.cumsum(chances) <= (1 - confidence) / 2]
+    out = int(rejected[-1]) + 1 if len(rejected) else 0
+    ends = (pairs[out - 1], pairs[-out]) if out else (np.nan, np.nan)
+    return Estimate(np.asarray(np.median(pairs)), *map(np.asarray, ends))
+
+
+def deals(scores: NDArray[np.int64], num: int) -> tuple[NDArray[np.int64], Array]:
+    """Return the sums that `num` of the scores may have, in order, and the chance of each.
+
+    Every choice is as likely. Up to `MOST_PAIRS` the chances are exact; of larger samples they are
+    those of a normal distribution (Mann and Whitney 1947).
+    """
+    others = len(scores) - num
+    if num * others > MOST_PAIRS:
+        deviation = np.sqrt(scores.var(ddof=1) * num * others / len(scores))
+        sums = np.rint(num * scores.mean() + np.arange(-10 * deviation, 10 * deviation)).astype(int)
+        chances = stats.norm.pdf(sums, num * scores.mean(), deviation)
+    else:
+        shifted = scores - scores.min()
+        most = int(np.sort(shifted)[others:].sum())
+        ways = np.zeros((num + 1, most + 1))
+        ways[0, 0] = 1.0
+        for score in shifted:  # is chosen last, or not at all
+            for count in range(num, 0, -1):
+                ways[count, score:] += ways[count - 1, : most + 1 - score]
+        sums, chances = np.arange(most + 1) + num * scores.min(), ways[num]
+    return sums, chances / chances.sum()

@@ -2,9 +2,9 @@
 
 If nothing differs, every arrangement of the data (seeds assigned to the two agents, or signs of
 paired differences) is equally likely. The p value is the share of arrangements whose statistic is
-at least as extreme as that of the data: valid for any number of seeds and with ties. Of more than
-`MOST` arrangements, `MOST` random ones, including the observed data, stand for all (Phipson and
-Smyth 2010).
+at least as extreme as that of the data: valid for any number of seeds and with ties. For ranks and
+signs every arrangement counts; where that takes too long, `MOST` random ones, including the
+observed data, stand for all (Phipson and Smyth 2010).
 
 Sources: Fisher, "The Design of Experiments", 1935, section 21 (signs of paired differences); Mann
 and Whitney, Annals of Mathematical Statistics 18, 1947 (pairs won); Mantel, Biometrics 23, 1967
@@ -25,17 +25,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from jumping_ant.comparison.estimates import pair_scores, relative_deviations, relative_spread
+from jumping_ant.comparison.estimates import (
+    deals,
+    pair_scores,
+    relative_deviations,
+    relative_spread,
+)
 
 Array = NDArray[np.float64]
 OneSide = Literal["greater", "less"]
 Side = Literal[OneSide, "two-sided"]  # what counts as extreme
 
-MOST = 200_000  # arrangements; up to this number all are enumerated
+MOST = 200_000  # arrangements that stand for all
+MOST_SIGNS = 34  # differences of which all signs are tried
 ROUNDING = 1e-9  # of the largest statistic: arrangements equal up to rounding count as ties
 
 
-def rank_test(x: Array, y: Array, seed: int, side: Side = "two-sided") -> float:
+def rank_test(x: Array, y: Array, side: Side = "two-sided") -> float:
     """Return the p value of two independent samples that win half of the pairs each.
 
     Null: both come from one distribution. The statistic is proportional to Mann and Whitney's U
@@ -44,13 +50,15 @@ def rank_test(x: Array, y: Array, seed: int, side: Side = "two-sided") -> float:
     Args:
         x: First sample, shape (num_x,), or (num_x, 2) with bounds as in `pair_scores`.
         y: Second sample, shape (num_y,) or (num_y, 2).
-        seed: Seed of the random arrangements, if there are too many to enumerate.
         side: Whether x wins more (greater), fewer (less), or either.
     """
     pooled = np.concatenate([x, y])
     # Pairs within a sample cancel, so the sum over x equals that of its pairs with y.
-    scores = (pair_scores(pooled, pooled) - 0.5).sum(axis=1)
-    return _two_samples(scores, len(x), lambda dealt: dealt.mean(axis=-1), seed, side)
+    scores = np.rint((2 * pair_scores(pooled, pooled) - 1).sum(axis=1)).astype(np.int64)
+    sums, chances = deals(scores, len(x))
+    own = scores[: len(x)].sum()
+    is_as_far = {"two-sided": abs(sums) >= abs(own), "greater": sums >= own, "less": sums <= own}
+    return min(1.0, float(chances[is_as_far[side]].sum()))
 
 
 def spread_test(x: Array, y: Array, seed: int) -> float:
@@ -100,12 +108,25 @@ def sign_test(differences: Array, seed: int, side: Side = "two-sided") -> float:
     `rank_test`.
     """
     num = len(differences)
-    if 2**num <= MOST:
-        signs = 1 - 2 * ((np.arange(2**num)[:, None] >> np.arange(num)) & 1)
-    else:
+    if num > MOST_SIGNS:
         signs = np.random.default_rng(seed).choice([-1, 1], (MOST, num))
         signs[0] = 1
-    return _share_as_far(signs @ differences, side)
+        return _share_as_far(signs @ differences, side)
+    # The sums of two halves, each under all signs: those of one for which both are as far.
+    halves = [_signed_sums(half) for half in (differences[: num // 2], differences[num // 2 :])]
+    own = differences.sum()
+    far = abs(own) if side == "two-sided" else own if side == "greater" else -own
+    far -= ROUNDING * np.abs(differences).sum()
+    above = len(halves[1]) - np.searchsorted(np.sort(halves[1]), far - halves[0])
+    share = float(above.sum() / 2**num)  # of sums of one side, as many as of the other
+    return min(1.0, 2 * share) if side == "two-sided" else share
+
+
+def _signed_sums(values: Array) -> Array:
+    sums = np.zeros(1)
+    for value in values:
+        sums = np.concatenate([sums + value, sums - value])
+    return sums
 
 
 def equivalence(test: Callable[[float, OneSide], float], low: float, high: float) -> float:

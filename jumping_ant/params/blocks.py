@@ -286,27 +286,15 @@ class RecordParams(Block):
     """[s] Time filmed from the start of the episode."""
 
 
-class MarginParams(Block):
-    """The smallest differences of practical size; smaller ones make agents equivalent."""
-
-    returns: Positive
-    """[-] Difference in return."""
-    fluidity: Positive = 0.4
-    """[-] Difference in fluidity; a sine of twice the amplitude has 0.4 less."""
-    relative_spread: Positive = 0.03
-    """[-] Difference in the spread of the return over seeds, relative to its median."""
-    seconds: Annotated[float, Field(gt=1, le=100)] = 1.25
-    """[-] Ratio of seconds; 0.8 to 1.25 as in tests of bioequivalence."""
-
-
 class CompareParams(Block):
-    """Statistics (see `jumping_ant.comparison.estimates` and `jumping_ant.comparison.claims`)."""
+    """Statistics (see `jumping_ant.comparison`)."""
 
     confidence: Annotated[float, Field(ge=0.5, le=0.9999)] = 0.95
     """[-] Confidence level of every interval."""
     bootstrap_samples: Annotated[int, Field(ge=100, le=10**6)]
     """[-] Bootstrap resamples for the interval of a statistic that has no formula."""
-    margins: MarginParams
-    """The smallest differences of practical size, by which a lack of difference is judged."""
+    margin: Positive
+    """[-] The smallest difference in return of practical size, in comparisons of two runs or two
+    settings; each claim has its own."""
     seed: Seed = 0
     """Seed of resamples and of random arrangements."""

@@ -73,6 +73,8 @@ class Params(Block):
     """Held-out episodes under perturbations."""
     record: RecordParams
     """Each agent's median episode, as a video and as a Rerun recording."""
+    claims: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60)]
+    """Which claims on the agents are tested: those of `claims/NAME.yaml`, or none."""
     compare: CompareParams
     """Interquartile means over seeds with their intervals, and tests of the claims."""
 

@@ -6,9 +6,9 @@ YAML is read as version 1.2, as DVC reads it: `3e-4` is a number.
 import copy
 import functools
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import SafeConstructor
@@ -28,6 +28,8 @@ MOST_VALUES = 100_000  # of a params file; the default has some 300
 
 # Messages of pydantic that say what was given, or where a whole block was.
 COMPLETE = ("missing", "value_error", "union_tag_invalid", "union_tag_not_found")
+
+Model = TypeVar("Model", bound=BaseModel)
 
 
 class _Constructor(SafeConstructor):
@@ -81,8 +83,13 @@ def _parsed(text: str) -> Any:
 
 def check(content: Any, where: str = "params.yaml") -> Params:
     """Check params given as plain dictionaries and lists; an InputError has a line per error."""
+    return validated(Params, content, where)
+
+
+def validated(kind: type[Model], content: Any, where: str) -> Model:
+    """Return a model of what a file holds; an InputError has a line for each error."""
     try:
-        return Params.model_validate(content)
+        return kind.model_validate(content)
     except ValidationError as error:
         lines = [f"{where}: {_line(detail)}" for detail in error.errors()]
         raise InputError("\n".join(" ".join(line.splitlines()) for line in lines)) from error

@@ -11,7 +11,6 @@ import numpy as np
 
 from jumping_ant.agents import catalogue
 from jumping_ant.agents.families import BASELINE
-from jumping_ant.base.files import read_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import Table
 from jumping_ant.evaluation import episodes
@@ -85,7 +84,6 @@ def build(root: Path, params: Params, included: Policies) -> dict[str, Any]:
         seeds.setdefault(agent, []).append(seed)
     kinds = sorted({params.agent(name).robot for name in params.agents})
     worlds = {kind: World(robot.read(root, kind), params.env) for kind in kinds}
-    withstood = read_json(Paths(root).robustness, "compare")["agents"]
     families = {name: catalogue.row(params.agent(name)).family for name in params.agents}
     drawn = style.looks(families)
     return {
@@ -101,12 +99,6 @@ def build(root: Path, params: Params, included: Policies) -> dict[str, Any]:
                 "colour": drawn[name].colour,
                 "learns": families[name] != BASELINE,
                 "kind": included[name, own[0]]["kind"],
-                # The level of each perturbation from which on a metronome leads by a margin.
-                "crossings": {
-                    kind: kept["crossing"]
-                    for kind, kept in withstood.get(name, {}).items()
-                    if kind in SLIDERS and kept["crossing"] is not None
-                },
                 "seeds": _seeds(
                     params,
                     worlds[params.agent(name).robot],

@@ -62,17 +62,15 @@ export class Sliders {
       const row = document.createElement("div");
       row.className = "slider";
       const id = `slider-${slider.name}`;
-      row.innerHTML = `<label></label><output></output><div class="track"><input type="range"></div><p class="note"></p>`;
-      const [label, output, track, note] = row.children;
+      row.innerHTML = `<label></label><output></output><div class="track"><input type="range"></div>`;
+      const [label, output, track] = row.children;
       const input = track.firstElementChild;
       Object.assign(input, { id, min: slider.low, max: slider.high, step: slider.step > 0.5 ? slider.step : "any" });
       input.dataset.step = slider.step;
       label.htmlFor = id;
       label.textContent = slider.label;
-      note.id = `${id}-note`;
-      input.setAttribute("aria-describedby", note.id);
       input.title = slider.about;
-      const own = { slider, input, output, track, note };
+      const own = { slider, input, output };
       input.oninput = () => {
         this.tell(own);
         changed(this.levels);
@@ -109,25 +107,6 @@ export class Sliders {
     const text = `${Number(Number(input.value).toPrecision(3))} ${slider.unit}`.trim();
     output.textContent = text;
     input.setAttribute("aria-valuetext", text);
-  }
-
-  // Mark from which level on a metronome leads each of some agents by more than the margin.
-  mark(agents) {
-    for (const { slider, track, note } of this.rows) {
-      track.querySelectorAll(".mark").forEach((own) => own.remove());
-      const told = [];
-      for (const { label, colour, crossings } of agents) {
-        const level = crossings[slider.name];
-        if (level === undefined) continue;
-        const mark = document.createElement("span");
-        mark.className = "mark";
-        mark.style.left = `${(100 * (level - slider.low)) / (slider.high - slider.low)}%`;
-        mark.style.background = colour;
-        track.append(mark);
-        told.push(`from ${level} on, a metronome leads ${label}`);
-      }
-      note.textContent = told.join("; ");
-    }
   }
 }
 

@@ -100,8 +100,6 @@ class Page {
       this.choosers[slot].show(state[name]);
     }
     state.moment = null;
-    const agents = SLOTS.map((name) => this.content.agents[state[name]?.agent]).filter((own) => own);
-    this.sliders.mark([...new Set(agents)]);
     element("driving").hidden = !SLOTS.some((name) => state[name]?.agent === "you");
     if (Object.keys(part).some((name) => SLOTS.includes(name)) && !moments.size) this.restart();
     this.run(state.running, state.speed);

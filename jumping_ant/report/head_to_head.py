@@ -1,6 +1,5 @@
 """The report's charts of who beats whom: all pairs of agents, and the claims, also as text."""
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import chain
@@ -8,9 +7,8 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from jumping_ant.comparison.claims.statements import STATEMENTS
 from jumping_ant.media import style
-from jumping_ant.media.style import capitalized, estimate, number, p_value, percent, percents
+from jumping_ant.media.style import percent, percents
 from jumping_ant.report.charts import LOG_AXIS, SHARES, SYMBOLS, finish
 from jumping_ant.report.outcome import Outcome, is_long
 
@@ -18,7 +16,7 @@ MOST_IN_A_WIDE_MATRIX = 8  # agents whose pairs have room for their intervals
 NARROW = 27  # [pixels] side of a cell that shows no interval
 CLAIM_HEIGHT = 215  # [pixels]
 SIGNS = {"supported": "\u2713", "refuted": "\u2717", "equivalent": "\u2248", "inconclusive": "?"}
-SCEPTIC = "A sceptic's questions"  # claims that test no statement of the article
+OWN = "Questions of our own"  # claims that test no statement of the article
 
 
 def improvement(outcome: Outcome) -> go.Figure:
@@ -100,24 +98,17 @@ def claim(outcome: Outcome, plot: Mapping[str, Any]) -> go.Figure:
     return finish(figure, CLAIM_HEIGHT, showlegend=False)
 
 
-def statements(entries: Sequence[Mapping[str, Any]], num_seeds: int) -> list[dict[str, Any]]:
-    """Return the statements that were tested, in the article's order, those of sceptics last.
+def statements(entries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the statements that were tested, in the order of their claims.
 
-    Each has a `title`, the `counts` of its verdicts, and its `claims` in words, which have their
-    `index` among all.
+    Each has a `title`, the `counts` of its verdicts, and its `claims` with their `index` of all.
     """
-    tested = sorted({entry["statement"] for entry in entries}, key=lambda place: place or math.inf)
+    grouped = dict[str, list[dict[str, Any]]]()
+    for index, entry in enumerate(entries):
+        grouped.setdefault(entry["statement"] or OWN, []).append({**entry, "index": index})
     return [
-        {
-            "title": f"{place}. {STATEMENTS[place]}" if place else SCEPTIC,
-            "counts": count([entry for entry in entries if entry["statement"] == place]),
-            "claims": [
-                _in_words(index, entry, num_seeds)
-                for index, entry in enumerate(entries)
-                if entry["statement"] == place
-            ],
-        }
-        for place in tested
+        {"title": title, "counts": count(members), "claims": members}
+        for title, members in grouped.items()
     ]
 
 
@@ -125,27 +116,3 @@ def count(entries: Sequence[Mapping[str, Any]]) -> dict[str, int]:
     """Return the number of claims with each verdict that occurs."""
     counts = Counter(entry["verdict"] for entry in entries)
     return {verdict: counts[verdict] for verdict in SIGNS if verdict in counts}
-
-
-def _in_words(index: int, entry: Mapping[str, Any], num_seeds: int) -> dict[str, Any]:
-    effect, least, margin = entry["effect"], entry["no_effect"], ""
-    size = "no seed has a value that can be compared"
-    if effect["value"] is not None:
-        size = estimate(effect["value"], effect["low"], effect["high"], num_seeds)
-    # The hypothesis that the effect is none, or that of a claim of not being worse.
-    null = f"a difference of {number(least)}" if least < 0 else "no difference"
-    if entry["margin"]:
-        low, high = (number(entry["margin"][end]) for end in ("low", "high"))
-        p_values = entry["p_equivalence"], entry["p_equivalence_adjusted"]
-        margin = _p_values(f"a difference outside of {low} to {high}", *p_values)
-    return {
-        **entry,
-        "index": index,
-        "effect": f"{capitalized(effect['name'])}: {size}",
-        "p": _p_values(null, entry["p"], entry["p_adjusted"]),
-        "margin": margin,
-    }
-
-
-def _p_values(hypothesis: str, p: float, adjusted: float) -> str:
-    return f"{hypothesis}: p = {p_value(p)}, adjusted {p_value(adjusted)}"

@@ -17,8 +17,7 @@ from ruamel.yaml import YAML
 from jumping_ant.agents.families import by_family
 from jumping_ant.base.files import read_bytes, read_json
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison
-from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison import claims, comparison
 from jumping_ant.comparison.results import load
 from jumping_ant.evaluation.measures import MEASURES
 from jumping_ant.media import style
@@ -49,7 +48,6 @@ def build(root: Path, params: Params) -> str:
     """Return the page's HTML, from the project's assets, models, results and media."""
     summary = read_json(Paths(root).comparison, "compare")
     withstood = read_json(Paths(root).robustness, "compare")
-    summary |= {"claims": [*summary["claims"], *withstood["claims"]]}
     results = load(root, params)
     ranked = {name: results[name].family for name in comparison.ranking(summary["agents"])}
     ordered = [name for members in by_family(ranked).values() for name in members]
@@ -70,7 +68,7 @@ def build(root: Path, params: Params) -> str:
 
 def _context(outcome: Outcome) -> dict[str, Any]:
     """Return what the templates show besides charts and files."""
-    params, families, claims = outcome.params, outcome.families, outcome.summary["claims"]
+    params, families, judged = outcome.params, outcome.families, outcome.summary["claims"]
     equal_steps, text = outcome.summary["equal_steps"], io.StringIO()
     YAML().dump(params.model_dump(exclude={"compute"}), text)  # results depend on all others
     reward_terms, of_terms = result_tables.terms(outcome)
@@ -90,10 +88,11 @@ def _context(outcome: Outcome) -> dict[str, Any]:
         "all_measures": MEASURES,
         "matrix_width": head_to_head.improvement_width(len(outcome.results)),
         "confidence": f"{100 * params.compare.confidence:g}",
-        "statements": head_to_head.statements(claims, len(params.seeds)),
-        "verdicts": head_to_head.count(claims),
+        "statements": head_to_head.statements(judged),
+        "verdicts": head_to_head.count(judged),
+        "not_asked": outcome.summary["not_asked"],
         "signs": head_to_head.SIGNS,
-        "level": f"{verdicts.LEVEL:.2g}",
+        "level": f"{claims.LEVEL:.2g}",
         "seeds": len(params.seeds),
         "settings": params,
         "params": text.getvalue(),

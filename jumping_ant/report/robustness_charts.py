@@ -11,7 +11,6 @@ from jumping_ant.report.charts import DASHES, MENU, ROW, SHARES, SYMBOLS, add_me
 from jumping_ant.report.outcome import Outcome
 from jumping_ant.sim.levels import LEVELS
 
-OVERTAKEN = "\u2193"  # an arrow
 KEPT = "Share of the undisturbed return that is kept"
 
 
@@ -78,11 +77,9 @@ def _axis(perturbation: str) -> str:
 
 
 def _cell(entry: Mapping[str, Any]) -> str:
-    """Return what is kept at the most severe level, marked where a rhythm is well ahead there."""
+    """Return what is kept at the most severe level."""
     kept = entry["retention"][-1]
-    if kept is None:
-        return ""
-    return percent(kept) if entry["crossing"] is None else f"{percent(kept)} {OVERTAKEN}"
+    return "" if kept is None else percent(kept)
 
 
 def _in_words(entry: Mapping[str, Any]) -> str:
@@ -93,6 +90,4 @@ def _in_words(entry: Mapping[str, Any]) -> str:
     text = f"keeps {percent(kept)} % ({interval}) at {entry['level'][-1]:g}"
     if entry["half"] is not None:
         text += f"; less than half from {entry['half']:g} on"
-    if entry["crossing"] is not None:
-        text += f"; the metronome leads by more than the margin from {entry['crossing']:g} on"
     return text

@@ -328,12 +328,11 @@ def _numbers(quantities: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
 
 
 def _withstood(summary: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    """Yield `sac/kept_friction`, at its most severe level, `sac/crossing_friction`, ..."""
+    """Yield `sac/kept_friction`, at its most severe level, ..."""
     for agent, perturbations in summary.get("agents", {}).items():
         for name, its in perturbations.items():
-            for what, value in (("kept", its["retention"][-1]), ("crossing", its["crossing"])):
-                if value is not None:
-                    yield f"{agent}/{what}_{name}", float(value)
+            if (kept := its["retention"][-1]) is not None:
+                yield f"{agent}/kept_{name}", float(kept)
 
 
 def _media(paths: AgentPaths) -> dict[str, Path]:

@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 from optuna.trial import FrozenTrial
 
 from jumping_ant.base.errors import StoppedError
-from jumping_ant.comparison import estimates
-from jumping_ant.comparison.claims import findings, verdicts
-from jumping_ant.comparison.claims.findings import Efforts, Finding, Sample
+from jumping_ant.comparison import claims, estimates
+from jumping_ant.comparison.claims import Sample
 from jumping_ant.comparison.step_down import adjust
 from jumping_ant.compute import jobs
 from jumping_ant.compute.processes import Work
-from jumping_ant.media.style import capitalized, number
+from jumping_ant.media.style import number
 from jumping_ant.tuning.task import FRESH, Task, short_digest
 
 OPEN = "open"
@@ -31,6 +30,7 @@ WORDS = {"supported": "better", "refuted": "worse", "equivalent": "equivalent"}
 UNCHANGED = "unchanged"  # no trial did better than the present settings
 BEFORE, AFTER = "before", "after"
 NUMBERS = (BEFORE, AFTER, "p", "difference", "low", "high")  # of a verdict
+SECONDS_MARGIN = 1.25  # ratio, as in tests of bioequivalence: 0.8 to 1.25
 LARGEST_BLOCK = 100  # training seeds of a verdict
 NEVER = (math.inf, math.inf)  # later than one whose budget just ended
 
@@ -81,31 +81,28 @@ class Fresh:
         """
         name, tuned, compare = self.task.name, f"{self.task.name} tuned", self.task.params.compare
         returns, seconds, onsets = map(self._numbers, ("return", "seconds", "onset"))
-        finding: Finding
         middles: list[Any]
         if (target := self.task.settings.target_return) is None:
-            margin = compare.margins.returns
-            samples = Sample(tuned, returns[AFTER]), Sample(name, returns[BEFORE])
-            finding = findings.independent("return", *samples, compare, ends=(-margin, margin))
             pair = [returns[AFTER], returns[BEFORE]]
+            samples = Sample(tuned, pair[0]), Sample(name, pair[1])
+            finding = claims.independent("Return", *samples, compare, compare.margin)
             middles = [estimates.estimate_iqm(x, compare.confidence).value for x in pair[::-1]]
         else:
-            ratio, quantity = compare.margins.seconds, f"seconds to a return above {target:g}"
-            before = Efforts(name, onsets[BEFORE], seconds[BEFORE])
-            after = Efforts(tuned, onsets[AFTER], seconds[AFTER])
-            finding = findings.more_effort(quantity, before, after, compare, (1 / ratio, ratio))
-            pair = [before.spent, after.spent]
-            middles = [np.median(before.spent), np.median(after.spent)]
-        difference = estimates.estimate(estimates.pairwise_median(np.subtract), pair, compare)
-        p_equivalence = finding.margin.p if finding.margin else None
-        (adjusted,) = adjust([(finding.p, p_equivalence)])
+            axis = f"Seconds to a return above {target:g}"
+            spent = {key: np.minimum(onsets[key][:, 1], seconds[key]) for key in onsets}
+            pair = [spent[BEFORE], spent[AFTER]]
+            samples = Sample(name, pair[0], onsets[BEFORE]), Sample(tuned, pair[1], onsets[AFTER])
+            finding = claims.efforts(axis, *samples, compare, SECONDS_MARGIN)
+            middles = list(map(np.median, pair))
+        difference = estimates.pairwise_median(np.subtract, pair[0], pair[1], compare.confidence)
+        (adjusted,) = adjust([(finding.p, finding.p_outside)])
         return {
             **dict(zip((BEFORE, AFTER), map(float, middles), strict=True)),
-            "verdict": WORDS.get(verdicts.verdict(finding.side, adjusted), OPEN),
+            "verdict": WORDS.get(claims.verdict(finding.side, adjusted), OPEN),
             "p": finding.p,
-            "p_equivalence": p_equivalence,
+            "p_equivalence": finding.p_outside,
             **difference.as_dict("difference"),
-            "evidence": f"{capitalized(finding.evidence)}.",
+            "evidence": f"{finding.evidence}.",
             "returns": {which: array.tolist() for which, array in returns.items()},
             "seconds": {which: array.tolist() for which, array in seconds.items()},
         }

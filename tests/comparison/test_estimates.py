@@ -16,6 +16,7 @@ from jumping_ant.comparison.estimates import (
     pair_scores,
     probability_of_improvement,
 )
+from jumping_ant.comparison.hypothesis_tests import rank_test
 
 PARAMS = COMPARE.model_copy(update={"bootstrap_samples": 2000})
 
@@ -91,9 +92,21 @@ def test_narrow_bounds_are_as_good_as_values():
 
 
 def test_the_median_of_all_pairs_is_hodges_and_lehmanns():
-    difference = estimates.pairwise_median(np.subtract)
-    assert difference(np.array([5.0, 9.0]), np.array([1.0, 2.0, 4.0])) == 4.5  # of 1 3 4 5 7 8
-    assert estimates.pairwise_median(np.divide)(np.array([6.0]), np.array([2.0, 3.0])) == 2.5
+    few = np.array([5.0, 9.0]), np.array([1.0, 2.0, 4.0])
+    found = estimates.pairwise_median(np.subtract, *few, 0.95)
+    assert found.value == 4.5  # of 1 3 4 5 7 8
+    assert np.isnan([found.low, found.high]).all()
+    ratio = estimates.pairwise_median(np.divide, np.array([6.0]), np.array([2.0, 3.0]), 0.95)
+    assert ratio.value == 2.5
+
+
+def test_its_interval_has_the_shifts_that_the_rank_test_does_not_reject():
+    x, y = np.random.default_rng(0).normal(size=(2, 9))
+    found = estimates.pairwise_median(np.subtract, x, y, 0.95)
+    for end, inward in ((found.low, 1e-9), (found.high, -1e-9)):
+        assert rank_test(x, y + end - inward) <= 0.05 < rank_test(x, y + end + inward)
+    wide = estimates.pairwise_median(np.subtract, np.repeat(x, 12), np.repeat(y, 12), 0.95)
+    assert found.low < wide.low < wide.value < wide.high < found.high  # more seeds, by their limit
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,4 @@
+import math
 from functools import partial
 
 import numpy as np
@@ -25,7 +26,7 @@ SIDES = ["two-sided", "greater", "less"]
 @pytest.mark.parametrize("side", SIDES)
 def test_rank_test_is_mann_whitneys(side):
     theirs = stats.mannwhitneyu(X, Y, method="exact", alternative=side).pvalue
-    assert rank_test(X, Y, 0, side) == pytest.approx(theirs)
+    assert rank_test(X, Y, side) == pytest.approx(theirs)
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -48,7 +49,7 @@ def test_rank_test_with_ties_looks_at_every_arrangement():
     every = stats.permutation_test(
         TIES, distance, vectorized=True, alternative="greater", n_resamples=np.inf
     )
-    assert rank_test(*TIES, 0) == pytest.approx(every.pvalue)
+    assert rank_test(*TIES) == pytest.approx(every.pvalue)
 
 
 def test_bounds_that_settle_nothing_are_no_evidence():
@@ -57,26 +58,38 @@ def test_bounds_that_settle_nothing_are_no_evidence():
         lambda own: np.stack([own - 0.1, own], axis=1),
         lambda own: np.stack([own, np.full(4, np.inf)], axis=1),
     )
-    assert rank_test(exact(low), exact(high), 0) == pytest.approx(2 / 70)
+    assert rank_test(exact(low), exact(high)) == pytest.approx(2 / 70)
     # What is above 0 may be above 10 or not, but what is above 10 is above 0.
-    assert rank_test(bound(low), exact(high), 0) == 1.0
-    assert rank_test(exact(low), bound(high), 0) == pytest.approx(2 / 70)
+    assert rank_test(bound(low), exact(high)) == 1.0
+    assert rank_test(exact(low), bound(high)) == pytest.approx(2 / 70)
 
 
-@pytest.mark.parametrize("test", [rank_test, spread_test])
-def test_random_arrangements_stand_for_all_where_there_are_too_many(test, monkeypatch):
+def test_no_chance_is_too_small_to_be_told():
+    x, y = np.arange(16.0), np.arange(16.0) + 100
+    assert rank_test(x, y) == pytest.approx(2 / math.comb(32, 16))
+    assert sign_test(np.ones(30), 0) == pytest.approx(2 / 2**30)
+
+
+def test_many_seeds_are_normal():
+    x, y = GENERATOR.normal(0.2, 1.0, (2, 150))
+    theirs = stats.mannwhitneyu(x, y, method="asymptotic", use_continuity=False).pvalue
+    assert rank_test(x, y) == pytest.approx(theirs, rel=0.03)
+
+
+def test_random_arrangements_stand_for_all_where_there_are_too_many(monkeypatch):
     x, y = 5 + 2 * X, 5 + 0.3 * np.append(Y, [0.1, 0.2])
-    every = test(x, y, 0)
+    every = spread_test(x, y, 0)
     monkeypatch.setattr(hypothesis_tests, "MOST", 10_000)
-    some = test(x, y, 0)
+    some = spread_test(x, y, 0)
     assert some == pytest.approx(every, abs=0.01)
-    assert some == test(x, y, 0) != test(x, y, 1)
+    assert some == spread_test(x, y, 0) != spread_test(x, y, 1)
 
 
-def test_random_signs_stand_for_all_where_there_are_too_many():
-    sample = GENERATOR.normal(0.5, 1.0, 30)
-    found = sign_test(sample, 0)
-    assert found == pytest.approx(stats.ttest_1samp(sample, 0.0).pvalue, abs=0.01)
+def test_random_signs_stand_for_all_where_there_are_too_many(monkeypatch):
+    sample = GENERATOR.normal(0.3, 1.0, 30)
+    every = sign_test(sample, 0)
+    monkeypatch.setattr(hypothesis_tests, "MOST_SIGNS", 20)
+    assert sign_test(sample, 0) == pytest.approx(every, abs=0.003)
 
 
 def test_spread_is_relative_to_the_median():
@@ -113,12 +126,12 @@ def test_both_sides_of_a_margin_must_hold():
     x, y = np.arange(4.0), np.arange(4.0) + 3
 
     def test(bound, side):
-        return rank_test(x, y + bound, 0, side)
+        return rank_test(x, y + bound, side)
 
     assert equivalence(test, -10, 10) == pytest.approx(1 / 70)  # both sides of it are as clear
-    assert equivalence(test, -10, -3) == pytest.approx(rank_test(x, x, 0, "less"))  # at the edge
+    assert equivalence(test, -10, -3) == pytest.approx(rank_test(x, x, "less"))  # at the edge
     assert equivalence(test, -1, 10) > 0.9
-    assert equivalence(test, 0, 1e9) == rank_test(x, y, 0, "greater")
+    assert equivalence(test, 0, 1e9) == rank_test(x, y, "greater")
 
 
 @pytest.mark.parametrize("scales", [(0.05, 0.09), (0.09, 0.05)])

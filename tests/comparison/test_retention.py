@@ -1,4 +1,4 @@
-"""What agents keep of their return under perturbations, and the claims on it."""
+"""What agents keep of their return under perturbations."""
 
 import json
 from collections.abc import Callable
@@ -89,37 +89,14 @@ def test_another_table_is_refused(
     assert told in str(caught.value)
 
 
-def test_levels_of_half_and_of_the_crossing_are_those_that_last() -> None:
+def test_the_level_of_half_is_one_that_lasts() -> None:
     shares = {1.0: 0.4, 2.0: 0.9, 3.0: 0.45, 4.0: 0.2}  # below one half at once, but not for good
     own = {Condition("gravity", level): np.full(4, 1000 * share) for level, share in shares.items()}
     own[NONE] = np.full(4, 1000.0)
-    metronome = {condition: np.full(4, 300.0) for condition in own}
-    found = retention.withstood(own, metronome, 99.0, 0.95)["gravity"]
+    found = retention.withstood(own, 0.95)["gravity"]
     assert found["level"] == list(shares)
     assert found["retention"] == pytest.approx(list(shares.values()))
-    assert (found["half"], found["crossing"]) == (3.0, 4.0)
-    assert found["worst"] == pytest.approx(0.2)
-    alone = retention.withstood(own, None, 99.0, 0.95)["gravity"]
-    assert alone == found | {"crossing": None}
-
-
-def test_a_metronome_crosses_by_more_than_the_margin_only() -> None:
-    leads = {1.0: 99.0, 2.0: 101.0, 3.0: 100.0, 4.0: 101.0, 5.0: 300.0}
-    own = {NONE: np.full(4, 1000.0)} | {
-        Condition("push", level): 500 - lead + np.array([-200.0, -1.0, 1.0, 200.0])
-        for level, lead in leads.items()
-    }
-    metronome = {condition: np.full(4, 500.0) for condition in own}
-    crossings = {
-        margin: retention.withstood(own, metronome, margin, 0.95)["push"]["crossing"]
-        for margin in (0.0, 99.0, 100.0, 101.0, 300.0)
-    }
-    assert crossings == {0.0: 1.0, 99.0: 2.0, 100.0: 4.0, 101.0: 5.0, 300.0: None}
-
-
-def test_the_margin_is_in_proportion_to_the_length_of_episodes(params: Params) -> None:
-    assert params.env.max_episode_steps == 1000
-    assert retention.margin(params) == pytest.approx(0.2 * 10)
+    assert (found["half"], found["worst"]) == (3.0, pytest.approx(0.2))
 
 
 @pytest.mark.parametrize(("usual", "share"), [([1000.0, -5.0], 0.5), ([0.0, -5.0], None)])
@@ -127,31 +104,31 @@ def test_a_seed_that_returns_nothing_keeps_nothing_that_counts(
     usual: list[float], share: float | None
 ) -> None:
     own = {NONE: np.array(usual), Condition("gravity", 2.0): np.array([500.0, 7.0])}
-    found = retention.withstood(own, None, 0.0, 0.95)["gravity"]
+    found = retention.withstood(own, 0.95)["gravity"]
     assert (found["retention"], found["low"], found["worst"]) == ([share], [share], share)
 
 
 def test_the_summary_says_who_withstands_what(project: Path, params: Params) -> None:
-    found = retention.summarize(project, params, load(project, params))
+    found = retention.summarize(retention.read(project, params), 0.95)
     json.dumps(found, allow_nan=False)
     assert found["perturbations"] == ["gravity", "observation_delay"]
     assert set(found["agents"]) == {"beat", "sac", "pgpe"}
-    sac = found["agents"]["sac"]
-    assert sac["observation_delay"]["level"] == [1, 2, 3, 4]
-    assert sac["observation_delay"]["crossing"] == 2
-    assert found["agents"]["pgpe"]["observation_delay"]["crossing"] is None
-    assert found["agents"]["beat"]["observation_delay"]["crossing"] is None
-    verdicts = {claim["text"]: claim["verdict"] for claim in found["claims"]}
-    overtakes = "With observation delay of 2 to 4, beat overtakes {}: it returns more without "
-    overtakes += "looking at the robot."
-    assert verdicts[overtakes.format("SAC")] == "supported"
-    assert verdicts[overtakes.format("PGPE")] == "refuted"
-    more = "PGPE is robust: under perturbations, it keeps more of its return than SAC."
-    assert verdicts[more] == "supported"
-    helps = "Where body, floor and forces are others, looking at the robot helps: {} keeps more of "
-    helps += "its return than beat."
-    assert {helps.format("SAC"), helps.format("PGPE")} <= verdicts.keys()
-    assert len(verdicts) == 5
+    assert found["agents"]["sac"]["observation_delay"]["level"] == [1, 2, 3, 4]
+
+
+def test_groups_are_means_over_their_levels(project: Path, params: Params) -> None:
+    results = load(project, params)
+    grouped = retention.with_groups(results, retention.read(project, params))
+    assert grouped["random"] == results["random"]
+    sac = grouped["sac"].quantities
+    for seed in range(len(SEEDS)):
+        usual = kept("sac", NONE, seed)
+        for group, name in (("world", "gravity"), ("senses", "observation_delay")):
+            shares = [
+                kept("sac", Condition(name, float(level)), seed) / usual
+                for level in LEVELS[name].values
+            ]
+            assert sac[f"retention_{group}"][seed] == pytest.approx(np.mean(shares), abs=1e-4)
 
 
 def test_levels_go_from_mild_to_severe_and_are_seven() -> None:

@@ -13,17 +13,20 @@ from small_project import COMPARE, make_params, read_csv, write_csv, write_proje
 
 from jumping_ant.base import tables
 from jumping_ant.base.errors import InputError
+from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison, timing
-from jumping_ant.comparison.claims import verdicts
+from jumping_ant.comparison import claims, comparison, timing
 from jumping_ant.comparison.results import load
 from jumping_ant.evaluation import episodes
+from jumping_ant.params.claims import of_project
 from jumping_ant.training import curves
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1]
 PARAMS = make_params(AGENTS, SEEDS)
 FEW = make_params({"random": "random", "pgpe": "pgpe"}, SEEDS)
+ASKED = of_project(PROJECT_ROOT, PARAMS)
+LEARNED = 500.0
 TABLES = {
     "results/agents/pgpe/episodes.csv": "evaluate@pgpe",
     "results/agents/pgpe/variants.csv": "evaluate@pgpe",
@@ -45,10 +48,10 @@ def project(tmp_path):
 def compared(root, params=PARAMS):
     """All numbers and verdicts, those on seconds as well."""
     agents = load(root, params, curves.read_timed)
-    claims = verdicts.check(agents, COMPARE, params.training.evaluation_episodes)
+    judged = claims.judge(ASKED, agents, COMPARE, LEARNED)
     summary = comparison.summarize(agents, COMPARE)
-    timed = timing.summarize(params, agents, summary, dict.fromkeys(AGENTS, {}))
-    return summary, claims, timed
+    timed = timing.summarize(params, ASKED, agents, summary, dict.fromkeys(AGENTS, {}))
+    return summary, judged, timed
 
 
 def faults_of_structure(header, rows, generator):

@@ -1,11 +1,9 @@
 """What training took, the content of `results/speed.json`, and the claims that rest on it."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_field import HIGH, RANDOM, agent, check, the_claim
 from small_project import (
     COMPARE,
     curve_rows,
@@ -19,13 +17,16 @@ from small_project import (
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison, timing
 from jumping_ant.comparison.results import load
-from jumping_ant.params import presets
+from jumping_ant.params.claims import Claim
 from jumping_ant.training import curves
 
 AGENTS = {"random": "random", "dqn": "dqn", "sac": "sac", "pgpe": "pgpe"}
 SEEDS = [3, 1, 7, 5]
-UNTIMED = timing.table(dict.fromkeys(("pgpe", "sac", "dqn"), {}))
-STEP, HEAVY, PARALLEL = "per control step", "is computationally heavy", "parallelises"
+ASKED = [
+    Claim(text=measure, measure=measure, agent="pgpe", against=against)
+    for measure in ("return", "speed_up", "seconds_per_step")
+    for against in ("sac", "random")
+]
 
 
 def summarize(root, agents):
@@ -33,14 +34,14 @@ def summarize(root, agents):
     results = load(root, params, curves.read_timed)
     two = {1: np.linspace(2.0, 2.3, 4), 2: np.linspace(1.0, 1.3, 4)}
     scaling = {name: {} if algorithm == "random" else two for name, algorithm in agents.items()}
-    return timing.summarize(params, results, comparison.summarize(results, COMPARE), scaling)
+    return timing.summarize(params, ASKED, results, comparison.summarize(results, COMPARE), scaling)
 
 
 def test_the_summary_follows_its_contract(tmp_path):
     write_project(tmp_path, AGENTS, SEEDS)
     summary = summarize(tmp_path, AGENTS)
     json.dumps(summary, allow_nan=False)
-    assert list(summary) == ["agents", "equal_seconds", "pareto_seconds", "claims"]
+    assert list(summary) == ["agents", "equal_seconds", "pareto_seconds", "claims", "not_asked"]
     agents = summary["agents"]
     assert list(agents) == list(AGENTS)
     assert agents["random"] == {"train_seconds": 0.0}
@@ -49,10 +50,13 @@ def test_the_summary_follows_its_contract(tmp_path):
     assert agents["sac"]["return_at_equal_seconds"]["worst"] == pytest.approx(3000)
     assert agents["dqn"]["return_at_equal_seconds"] is None  # evaluated later
     assert summary["pareto_seconds"] == ["sac", "pgpe"]
-    assert [claim["text"].split(":")[0] for claim in summary["claims"]] == [
-        "SAC takes more time to train than DQN, per control step.",
-        *["PGPE is computationally heavy", "The population of PGPE parallelises"] * 2,
+    assert [claim["agents"] for claim in summary["claims"]] == [["pgpe", "sac"]] * 2
+    assert [it["reason"] for it in summary["not_asked"]] == [
+        f"no {measure} of random" for measure in ("speed_up", "seconds_per_step")
     ]
+    speed_up, pace = (claim["plot"]["values"]["PGPE"] for claim in summary["claims"])
+    assert speed_up == pytest.approx(np.linspace(2.0, 2.3, 4) / np.linspace(1.0, 1.3, 4))
+    assert pace == [0.5] * 4
 
 
 def test_an_agents_seconds_are_the_mean_of_its_seeds(tmp_path):
@@ -83,90 +87,3 @@ def test_baselines_alone_have_no_front(tmp_path):
     write_project(tmp_path, {"random": "random"}, SEEDS)
     summary = summarize(tmp_path, {"random": "random"})
     assert (summary["equal_seconds"], summary["pareto_seconds"]) == (None, [])
-
-
-@pytest.mark.parametrize(
-    ("pace", "verdict"), [(9.0, "supported"), (0.2, "refuted"), (1.0, "inconclusive")]
-)
-def test_training_time_is_that_of_a_control_step(pace, verdict):
-    sac, dqn = agent("sac", "sac", budget=500), agent("dqn", "dqn", budget=2000)
-    slowed = {
-        seed: curve | {"seconds": pace * curve["seconds"]} for seed, curve in sac.curves.items()
-    }
-    (claim,) = check(replace(sac, curves=slowed), dqn, table=UNTIMED)
-    assert (STEP in claim["text"], claim["verdict"]) == (True, verdict)
-
-
-@pytest.mark.parametrize(
-    ("budget", "verdict"), [(9_000_000, "supported"), (200, "refuted"), (1_000_000, "inconclusive")]
-)
-def test_training_time_in_all_is_compared_with_the_articles_budgets(budget, verdict):
-    sac = agent("sac", "sac", budget=budget, total_steps=100_000)
-    dqn = agent("dqn", "dqn", budget=1_000_000, total_steps=1_000_000)
-    assert the_claim("in all", sac, dqn, table=UNTIMED)["verdict"] == verdict
-    other = agent("dqn", "dqn", budget=1_000_000, total_steps=210_000)
-    assert not any("in all" in claim["text"] for claim in check(sac, other, table=UNTIMED))
-
-
-def test_the_articles_budgets_are_those_of_its_preset():
-    agents = presets.load("article").agents
-    for name, steps in timing.ARTICLES_STEPS.items():
-        assert agents[name].max_env_steps == steps
-
-
-@pytest.mark.parametrize(
-    ("reached_at", "verdict", "is_small"),
-    [
-        (100, "equivalent", True),
-        (115, "supported", True),
-        (140, "supported", False),
-        (60, "refuted", False),
-    ],
-)
-def test_effort_is_the_seconds_until_something_is_learned(reached_at, verdict, is_small):
-    agents = agent("dqn", "dqn", HIGH), agent("pgpe", "pgpe", HIGH, reached_at), RANDOM
-    claim = the_claim(HEAVY, *agents, table=UNTIMED)
-    assert claim["margin"] == {"low": 0.8, "high": 1.25}
-    assert (claim["verdict"], claim["p_equivalence_adjusted"] < 0.05) == (verdict, is_small)
-    assert claim["plot"]["axis"].startswith("Training seconds to a return above")
-
-
-@pytest.mark.parametrize(
-    ("speed_up", "rivals", "verdict"),
-    [(1.9, 1.1, "supported"), (1.0, 1.5, "refuted"), (1.5, 1.5, "inconclusive")],
-)
-def test_a_population_parallelises_if_cores_bring_more_than_to_one_policy(
-    speed_up, rivals, verdict
-):
-    one, jitter = np.linspace(2.0, 2.1, 8), np.linspace(-0.02, 0.02, 8)
-    scaling = {
-        name: {1: one, 2: one / (factor + jitter)}
-        for name, factor in (("pgpe", speed_up), ("sac", rivals))
-    }
-    agents = [agent(name, name) for name in scaling]
-    assert the_claim(PARALLEL, *agents, table=timing.table(scaling))["verdict"] == verdict
-
-
-def test_one_core_says_nothing_of_parallel_work():
-    agents = [agent(name, name) for name in ("pgpe", "sac")]
-    table = timing.table({one.name: {1: np.ones(8)} for one in agents})
-    claim = the_claim(PARALLEL, *agents, table=table)
-    assert (claim["verdict"], claim["effect"]["value"]) == ("inconclusive", None)
-
-
-@pytest.mark.parametrize(
-    ("names", "parts"),
-    [
-        (("dqn", "sac"), [STEP]),
-        (("pgpe", "sac"), []),
-        (("pgpe", "sac", "random"), [HEAVY]),
-        (("pgpe", "dqn", "sac", "random"), [STEP, HEAVY, HEAVY]),
-    ],
-)
-def test_they_are_corrected_among_themselves_and_left_out_without_their_agents(names, parts):
-    claims = check(*(RANDOM if name == "random" else agent(name, name) for name in names),
-                   table=UNTIMED)  # fmt: skip
-    assert len(claims) == len(parts)
-    for claim, part in zip(claims, parts, strict=True):
-        assert part in claim["text"]
-        assert f"among {len(parts)} claims" in claim["evidence"]

@@ -4,14 +4,12 @@ from pathlib import Path
 
 import pytest
 import small_agents
-from small_project import make_params, write_csv, write_perturbed, write_project
+from small_project import make_params, write_csv, write_project
 
 from jumping_ant.agents.events import Finished
 from jumping_ant.agents.job import trainer_of
-from jumping_ant.base.files import write_bytes, write_json, write_text
+from jumping_ant.base.files import write_bytes, write_text
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import retention
-from jumping_ant.comparison.results import load
 from jumping_ant.params.model import Params
 from jumping_ant.play import page
 from jumping_ant.policies import policy_file
@@ -43,9 +41,6 @@ def project(tmp_path_factory: pytest.TempPathFactory, settings: Params) -> Path:
             write_bytes(paths.policy, policy_file.owned(finished.policy, (name, seed)))
             row = {"env_steps": 0, "episodes": 1, "return_mean": 10 - seed, "return_std": 0}
             write_csv(paths.validation, [{"agent": name, "seed": seed} | row])
-    write_perturbed(root, settings, lambda name, condition, seed: 0.5 if name == "sac" else 0.9)
-    withstood = retention.summarize(root, settings, load(root, settings))
-    write_json(root / "results" / "robustness.json", withstood)
     return root
 
 
