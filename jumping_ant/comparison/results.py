@@ -76,7 +76,7 @@ def load(
         results[name] = AgentResults(
             name=name,
             block=block,
-            quantities=_seed_means(played, params.seeds),
+            quantities=seed_means(played, params.seeds),
             curves=read_curves(root, params, name),
             episodes=played,
             variants=episodes.read_variants(root, params, name),
@@ -99,7 +99,7 @@ def deciding_p(claim: Mapping[str, Any]) -> float:
     return float(claim[decides])
 
 
-def _seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
+def seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
     """Return each quantity's mean over the episodes of each seed; NaN where all cells are empty.
 
     Not those of `seeds.csv`: pandas sums in another order, so that last digits differ.
