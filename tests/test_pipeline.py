@@ -161,8 +161,17 @@ def test_replications_have_other_seeds_and_the_thesis_is_one_with_more_of_the_fa
     assert again.model_copy(update={"seeds": default.seeds}) == default
     thesis, families = presets.load("thesis"), presets.load("families")
     more = {name: it for name, it in thesis.agents.items() if name not in again.agents}
-    assert again.model_copy(update={"agents": again.agents | more}) == thesis
-    assert more.items() <= families.agents.items() and len(more) == 8
+    changed = {"agents": again.agents | more, "claims": "thesis"}
+    assert again.model_copy(update=changed) == thesis
+    half = {name: more.pop(name) for name in ("sac-half", "decqn-half")}
+    assert more.items() <= families.agents.items() and len(more) == 7
+    weak = {
+        name: agent.model_dump() | {"actions": agent.actions.model_dump() | {"amplitude": 0.5}}
+        for name, agent in (("sac", default.agents["sac"]), ("decqn", more["decqn"]))
+    }
+    longer = {"total_steps": 210000, "buffer_size": 70000}  # DQN's, and all that it sees
+    assert half["sac-half"].model_dump() == weak["sac"] | longer
+    assert half["decqn-half"].model_dump() == weak["decqn"]
 
 
 def test_ablations_leave_one_thing_out_each() -> None:

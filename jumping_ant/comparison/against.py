@@ -41,7 +41,9 @@ def judge(root: Path, params: Params, revision: str) -> dict[str, tuple[str, str
     with TemporaryDirectory() as folder:
         other = Path(folder)
         write_bytes(Paths(other).params, _file(root, commit, "params.yaml"))
-        before = params_file.load(Paths(other).params)
+        before = params_file.check(
+            params_file.read(Paths(other).params), f"{revision}: params.yaml"
+        )
         names = [name for name in params.agents if name in before.agents]
         for name in names:
             path = Paths(other).agent(name).episodes

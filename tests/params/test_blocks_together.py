@@ -29,7 +29,11 @@ DEMONSTRATIONS = presets.load("families").model_dump()["demonstrations"]["bc"]
             {"agent": "dqn"},
             "demonstrations.bc.agent: given 'dqn', allowed: learners that choose",
         ),
-        ({}, {"agent": "bc"}, "given 'bc', allowed: learners that choose torques (sac, pgpe)"),
+        (
+            {},
+            {"agent": "bc"},
+            "given 'bc', allowed: learners that choose torques (sac, pgpe, oscillator)",
+        ),
     ],
 )
 def test_imitators_fit_what_they_imitate(
