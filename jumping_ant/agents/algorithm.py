@@ -73,7 +73,6 @@ class Algorithm:
     about: str = ""  # what it is in words, in recordings; by default the label
     policy_kind: str = ""  # of its policies (see `policy_file`); by default the algorithm's name
     ranges: Ranges = field(default_factory=dict)  # that a search for settings chooses from
-    has_rounded: bool = False  # whether variants of policies that round torques are played, too
     has_best_sample: bool = False  # whether the best of the distribution's samples is, too
     is_scaled: bool = False  # whether its training is timed by the number of threads
     is_perturbed: bool = True  # whether its policies are played under perturbations

@@ -87,24 +87,23 @@ def learning_curves(
 ) -> dict[str, LearningCurve]:
     """Return each agent's learning curve over its seeds; one that ends early keeps its last value.
 
-    A baseline learns nothing: its curve is constant at its last evaluation, from the learners'
-    first evaluation to their last one.
+    A baseline learns nothing: its curve is constant at what it returns on the held-out episodes,
+    from the learners' first evaluation to their last one.
     """
-    curves = {}
-    for name, agent in results.items():
-        evaluated = [evaluations(curve) for curve in agent.curves.values()]
+    curves, ends = {}, (0.0, 0.0)
+    for name in (learners := [name for name, it in results.items() if not it.is_baseline]):
+        evaluated = [evaluations(curve) for curve in results[name].curves.values()]
         grid = _common_grid([steps for steps, _ in evaluated])
         returns = np.stack([np.interp(grid, *curve) for curve in evaluated], axis=-1)
         curves[name] = LearningCurve(grid, estimate_iqm(returns, params.confidence))
-    learned = [curve for name, curve in curves.items() if not results[name].is_baseline]
-    if not learned:
-        return curves
-    ends = [min(one.trained[0] for one in learned), max(one.trained[-1] for one in learned)]
-    for name, curve in curves.items():
-        if results[name].is_baseline:
-            level = [np.repeat(part[-1], 2) for part in vars(curve.returns).values()]
-            curves[name] = LearningCurve(np.array(ends), Estimate(*level))
-    return curves
+    if learners:
+        trained = [curve.trained for curve in curves.values()]
+        ends = min(own[0] for own in trained), max(own[-1] for own in trained)
+    for name in results.keys() - curves.keys():
+        level = estimate_iqm(results[name].quantities["return"], params.confidence)
+        flat = Estimate(*(np.repeat(part, 2) for part in vars(level).values()))
+        curves[name] = LearningCurve(np.array(ends), flat)
+    return {name: curves[name] for name in results}
 
 
 def curve_rows(

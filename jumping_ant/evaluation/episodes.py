@@ -16,16 +16,13 @@ from jumping_ant.base.files import blamed
 from jumping_ant.base.paths import Paths
 from jumping_ant.base.tables import EPISODE_SEED, SEED, Column, Table
 from jumping_ant.evaluation.measures import MEASURES, TERM
-from jumping_ant.params.blocks import ActionParams, EvaluateParams
+from jumping_ant.params.blocks import EvaluateParams
 from jumping_ant.params.model import Params
 from jumping_ant.sim import rewards
 from jumping_ant.sim.trajectory import Trajectory
 
 PUBLISHED = "published"
-DISCRETE = ("signed", "three", "rounded_full", "rounded")
-VARIANTS = ("final", *DISCRETE, "best_sample")
-# Claims compare a policy with these of its variants (docs/measures-and-claims.md).
-IN_CLAIMS = ("signed", "rounded_full", "rounded", "best_sample")
+VARIANTS = ("final", "best_sample")
 
 QUANTITIES = ("length", *MEASURES, "survived")
 COUNT = Column(low=1, high=1e6, is_whole=True)
@@ -35,22 +32,17 @@ EPISODE_KEYS = {"seed": SEED, "episode": SEED, "episode_seed": EPISODE_SEED}
 
 def variant_names(agent: AgentBlock) -> tuple[str, ...]:
     """Return the names of the variants that each seed of an agent has."""
-    actions = getattr(agent, "actions", None)  # rhythms have none
-    chooses_torques = isinstance(actions, ActionParams) and actions.kind == "torques"
-    discrete = DISCRETE if row(agent).has_rounded and chooses_torques else ()
-    return ("final", *discrete, *(("best_sample",) if row(agent).has_best_sample else ()))
+    return VARIANTS if row(agent).has_best_sample else VARIANTS[:1]
 
 
 def num_episodes(agent: AgentBlock, evaluate: EvaluateParams) -> dict[str, int]:
     """Return on how many held-out episodes each version of a seed's policy is played."""
-    in_claims = [*IN_CLAIMS]
+    whole = [] if agent.is_baseline else [PUBLISHED]
     if row(agent).has_best_sample:
-        in_claims.append("final")  # the centre beside the best sample
-    if not agent.is_baseline:
-        in_claims.append(PUBLISHED)
+        whole += VARIANTS  # the centre beside the best sample
     return {
-        version: evaluate.episodes if version in in_claims else evaluate.baseline_episodes
-        for version in (PUBLISHED, *VARIANTS)
+        version: evaluate.episodes if version in whole else evaluate.baseline_episodes
+        for version in (PUBLISHED, *variant_names(agent))
     }
 
 

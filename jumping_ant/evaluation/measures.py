@@ -24,7 +24,9 @@ class Measure:
 MEASURES = {
     "return": Measure("Return", "", "Sum of the rewards of an episode.", 1),
     "peak_height": Measure("Peak height", "m", "Greatest height of the torso's centre.", 1),
-    "apex": Measure("Apex", "m", "Mean over jumps of the torso centre's greatest height.", 1),
+    "apex": Measure(
+        "Apex", "m", "Mean over jumps of the torso centre's greatest height; 0 without a jump.", 1
+    ),
     "mean_height": Measure("Mean height", "m", "Mean height of the torso's centre.", 1),
     "jumps": Measure(
         "Jumps", "", "Number of times off the ground for long enough.", 0, Column(low=0)

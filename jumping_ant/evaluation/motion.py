@@ -46,14 +46,14 @@ def phases(mask: NDArray[np.bool_], min_length: float) -> NDArray[np.int64]:
 
 
 def apex(heights: Array, jumps: NDArray[np.int64]) -> float:
-    """Return the mean over jumps of the greatest height within each; without any, of all [m].
+    """Return the mean over jumps of the greatest height within each; 0 without any [m].
 
     Args:
         heights: Height at each control step [m], shape (T,).
         jumps: First step of each jump and the first one after it, shape (num_jumps, 2).
     """
     if len(jumps) == 0:
-        return float(heights.max())
+        return 0.0
     return float(np.mean([heights[start:end].max() for start, end in jumps]))
 
 

@@ -19,6 +19,7 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 Count = Annotated[int, Field(ge=1, le=10**6)]
 Steps = Annotated[int, Field(ge=1, le=10**10)]
 Seed = Annotated[int, Field(ge=0, lt=2**31)]
+SELECTION_EPISODES = 20  # first ones of validation: PGPE's best sample is chosen on them
 
 GYMNASIUM_ROBOTS = {
     "ant": "ant.xml",
@@ -227,9 +228,15 @@ class TrainingParams(Block):
     finalist_episodes: Count
     """[-] Further episodes of each finalist."""
     evaluation_seed: Seed
-    """Seed of the first episode; the others count up from it."""
+    """Start of the first block: that of training seed s begins at so many episodes times s."""
     publish: Literal["best", "final"]
     """Which policy of a seed is its result: the best one by validation, or the last one."""
+
+    def block(self, seed: int) -> range:
+        """Return the seeds of a training seed's validation episodes."""
+        size = max(self.evaluation_episodes + self.finalist_episodes, SELECTION_EPISODES)
+        first = self.evaluation_seed + size * seed
+        return range(first, first + size)
 
 
 class ComputeParams(Block):

@@ -31,7 +31,6 @@ AgentName = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_-]*$", max_length=60
 
 # Seeds of start states. Those of training are derived numbers of 128 bits (see `base.seeding`).
 TUNING_SEEDS = range(7_000_000, 8_000_000)  # of `make tune`; its training seeds are of these, too
-SELECTION_EPISODES = 20  # first ones of validation: PGPE's best sample is chosen on them
 EPISODES_AT_ONCE = 16  # demonstrations are played in batches of so many
 
 if TYPE_CHECKING:
@@ -141,12 +140,9 @@ class Params(Block):
 
     def _episodes(self) -> dict[str, list[range]]:
         """Return all seeds of episodes that are plain numbers, by the key that says the first."""
-        training = self.training
-        first = training.evaluation_seed
-        in_race = training.evaluation_episodes + training.finalist_episodes
         episodes = {
             "make tune": [TUNING_SEEDS],
-            "training.evaluation_seed": [range(first, first + max(in_race, SELECTION_EPISODES))],
+            "training.evaluation_seed": [self.training.block(seed) for seed in self.seeds],
             "evaluate.seed": [self.evaluate.block(seed) for seed in self.seeds],
         }
         for algorithm, block in self.demonstrations.items():  # an episode has at least one step

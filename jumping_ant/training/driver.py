@@ -131,6 +131,7 @@ def _run(
             seed_run.run,
             job,
             params.training,
+            params.training.block(job.seed),
             seconds=saved.seconds if saved else 0.0,
             candidates=saved.candidates if saved else (),
             checkpoint_seconds=params.compute.checkpoint_seconds,

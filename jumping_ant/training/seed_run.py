@@ -40,6 +40,7 @@ class Report:
 def run(
     job: Job[Any],
     training: TrainingParams,
+    starts: range,
     stop: threading.Event,
     seconds: float = 0.0,
     candidates: Candidates = (),
@@ -47,7 +48,8 @@ def run(
 ) -> Iterator[Report]:
     """Train one seed, and evaluate its snapshots; `stop` ends it with a last checkpoint.
 
-    `seconds` of training and `candidates` are those before the checkpoint that it resumes from.
+    `starts` are the seeds of the validation episodes. `seconds` of training and `candidates` are
+    those before the checkpoint that it resumes from.
     """
     if not job.agent.is_baseline:  # these do without PyTorch, which takes seconds to import
         from jumping_ant.agents.kernels import use_portable_kernels
@@ -56,6 +58,7 @@ def run(
     train = trainer_of(job.agent)  # its imports are no training
     started = last = time.perf_counter()
     paused = -seconds
+    first = training.evaluation_episodes
 
     def is_checkpoint_due() -> bool:
         return stop.is_set() or time.perf_counter() - last >= checkpoint_seconds
@@ -64,14 +67,14 @@ def run(
         now = time.perf_counter()
         report = Report(event, now - started - paused)
         if isinstance(event, Snapshot):
-            (returns,) = _validate(job, training, [event.policy], is_final=False).tolist()
+            (returns,) = _validate(job, starts[:first], [event.policy]).tolist()
             report = replace(report, returns=tuple(returns))
             new = Candidate(event.env_steps, report.returns, event.policy)
             candidates = model_selection.entered(candidates, new, training)
         elif isinstance(event, Checkpoint):
             report = replace(report, candidates=candidates)
         elif isinstance(event, Finished):
-            final = partial(_validate, job, training, is_final=True)
+            final = partial(_validate, job, starts[first : first + training.finalist_episodes])
             candidates = model_selection.finished(candidates, final)
             report = replace(report, candidates=candidates, machine=machine.describe())
         yield report
@@ -82,15 +85,7 @@ def run(
         paused += time.perf_counter() - now
 
 
-def _validate(
-    job: Job[Any], training: TrainingParams, policies: Sequence[bytes], *, is_final: bool
-) -> NDArray[np.float64]:
-    """Return the returns of policies in either round of the race, (num_policies, episodes)."""
-    first, others = training.evaluation_episodes, training.finalist_episodes
-    numbers = range(first, first + others) if is_final else range(first)
-    plays = [
-        Play(policy, training.evaluation_seed + number)
-        for policy in map(policy_file.parse, policies)
-        for number in numbers
-    ]
+def _validate(job: Job[Any], starts: range, policies: Sequence[bytes]) -> NDArray[np.float64]:
+    """Return the returns of policies in validation, (num_policies, num_starts)."""
+    plays = [Play(policy, start) for policy in map(policy_file.parse, policies) for start in starts]
     return rollout.returns(job.world, plays, job.num_threads).reshape(len(policies), -1)

@@ -115,9 +115,10 @@ class Task:
             yield {"fault": reason}
 
     def _measured(self, job: Job[Any], starts: range, stop: threading.Event) -> Iterator[Note]:
-        training = self.params.training.model_copy(update={"evaluation_seed": VALIDATION})
+        training = self.params.training
+        validation = range(VALIDATION, VALIDATION + len(training.block(0)))
         evaluations = []
-        for report in seed_run.run(job, training, stop):
+        for report in seed_run.run(job, training, validation, stop):
             if isinstance(report.event, Snapshot):
                 evaluations.append((report.seconds, float(np.mean(report.returns))))
         if not isinstance(report.event, Finished):

@@ -1,17 +1,14 @@
 """Other versions of a policy, and what they return on the held-out episodes."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from commands import COMMAND_SIGNS
 
 from jumping_ant.evaluation import episodes, variants
-from jumping_ant.evaluation.variants import NearestCommand, NearestLevels
-from jumping_ant.params.blocks import EvaluateParams
-from jumping_ant.params.model import SELECTION_EPISODES, Params
+from jumping_ant.params.blocks import SELECTION_EPISODES, EvaluateParams
+from jumping_ant.params.model import Params
 from jumping_ant.policies.actions import ActionSet
 from jumping_ant.policies.blind import UniformPolicy
 from jumping_ant.policies.linear import LinearPolicy
@@ -42,88 +39,31 @@ def made(
     return variants.make(World(robot_xml, params.env), params, agent, policies)
 
 
-class Chooser:
-    """A policy whose torques the test chooses."""
-
-    def __init__(self, torques: list[list[float]]) -> None:
-        self.actions = ActionSet(amplitude=0.5, hold=2)
-        self._torques = np.array(torques)
-
-    def start(self, episode_seeds) -> None:
-        pass
-
-    def act(self, observations):
-        return self._torques
-
-
-CHOOSER = Chooser([[0.2] * 8, [0.3] * 8, [0.9, 0.1] * 2 + [-0.2] * 4, [-1.0] * 4 + [0.1] * 4])
-FEET = [[0.5] * 4 + [-0.5] * 4, [-0.5] * 4 + [0.5] * 4]  # commands 3 and 4 at half torque
-FEET_OR_NONE = [[0.5, 0.0] * 2 + [0.0] * 4, [-0.5] * 4 + [0.0] * 4]
-
-
-@pytest.mark.parametrize(
-    ("variant", "levels", "expected"),
-    [
-        (NearestCommand(CHOOSER, 0.5 * COMMAND_SIGNS), None, [[0.0] * 8, [0.5] * 8, *FEET]),
-        (NearestLevels(CHOOSER, 2), 2, [[0.5] * 8, [0.5] * 8, *FEET]),
-        (NearestLevels(CHOOSER, 3), 3, [[0.0] * 8, [0.5] * 8, *FEET_OR_NONE]),
-    ],
-)
-def test_torques_become_the_nearest_of_a_few(
-    variant: Policy, levels: int | None, expected: list[list[float]]
-) -> None:
-    assert variant.act(np.zeros((4, 27))).tolist() == expected
-    assert (variant.actions.levels, variant.actions.hold) == (levels, 2)
-
-
 def test_a_policy_has_the_variants_that_make_sense_for_it(robot_xml: str, params: Params) -> None:
-    def names(agent: str, policy: Policy, params: Params = params) -> list[str]:
+    def names(agent: str, policy: Policy) -> list[str]:
         return list(made(robot_xml, params, agent, {3: policy})[3])
 
-    policy, discrete = linear(0.1), ["signed", "three", "rounded_full", "rounded"]
-    block: Any = params.agent("pgpe")
-    choice = block.actions.model_copy(update={"kind": "levels"})
-    levels = {"pgpe": block.model_copy(update={"actions": choice})}
-    of_levels = params.model_copy(update={"agents": levels})
-    assert names("pgpe", policy) == ["published", "final", *discrete, "best_sample"]
-    assert names("pgpe", policy, of_levels) == ["published", "final", "best_sample"]
-    assert names("sac", policy) == ["published", "final", *discrete]
-    assert names("dqn", policy) == ["published", "final"]
+    assert names("pgpe", linear(0.1)) == ["published", "final", "best_sample"]
+    assert names("sac", linear(0.1)) == ["published", "final"]
     assert names("random", UniformPolicy(0, ActionSet(), 8)) == ["published", "final"]
 
 
 def test_what_claims_compare_is_played_on_more_episodes(known_params: Params) -> None:
     evaluate = EvaluateParams(episodes=32, baseline_episodes=16, seed=0)
-
-    def played_more(agent: str) -> set[str]:
-        counts = episodes.num_episodes(known_params.agent(agent), evaluate)
-        assert set(counts.values()) == {16, 32}
-        return {version for version, count in counts.items() if count == 32}
-
-    compared = {"signed", "rounded_full", "rounded", "best_sample"}
-    assert played_more("pgpe") == {"published", "final", *compared}  # `final` is the centre
-    assert played_more("sac") == {"published", *compared}
-    assert played_more("random") == compared  # which it has not
-
-
-@pytest.mark.parametrize("amplitude", [1.0, 0.5])
-def test_commands_at_full_amplitude_are_those_at_half_where_the_two_are_equal(
-    robot_xml: str, params: Params, amplitude: float
-) -> None:
-    policy = replace(linear(0.1), actions=ActionSet(amplitude=amplitude))
-    found = made(robot_xml, params, "sac", {3: policy})[3]
-    is_same = found["rounded_full"] is found["rounded"]  # and so is played once
-    assert is_same == (amplitude == 0.5)
-    np.testing.assert_array_equal(found["rounded_full"].commands, amplitude * COMMAND_SIGNS)
+    for agent, counts in {
+        "pgpe": {"published": 32, "final": 32, "best_sample": 32},  # `final` is the centre
+        "sac": {"published": 32, "final": 16},
+        "random": {"published": 16, "final": 16},
+    }.items():
+        assert episodes.num_episodes(known_params.agent(agent), evaluate) == counts
 
 
 def test_the_best_sample_wins_two_rounds_of_validation(robot_xml: str, params: Params) -> None:
     world, centers = World(robot_xml, params.env), {7: linear(0.5), 9: linear(0.4)}
-    first_seed = params.training.evaluation_seed
-    episodes = range(first_seed, first_seed + SELECTION_EPISODES)
     found = made(robot_xml, params, "pgpe", centers)
     for seed, center in centers.items():
         generator = np.random.default_rng(variants.derive(seed, "samples"))
+        episodes = params.training.block(seed)[:SELECTION_EPISODES]
         samples = [center.sample(generator) for _ in range(variants.NUM_SAMPLES)]
         returns = np.array(
             [[own.total() for own in rollout.run(world, each, episodes)] for each in samples]

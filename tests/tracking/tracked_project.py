@@ -63,7 +63,7 @@ def evaluate(root: Path, agent: str) -> None:
     write_json(paths.machines, {str(seed): {"cpu": "a"} for seed in SEEDS})
     means = [f"{agent},{seed},{100 * seed + 15},2.5,0.25," for seed in SEEDS]
     write_rows(paths.seed_means, "agent,seed,return,apex,flight,fluidity", means)
-    kinds = {"final": 50, "rounded": 9}.items()
+    kinds = {"final": 50, "best_sample": 9}.items()
     variants = [f"{agent},{seed},{name},{more + seed}" for seed in SEEDS for name, more in kinds]
     write_rows(paths.variants, "agent,seed,variant,return", variants)
     states = {"qpos": np.zeros((3, 15)), "qvel": np.zeros((3, 14)), "torques": np.zeros((2, 8))}

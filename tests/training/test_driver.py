@@ -35,7 +35,7 @@ def test_an_agent_reports_the_same_from_workers(robot_xml: str) -> None:
         agent = params.agent(name)
         shown = demonstrations if agent.learns_from_demonstrations else None
         job = Job(World(robot_xml, params.env), agent, 5, params.training.evaluations, 1, shown)
-        return partial(seed_run.run, job, params.training)
+        return partial(seed_run.run, job, params.training, params.training.block(0))
 
     runs = []
     for workers in (1, 2):
@@ -130,7 +130,7 @@ def snapshots(project: Path, settings: Params, agent: str, seed: int) -> dict[by
     xml = (project / "assets" / "edited.xml").read_text(encoding="utf-8")
     rules, world = settings.training, World(xml, settings.env)
     count = rules.evaluation_episodes + rules.finalist_episodes
-    seeds = range(rules.evaluation_seed, rules.evaluation_seed + count)
+    seeds = rules.block(seed)[:count]
     block = settings.agents[agent]
     returns = {}
     job = small_agents.job(world, block, seed, evaluations=rules.evaluations)

@@ -120,7 +120,7 @@ def reports_of(
     evaluations = settings.training.evaluations
     job = Job(World(xml, settings.env), block, 0, evaluations, num_threads, known, checkpoint)
     reports = []
-    for report in seed_run.run(job, settings.training, stop, seconds):
+    for report in seed_run.run(job, settings.training, range(9), stop, seconds):
         reports.append(report)
         if len(reports) == stop_after:
             stop.set()

@@ -172,7 +172,6 @@ ALGORITHMS = {
     "pgpe": _row(
         PGPEParams,
         learner=f"{_SEARCHERS}:pgpe",
-        has_rounded=True,
         has_best_sample=True,
         is_scaled=True,
         ranges={

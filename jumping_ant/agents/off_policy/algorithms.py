@@ -251,7 +251,6 @@ ALGORITHMS = {
     "sac": _entropic(
         SACParams,
         learner=f"{_LEAN}:LeanSAC",
-        has_rounded=True,
         is_scaled=True,
         ranges={**_CRITICS, **_ENTROPY},
     ),
