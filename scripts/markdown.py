@@ -14,6 +14,7 @@ from jumping_ant.base.paths import Paths
 from jumping_ant.comparison.results import deciding_p
 from jumping_ant.media import style
 from jumping_ant.params import params_file
+from jumping_ant.params.claims import Claim
 from jumping_ant.training import curves
 from jumping_ant.tuning.outcome import is_control_of
 
@@ -44,24 +45,27 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def claim_table(claims: Iterable[dict[str, Any]]) -> str:
     """Return the claims, their verdicts, adjusted p values and evidence."""
-    rows = [[claim["text"], *_verdict(claim), claim["evidence"]] for claim in claims]
+    rows = []
+    for claim in claims:
+        p = style.p_value(deciding_p(claim))
+        rows.append([claim["text"], claim["verdict"], p, claim["evidence"]])
     return table(["claim", "verdict", "adjusted p", "evidence"], rows)
 
 
-def replication_table(first: dict[str, Any], again: dict[str, Any]) -> str:
-    """Return verdicts on the default's seeds beside those on other seeds.
-
-    Both are what `publish.everything` returns.
-    """
-    rows = []
-    for key in ("claims", "robustness"):
-        anew = {claim["text"]: _verdict(claim) for claim in again[key]}
-        rows += [[one["text"], *_verdict(one), *anew[one["text"]]] for one in first[key]]
-    return table(["claim", "default", "adjusted p", "other seeds", "adjusted p"], rows)
-
-
-def _verdict(claim: dict[str, Any]) -> list[str]:
-    return [claim["verdict"], style.p_value(deciding_p(claim))]
+def asked_table(asked: Iterable[Claim]) -> str:
+    """Return claims that are to be tested."""
+    rows = [
+        [
+            claim.text,
+            claim.statement or "",
+            ", ".join(f"`{it}`" for it in claim.measures),
+            f"`{claim.agent}`, `{claim.against}`",
+            claim.side,
+            "" if claim.margin is None else style.number(claim.margin),
+        ]
+        for claim in asked
+    ]
+    return table(["claim", "the article", "measure", "agents", "side", "margin"], rows)
 
 
 def printed_table(printed: dict[str, Any]) -> str:

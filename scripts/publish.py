@@ -15,6 +15,7 @@ from jumping_ant.base.errors import reported
 from jumping_ant.base.files import PROJECT_ROOT, read_json, write_bytes, write_json, write_text
 from jumping_ant.base.paths import Paths
 from jumping_ant.comparison.results import merged
+from jumping_ant.params import claims as rows
 from jumping_ant.tracking import descriptions
 from scripts import animation, markdown
 from scripts.preset import folder_of
@@ -22,10 +23,9 @@ from scripts.preset import folder_of
 DOCS, RESULTS = PROJECT_ROOT / "docs", PROJECT_ROOT / "results"
 README, TABLES = PROJECT_ROOT / "README.md", DOCS / "tables.md"
 COMPARISONS = {name: RESULTS / f"{name}.json" for name in ("families", "thesis")}  # in git
-REPLICATION = RESULTS / "replicate.json"
 FINALS = DOCS / "published" / "ant_v4.csv"
 SECTIONS = [
-    *("default", "ablations", "article", "run", "hopper", "families", "thesis", "replicate"),
+    *("default", "ablations", "article", "run", "hopper", "families", "thesis"),
     "tuning",  # is no preset
 ]
 WITHOUT_CLAIMS = ("run", "hopper")  # the article makes none for these tasks
@@ -43,9 +43,7 @@ def main() -> None:
     parser.add_argument("preset", nargs="?", default="default", choices=SECTIONS)
     preset = parser.parse_args().preset
     folder = _folder(preset)
-    if preset == "replicate":
-        write_json(REPLICATION, everything(folder))
-    elif preset in COMPARISONS:
+    if preset in COMPARISONS:
         write_json(COMPARISONS[preset], results(folder))
     for (document, name), content in sections(preset).items():
         replace_section(document, name, content)
@@ -63,16 +61,8 @@ def results(root: Path) -> dict[str, Any]:
     return merged(_read(paths.comparison), _read(paths.speed))
 
 
-def everything(root: Path) -> dict[str, Any]:
-    """Return what `results` does, with the claims on robustness beside the others."""
-    return results(root) | {"robustness": _read(Paths(root).robustness)["claims"]}
-
-
 def sections(preset: str) -> Sections:
     """Return what documents say of a preset that has been run."""
-    if preset == "replicate":
-        first, again = everything(PROJECT_ROOT), _read(REPLICATION)
-        return {(TABLES, preset): markdown.replication_table(first, again)}
     if preset == "tuning":
         searches = [_read(path) for path in sorted((RESULTS / "tuning").glob("*.json"))]
         return {(TABLES, preset): markdown.tuning_table(searches)}
@@ -80,12 +70,11 @@ def sections(preset: str) -> Sections:
     agents = "\n".join(descriptions.agent_table(compared["agents"]))
     claims = markdown.claim_table(compared["claims"])
     if preset == "default":
-        withstood = _read(Paths().robustness)
-        verdicts = markdown.claim_table(withstood["claims"])
+        kept = markdown.kept_table(_read(Paths().robustness))
         return {
             (README, "ranking"): agents,
             (DOCS / "results.md", preset): claims,
-            (TABLES, "robustness"): f"{markdown.kept_table(withstood)}\n\n{verdicts}",
+            (TABLES, "robustness"): kept,
         }
     found = {(TABLES, preset): agents if preset in WITHOUT_CLAIMS else f"{agents}\n{claims}"}
     if preset == "article":
@@ -106,10 +95,16 @@ def finals() -> Sections:
     return {(TABLES, "finals"): markdown.finals_table(FINALS)}
 
 
+def asked() -> Sections:
+    """Return the default's claims."""
+    own = rows.read(PROJECT_ROOT / "claims" / "default.yaml")
+    return {(DOCS / "measures-and-claims.md", "claims"): markdown.asked_table(own)}
+
+
 def committed_sections() -> Sections:
     """Return what documents say of results that are in git."""
-    found = printed() | finals()
-    for preset in ("default", *COMPARISONS, "replicate", "tuning"):
+    found = printed() | finals() | asked()
+    for preset in ("default", *COMPARISONS, "tuning"):
         found |= sections(preset)
     return found
 

@@ -29,6 +29,8 @@ EARLIER = re.compile(r"`[^`]+`,? of\s+commit\s+[0-9a-f]{7}")  # a script that ha
 PLACEHOLDER = re.compile(r"<\w+>|\b[A-Z]{3,}\b|(?<=/)(agent|algorithm|stage)\b")
 # A repository, a key of `info`, and files that users, `make` and `make tune` write.
 ELSEWHERE = {"mdipietro09/RoboticsPy", "reward/low_torso", "off_policy/mine.py"}
+ELSEWHERE |= {"pgpe/final", "pgpe/best_sample", "sac/seed-3"}  # a version; a run's name
+ELSEWHERE |= {"eval/mean_reward", "rollout/ep_rew_mean"}  # of Stable-Baselines3
 ELSEWHERE |= {".venv/bin/activate", "presets/tuned-AGENT", "presets/tuned-sac"}
 FILES = [f"/{name}/" for name in checkout.project_files()]
 STAGES = YAML(typ="safe").load(ROOT / "dvc.yaml")["stages"].keys()
