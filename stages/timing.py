@@ -1,4 +1,4 @@
-"""Measure how training speeds up with threads, and summarize what it took on this machine.
+"""Time short pieces of training, and summarize what training takes on this machine.
 
 Usage:  python -m stages.timing
 Reads:  params.yaml, claims/, the robots in assets/, models/<agent>/seed-<n>/curve.csv,
@@ -25,8 +25,7 @@ def main() -> None:
     measured = scaling.measure_all(PROJECT_ROOT, settings)
     with blamed("compare", paths.comparison):
         timed = timing.summarize(settings, asked, agents, compared, measured)
-    table = scaling.to_csv(measured, settings.seeds)
-    write_all({paths.scaling: table, paths.speed: to_json(timed)})
+    write_all({paths.scaling: scaling.to_csv(measured), paths.speed: to_json(timed)})
 
 
 if __name__ == "__main__":

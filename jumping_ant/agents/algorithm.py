@@ -74,7 +74,6 @@ class Algorithm:
     policy_kind: str = ""  # of its policies (see `policy_file`); by default the algorithm's name
     ranges: Ranges = field(default_factory=dict)  # that a search for settings chooses from
     has_best_sample: bool = False  # whether the best of the distribution's samples is, too
-    is_scaled: bool = False  # whether its training is timed by the number of threads
     is_perturbed: bool = True  # whether its policies are played under perturbations
 
     def __post_init__(self) -> None:

@@ -174,8 +174,11 @@ def samples(
             raise LookupError("no random agent, whose luck tells what has learned nothing")
         learned = np.nan
     both = [_version(agents, whom) for whom in (claim.agent, claim.against)]
+    unit = (EFFORTS | EQUAL).get(measure, "env_steps")
+    for agent, _ in both:
+        if agent.curves and unit not in next(iter(agent.curves.values())):
+            raise LookupError(f"no {unit} of {agent.label}")
     if measure in EQUAL:
-        unit = EQUAL[measure]
         budget = min(float(agent.budgets(unit).min()) for agent, _ in both)
     measured = []
     for agent, version in both:
@@ -183,7 +186,6 @@ def samples(
         label = f"{agent.label}, {version.replace('_', ' ')}" if version else agent.label
         bounds = None
         if measure in EFFORTS:
-            unit = EFFORTS[measure]
             bounds = np.array([curves.onset(it, learned, unit) for it in agent.curves.values()])
             values = np.minimum(bounds[:, 1], agent.budgets(unit))
         elif measure in EQUAL:

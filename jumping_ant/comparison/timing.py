@@ -1,7 +1,9 @@
-"""What training took in seconds: the numbers and claims of `results/speed.json`.
+"""What training takes in seconds: the numbers and claims of `results/speed.json`.
 
 They are statements on a machine, and its claims are a family of their own: corrected with all
-others, they would make every verdict depend on a clock.
+others, they would make every verdict depend on a clock. Agents train one after the other, each
+beside other work, so claims rest on short pieces of all of them (`training.scaling`): the seconds
+of a run are its control steps times the CPU seconds that one takes there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,16 +11,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from jumping_ant.base import machine
 from jumping_ant.comparison import claims, comparison
 from jumping_ant.comparison.results import AgentResults, merged
 from jumping_ant.params.claims import Claim
 from jumping_ant.params.model import Params
-
-Scaling = Mapping[str, Mapping[int, NDArray[np.float64]]]
-"""By agent, the time of a unit of training [s], (num_seeds,), by number of threads; {} if not
-timed."""
+from jumping_ant.training.scaling import Piece
 
 
 def summarize(
@@ -26,26 +25,34 @@ def summarize(
     asked: Sequence[Claim],
     results: Mapping[str, AgentResults],
     compared: Mapping[str, Any],
-    scaling: Scaling,
+    pieces: Sequence[Piece],
 ) -> dict[str, Any]:
     """Return the agents' seconds, what they returned after equal ones, and the claims on them.
 
     Args:
         params: All parameters.
         asked: All claims.
-        results: Of each agent, with seconds in its curves.
+        results: Of each agent, with the seconds of training by the clock in its curves.
         compared: The content of `results/comparison.json`, which has the returns.
-        scaling: What a unit of each agent's training takes, by number of threads.
+        pieces: What pieces of training took.
     """
-    equal, early = comparison.at_equal_budgets(results, "seconds", params.compare.confidence)
+    timed = {
+        name: _with_seconds(agent, [piece for piece in pieces if piece.agent == name])
+        for name, agent in results.items()
+    }
+    equal, early = comparison.at_equal_budgets(timed, "seconds", params.compare.confidence)
     agents = {
-        name: {"train_seconds": float(agent.budgets("seconds").mean())} | early.get(name, {})
+        name: {
+            "train_seconds": float(timed[name].budgets("seconds").mean()),
+            "wall_seconds": float(agent.budgets("seconds").mean()),
+        }
+        | early.get(name, {})
         for name, agent in results.items()
     }
     together = merged(compared, {"agents": agents})["agents"]
-    timed = {name: _with_seconds(agent, scaling[name]) for name, agent in results.items()}
     learned = claims.out_of_luck(results.values(), params.training.evaluation_episodes)
     return {
+        "machine": machine.describe(),
         "agents": agents,
         "equal_seconds": equal,
         "pareto_seconds": comparison.front(results, together, "seconds"),
@@ -53,11 +60,22 @@ def summarize(
     }
 
 
-def _with_seconds(agent: AgentResults, seconds: Mapping[int, NDArray[np.float64]]) -> AgentResults:
-    """Return an agent with the quantities of each seed that a clock tells."""
-    more = {}
-    if not agent.is_baseline:
-        more["seconds_per_step"] = agent.budgets("seconds") / agent.budgets("env_steps")
-    if len(seconds) > 1:
-        more["speed_up"] = seconds[1] / seconds[max(seconds)]
-    return replace(agent, quantities=agent.quantities | more)
+def _with_seconds(agent: AgentResults, pieces: Sequence[Piece]) -> AgentResults:
+    """Return an agent with what a clock tells: of each piece, and so at each row of its curves.
+
+    Without pieces, curves keep the seconds of training.
+    """
+    if not pieces:
+        return agent
+    most = max(piece.threads for piece in pieces)
+    alone = [piece for piece in pieces if piece.threads == 1]
+    paces = np.array([piece.cpu_seconds / piece.env_steps for piece in alone])
+    more = {"seconds_per_step": paces}
+    if most > 1:
+        together = np.array([piece.seconds for piece in pieces if piece.threads == most])
+        more["speed_up"] = np.array([piece.seconds for piece in alone]) / together
+    curves = {
+        seed: curve | {"seconds": curve["env_steps"] * np.median(paces)}
+        for seed, curve in agent.curves.items()
+    }
+    return replace(agent, quantities=agent.quantities | more, curves=curves)

@@ -206,7 +206,7 @@ class ComparisonRecord:
             for quantity, part, number in _numbers(quantities)
             if part in PARTS and "iqm" in quantities[quantity]
         }
-        seconds = quantities.get("train_seconds")
+        seconds = quantities.get("wall_seconds")
         return means if seconds is None else means | {TRAIN_SECONDS: float(seconds)}
 
     def curve_over_seeds(self, agent: str) -> dict[Point, float]:

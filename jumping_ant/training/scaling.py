@@ -1,23 +1,21 @@
-"""How an agent's training speeds up with threads, measured on this machine.
+"""What training takes on this machine, by the number of threads: short pieces of all learners.
 
-More threads run more policies of a generation at once. Off-policy learners update one policy:
-threads share the stepping of their environments, and each matrix product of a gradient step.
+Learners are timed by turns and several times each, so that other work on the machine slows all of
+them alike. More threads run more policies of a generation at once. Off-policy learners update one
+policy: threads share the stepping of their environments, and each matrix product of a gradient
+step.
 
-The timed unit is each seed's second row of the learning curve. Later rows take as long.
+A piece is the second row of a learning curve. Later rows take as long.
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from jumping_ant.agents.algorithm import AgentBlock
-from jumping_ant.agents.catalogue import row
 from jumping_ant.agents.events import Progress
 from jumping_ant.agents.job import Job, trainer_of
 from jumping_ant.base import machine, tables
@@ -25,53 +23,50 @@ from jumping_ant.params.model import Params
 from jumping_ant.sim import robot
 from jumping_ant.sim.world import World
 
-SEEDS = 8  # whose training is timed: the first ones
-REPEATS = 2  # the fastest one counts
+REPEATS = 8  # of each piece
 DIGITS = 6  # of the seconds
 
-Seconds = dict[int, NDArray[np.float64]]
-"""The time of a unit of training [s], (num_seeds,), by number of threads; {} if not timed."""
+
+class Piece(NamedTuple):
+    """A piece of training, and what it took."""
+
+    agent: str
+    repeat: int  # which also is its seed
+    threads: int
+    env_steps: int  # control steps
+    seconds: float  # by the clock
+    cpu_seconds: float  # of all threads together
 
 
-def measure_all(root: Path, params: Params) -> dict[str, Seconds]:
-    """Time each agent, one after the other, in a process that does nothing else."""
-    with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
-        found = pool.map(partial(measure, root, params), params.agents)
-        return dict(zip(params.agents, found, strict=True))
+def measure_all(root: Path, params: Params) -> list[Piece]:
+    """Time the agents whose algorithms have pieces, in a process that does nothing else."""
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        return pool.submit(measure, root, params, machine.num_cores()).result()
 
 
-def to_csv(scaling: Mapping[str, Seconds], seeds: Sequence[int]) -> str:
-    """Return a table of what `measure_all` found, seed by seed."""
-    rows = [
-        {"agent": agent, "seed": seed, "threads": threads, "seconds": own[i]}
-        for agent, seconds in scaling.items()
-        for i, seed in enumerate(seeds[:SEEDS])
-        for threads, own in seconds.items()
+def to_csv(pieces: Sequence[Piece]) -> str:
+    """Return a table of pieces."""
+    return tables.to_csv([piece._asdict() for piece in pieces], Piece._fields)
+
+
+def measure(root: Path, params: Params, cores: int) -> list[Piece]:
+    """Time pieces on 1, 2, 4, ... threads, at most as many as cores."""
+    timed = {name: agent.for_timing() for name, agent in params.agents.items()}
+    worlds = {
+        kind: World(robot.read(root, kind), params.env)
+        for kind in sorted({agent.robot for agent in timed.values() if agent})
+    }
+    counts = sorted({min(2**power, cores) for power in range(cores.bit_length() + 1)})
+    return [
+        _timed(worlds[agent.robot], name, agent, repeat, threads)
+        for repeat in range(REPEATS)
+        for name, agent in timed.items()
+        if agent
+        for threads in counts
     ]
-    return tables.to_csv(rows, ["agent", "seed", "threads", "seconds"])
 
 
-def measure(root: Path, params: Params, name: str, cores: int | None = None) -> Seconds:
-    """Time a unit of an agent's training on 1, 2, 4, ... threads, at most as many as cores.
-
-    Returns {} if no claim compares the algorithm's speed-up.
-    """
-    agent = params.agent(name)
-    timed = agent.for_timing() if row(agent).is_scaled else None
-    if timed is None:
-        return {}
-    world = World(robot.read(root, agent.robot), params.env)
-    seeds, most = params.seeds[:SEEDS], cores or machine.num_cores()
-    counts = sorted({min(2**power, most) for power in range(most.bit_length() + 1)})
-    fastest = np.full((len(seeds), len(counts)), np.inf)
-    for own, seed in zip(fastest, seeds, strict=True):
-        for _ in range(REPEATS):
-            own[:] = np.minimum(own, [_time_row(world, timed, seed, count) for count in counts])
-    return dict(zip(counts, fastest.T.round(DIGITS), strict=True))
-
-
-def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float:
-    """Return the seconds of the second row of a seed's learning curve."""
+def _timed(world: World, name: str, agent: AgentBlock, repeat: int, threads: int) -> Piece:
     from threadpoolctl import threadpool_limits
 
     from jumping_ant.agents.kernels import use_portable_kernels
@@ -79,9 +74,11 @@ def _time_row(world: World, agent: AgentBlock, seed: int, threads: int) -> float
     use_portable_kernels()  # which limits the threads, so it comes first
     train = trainer_of(agent)
     with threadpool_limits(threads, user_api="blas"):
-        events = train(Job(world, agent, seed, num_threads=threads))
+        events = train(Job(world, agent, repeat, num_threads=threads))
         rows = (event for event in events if isinstance(event, Progress))
-        next(rows)  # not timed: random actions and memory allocation
-        started = time.perf_counter()
-        next(rows)
-        return time.perf_counter() - started
+        first = next(rows)  # not timed: random actions and memory allocation
+        started, spent = time.perf_counter(), time.process_time()
+        second = next(rows)
+        seconds, cpu = time.perf_counter() - started, time.process_time() - spent
+    steps = second.env_steps - first.env_steps
+    return Piece(name, repeat, threads, steps, round(seconds, DIGITS), round(cpu, DIGITS))

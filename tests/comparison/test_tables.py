@@ -50,7 +50,7 @@ def compared(root, params=PARAMS):
     agents = load(root, params, curves.read_timed)
     judged = claims.judge(ASKED, agents, COMPARE, LEARNED)
     summary = comparison.summarize(agents, COMPARE)
-    timed = timing.summarize(params, ASKED, agents, summary, dict.fromkeys(AGENTS, {}))
+    timed = timing.summarize(params, ASKED, agents, summary, [])
     return summary, judged, timed
 
 

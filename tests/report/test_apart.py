@@ -4,7 +4,6 @@ import shutil
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 from small_project import MACHINE, read_csv, write_csv
 
@@ -12,6 +11,7 @@ from jumping_ant.base.files import write_json
 from jumping_ant.base.paths import Paths
 from jumping_ant.params.model import Params
 from jumping_ant.training import scaling
+from jumping_ant.training.scaling import Piece
 from stages import compare, report, timing
 
 TIMED = ("dqn", "sac", "pgpe")
@@ -23,8 +23,12 @@ def outputs(root: Path, params: Params, second: float) -> dict[str, bytes]:
     Without `timing/`; `second` is what a unit of training takes there.
     """
     results = root / "results"
-    seconds = {1: np.full(len(params.seeds), second), 2: np.full(len(params.seeds), second / 2)}
-    measured = {name: seconds if name in TIMED else {} for name in params.agents}
+    measured = [
+        Piece(name, repeat, threads, 100, second / threads, second)
+        for repeat in range(4)
+        for name in TIMED
+        for threads in (1, 2)
+    ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scaling, "measure_all", lambda root, params: measured)
         for stage in (compare, timing, report):

@@ -1,9 +1,8 @@
-"""How training speeds up with threads: what is timed, and the table of it."""
+"""What pieces of training take: what is timed, and the table of it."""
 
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import small_agents
 
@@ -24,32 +23,29 @@ def settings(known_params: Params, robot_xml: str, tmp_path: Path) -> Params:
     return known_params.model_copy(update={"agents": agents, "seeds": [0, 5]})
 
 
-@pytest.mark.parametrize("name", SMALL)
-@pytest.mark.parametrize(("cores", "counts"), [(1, [1]), (3, [1, 2, 3])])
-def test_each_seed_is_timed_on_one_thread_up_to_all(
-    settings: Params, tmp_path: Path, name: str, cores: int, counts: list[int]
-) -> None:
-    found = scaling.measure(tmp_path, settings, name, cores)
-    assert list(found) == counts
-    assert all(own.shape == (2,) and (own > 0).all() and (own < 60).all() for own in found.values())
+def test_all_learners_are_timed_by_turns(settings: Params, tmp_path: Path) -> None:
+    agents = {name: settings.agent(name) for name in ("random", "pgpe", "ppo", "dqn", "sac")}
+    found = scaling.measure(tmp_path, settings.model_copy(update={"agents": agents}), 3)
+    assert [piece[:3] for piece in found] == [
+        (name, repeat, threads)
+        for repeat in range(scaling.REPEATS)
+        for name in SMALL
+        for threads in (1, 2, 3)
+    ]
+    steps = {"pgpe": 60, "dqn": 2 * 3, "sac": 2 * 3}  # a generation; a round of held decisions
+    for piece in found:
+        assert piece.env_steps == steps[piece.agent]
+        assert 0 < piece.seconds < 60 and 0 < piece.cpu_seconds < 60
 
 
-@pytest.mark.parametrize("name", ["random", "open_loop", "snes", "ppo", "td3", "bc"])
-def test_what_no_claim_compares_is_not_timed(settings: Params, tmp_path: Path, name: str) -> None:
-    assert scaling.measure(tmp_path, settings, name) == {}
+def test_they_run_in_a_process_of_their_own(settings: Params, tmp_path: Path) -> None:
+    agents = {"pgpe": settings.agent("pgpe")}
+    found = scaling.measure_all(tmp_path, settings.model_copy(update={"agents": agents}))
+    assert {piece.threads for piece in found} >= {1}
+    lines = scaling.to_csv(found).splitlines()
+    assert lines[0] == "agent,repeat,threads,env_steps,seconds,cpu_seconds"
+    assert len(lines) == 1 + len(found)
 
 
-def test_all_agents_are_timed_with_their_first_seeds(settings: Params, tmp_path: Path) -> None:
-    agents = {name: settings.agent(name) for name in ("random", "pgpe")}
-    seeds = [*range(5, 5 + scaling.SEEDS), 2]
-    few = settings.model_copy(update={"agents": agents, "seeds": seeds})
-    found = scaling.measure_all(tmp_path, few)
-    assert list(found) == ["random", "pgpe"] and found["random"] == {}
-    assert [len(own) for own in found["pgpe"].values()] == [scaling.SEEDS] * len(found["pgpe"])
-
-
-def test_the_table_has_a_row_for_each_time() -> None:
-    found = {"random": {}, "pgpe": {1: np.array([2.0, 2.5]), 2: np.array([1.25, 1.5])}}
-    assert scaling.to_csv(found, [7, 3]) == (
-        "agent,seed,threads,seconds\npgpe,7,1,2.0\npgpe,7,2,1.25\npgpe,3,1,2.5\npgpe,3,2,1.5\n"
-    )
+def test_nothing_to_time_is_an_empty_table() -> None:
+    assert scaling.to_csv([]) == "agent,repeat,threads,env_steps,seconds,cpu_seconds\n"

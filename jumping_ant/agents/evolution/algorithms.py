@@ -173,7 +173,6 @@ ALGORITHMS = {
         PGPEParams,
         learner=f"{_SEARCHERS}:pgpe",
         has_best_sample=True,
-        is_scaled=True,
         ranges={
             **_WIDTHS,
             "center_learning_rate": Between(0.01, 0.3),

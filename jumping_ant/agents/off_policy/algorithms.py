@@ -240,7 +240,7 @@ _entropic = partial(
     _actor_critic, logged=("train/actor_loss", "train/critic_loss", "train/ent_coef")
 )
 ALGORITHMS = {
-    "dqn": _values(DQNParams, learner=f"{_LEAN}:LeanDQN", is_scaled=True, example=_SHORT_COMMANDS),
+    "dqn": _values(DQNParams, learner=f"{_LEAN}:LeanDQN", example=_SHORT_COMMANDS),
     "decqn": _values(
         DecQNParams,
         learner="jumping_ant.agents.off_policy.decqn:DecQN",
@@ -251,7 +251,6 @@ ALGORITHMS = {
     "sac": _entropic(
         SACParams,
         learner=f"{_LEAN}:LeanSAC",
-        is_scaled=True,
         ranges={**_CRITICS, **_ENTROPY},
     ),
     "qrdqn": _values(
