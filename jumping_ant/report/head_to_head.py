@@ -94,7 +94,8 @@ def claim(outcome: Outcome, plot: Mapping[str, Any]) -> go.Figure:
         title={"text": plot["axis"], "font": {"size": 12}},
         **(LOG_AXIS if is_long(known) else {"rangemode": "tozero"}),
     )
-    figure.update_yaxes(autorange="reversed", type="category", showgrid=False)
+    ends = [len(plot["values"]) - 0.5, -0.5]
+    figure.update_yaxes(range=ends, type="category", showgrid=False)
     return finish(figure, CLAIM_HEIGHT, showlegend=False)
 
 
