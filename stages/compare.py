@@ -22,9 +22,9 @@ def main() -> None:
     settings = parse(__doc__)
     played = retention.read(PROJECT_ROOT, settings)
     agents = retention.with_groups(results.load(PROJECT_ROOT, settings), played)
-    outcome = Outcome(settings, agents, comparison.summarize(agents, settings.compare))
-    family = claims.on_seconds(asked.of_project(PROJECT_ROOT, settings), is_so=False)
     learned = claims.out_of_luck(agents.values(), settings.training.evaluation_episodes)
+    outcome = Outcome(settings, agents, comparison.summarize(agents, settings.compare, learned))
+    family = claims.on_seconds(asked.of_project(PROJECT_ROOT, settings), is_so=False)
     judged = claims.judge(family, agents, settings.compare, learned)
 
     files = figures.draw(outcome)

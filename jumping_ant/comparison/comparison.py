@@ -33,8 +33,13 @@ class LearningCurve:
     returns: Estimate  # interquartile mean over seeds, with its interval
 
 
-def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dict[str, Any]:
-    """Return the agents' figures and pairwise comparisons, as in `results/comparison.json`."""
+def summarize(
+    results: Mapping[str, AgentResults], params: CompareParams, learned: float | None = None
+) -> dict[str, Any]:
+    """Return the agents' figures and pairwise comparisons, as in `results/comparison.json`.
+
+    A seed has failed that does not return more than `learned`, if that is known.
+    """
     returns = {name: agent.quantities["return"] for name, agent in results.items()}
     pairs = {}
     for one, other in combinations(returns, 2):
@@ -43,7 +48,7 @@ def summarize(results: Mapping[str, AgentResults], params: CompareParams) -> dic
         pairs[other, one] = Estimate(1 - won.value, 1 - won.high, 1 - won.low).as_dict("p")
     equal, early = at_equal_budgets(results, "env_steps", params.confidence)
     agents = {
-        name: _summarize_agent(agent, params.confidence) | early.get(name, {})
+        name: _summarize_agent(agent, params.confidence, learned) | early.get(name, {})
         for name, agent in results.items()
     }
     return {
@@ -136,13 +141,16 @@ def _common_grid(positions: Sequence[Array]) -> Array:
     return np.linspace(start, end, max(map(len, positions)))
 
 
-def _summarize_agent(agent: AgentResults, confidence: float) -> dict[str, Any]:
+def _summarize_agent(
+    agent: AgentResults, confidence: float, learned: float | None
+) -> dict[str, Any]:
     """Return an agent's figures, of the seeds that have a value; a quantity of none is left out."""
     known = {name: values[~np.isnan(values)] for name, values in agent.quantities.items()}
     return {
         "seeds": len(agent.curves),
         **{name: describe(values, confidence) for name, values in known.items() if len(values)},
         "env_steps": int(agent.budgets("env_steps").max()),
+        **({} if learned is None else {"failed": int((known["return"] <= learned).sum())}),
     }
 
 

@@ -76,7 +76,7 @@ def load(
         results[name] = AgentResults(
             name=name,
             block=block,
-            quantities=seed_means(played, params.seeds),
+            quantities=seed_means(played, params.seeds) | _falls(played, params.seeds),
             curves=read_curves(root, params, name),
             episodes=played,
             variants=episodes.read_variants(root, params, name),
@@ -114,3 +114,14 @@ def seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
         name: np.array([mean(table[name][table["seed"] == seed]) for seed in seeds])
         for name in (*QUANTITIES, *others)
     }
+
+
+def _falls(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
+    """Return what each seed returns in episodes without a fall, and its falls per 1,000 jumps."""
+    survivors, rates = [], []
+    for seed in seeds:
+        own = {name: table[name][table["seed"] == seed] for name in ("return", "jumps", "survived")}
+        has_survived, jumps = own["survived"] == 1, own["jumps"].sum()
+        survivors.append(own["return"][has_survived].mean() if has_survived.any() else np.nan)
+        rates.append(1000 * (~has_survived).sum() / jumps if jumps else np.nan)
+    return {"return_without_falls": np.array(survivors), "falls_per_1000_jumps": np.array(rates)}

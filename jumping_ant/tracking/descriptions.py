@@ -10,7 +10,13 @@ from jumping_ant.media.style import estimate, number, p_value
 LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
 MISSING = "–"
 HARD_SPACE = "\u00a0"
-QUANTITIES = {"apex": "apex [m]", "flight": "flight", "fluidity": "fluidity"}
+QUANTITIES = {
+    "return_without_falls": "return without a fall",
+    "falls_per_1000_jumps": "falls per 1,000 jumps",
+    "apex": "apex [m]",
+    "flight": "flight",
+    "fluidity": "fluidity",
+}
 """Columns of the results table besides the return: keys of an agent, and headings."""
 
 
@@ -52,7 +58,14 @@ def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     """Yield the lines of a table of a summary's `agents` (`results.merged`)."""
     if not agents:
         return
-    headings = ("agent", "return", "mean", "worst seed", *QUANTITIES.values(), "training [s]")
+    shown = {
+        key: heading
+        for key, heading in QUANTITIES.items()
+        if any(key in entry for entry in agents.values())
+    }
+    has_failed = ["failed"] if any("failed" in entry for entry in agents.values()) else []
+    words = [f"{it} seeds" for it in has_failed]
+    headings = ("agent", "return", "mean", "worst seed", *words, *shown.values(), "training [s]")
     yield _row(*headings)
     yield "|---" * len(headings) + "|"
     best = {name: -entry.get("return", {}).get("iqm", -math.inf) for name, entry in agents.items()}
@@ -63,7 +76,8 @@ def agent_table(agents: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
             agent,
             _estimate(returns, entry["seeds"]),
             *(_number(returns.get(key)) for key in ("mean", "worst")),
-            *(_estimate(entry.get(key, {}), entry["seeds"]) for key in QUANTITIES),
+            *(_number(entry.get(key)) for key in has_failed),
+            *(_estimate(entry.get(key, {}), entry["seeds"]) for key in shown),
             _number(entry.get("train_seconds")),
         )
     yield ""

@@ -18,6 +18,7 @@ from small_project import (
 
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
+from jumping_ant.base.paths import Paths
 from jumping_ant.comparison import comparison
 from jumping_ant.comparison.results import load
 from jumping_ant.media.style import DASHES, LINES, looks
@@ -51,8 +52,8 @@ def test_summary_follows_its_contract(project):
     dqn = summary["agents"]["dqn"]
     assert list(dqn) == [
         "seeds", "return", "peak_height", "torque_change", "length", "apex", "mean_height", "jumps",
-        "airborne_seconds", "flight", "fluidity", "work", "drift", "survived", "env_steps",
-        "return_at_equal_steps",
+        "airborne_seconds", "flight", "fluidity", "work", "drift", "survived",
+        "return_without_falls", "falls_per_1000_jumps", "env_steps", "return_at_equal_steps",
     ]  # fmt: skip
     assert (dqn["seeds"], dqn["env_steps"]) == (4, 1000)
     assert dqn["return"]["iqm"] == pytest.approx(715)  # the middle two of 700 ... 730
@@ -234,3 +235,16 @@ def test_a_quantity_that_no_seed_has_is_left_out(project):
     agents = summarize(project)["agents"]
     assert "fluidity" not in agents["dqn"]
     assert "fluidity" in agents["sac-long"]
+
+
+def test_falls_and_failures_stand_beside_the_return(project):
+    rows = [
+        row | {"survived": int(row["episode"] != 0), "jumps": 10 * (1 + row["episode"])}
+        for seed, value in zip(SEEDS, (100, 600, 700, 800), strict=True)
+        for row in (episode_row("dqn", seed, i, value + i) for i in range(EPISODES))
+    ]
+    write_csv(Paths(project).agent("dqn").episodes, rows)
+    found = comparison.summarize(load(project, PARAMS), COMPARE, learned=500.0)["agents"]["dqn"]
+    assert found["failed"] == 1
+    assert found["return_without_falls"]["worst"] == 101.5
+    assert found["falls_per_1000_jumps"]["mean"] == pytest.approx(1000 / 60)
