@@ -124,4 +124,4 @@ def _falls(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
         has_survived, jumps = own["survived"] == 1, own["jumps"].sum()
         survivors.append(own["return"][has_survived].mean() if has_survived.any() else np.nan)
         rates.append(1000 * (~has_survived).sum() / jumps if jumps else np.nan)
-    return {"return_without_falls": np.array(survivors), "falls_per_1000_jumps": np.array(rates)}
+    return {"survivors_return": np.array(survivors), "falls_per_1000_jumps": np.array(rates)}

@@ -172,7 +172,7 @@ def _sliders(world: World) -> Iterator[dict[str, Any]]:
         usual = slider.usual
         if name == "torso_mass":
             usual = float(world.model.body_mass[world.anatomy.torso])
-        ends = [*LEVELS[name].values, usual] + ([] if slider.least is None else [slider.least])
+        ends = [LEVELS[name].most, usual] + ([] if slider.least is None else [slider.least])
         unit, _, text = LEVELS[name].about.removeprefix("[").partition("] ")
         yield {
             "name": name,

@@ -1,6 +1,6 @@
 """Perturbations: what each changes in the models, forces, starts, torques and observations.
 
-What a level leaves open, such as which motors are dead or where a push comes from, is drawn for
+What a level leaves open, such as which sensors are lost or where a push comes from, is drawn for
 each start alone: every level and every policy meets the same.
 `jumping_ant.sim.levels` has the units of the levels.
 """
@@ -150,20 +150,6 @@ def motor_strength(group: Perturbed) -> None:
     group.model("actuator_gear")[group.rows] *= group.levels[:, None, None]
 
 
-def dead_motors(group: Perturbed) -> None:
-    """Leave a share of the motors without torque."""
-    gears = group.model("actuator_gear")
-    for row, share, generator in group.each():
-        gears[row, _chosen(share, group.anatomy.num_motors, generator)] = 0.0
-
-
-def integration(group: Perturbed) -> None:
-    """Take as many steps of implicitfast in a control step as the level says."""
-    group.model("opt.integrator")[group.rows] = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-    group.model("opt.timestep")[group.rows] = group.envs.dt / group.levels
-    group.envs.substeps[group.rows] = group.levels
-
-
 def observation_noise(group: Perturbed) -> None:
     """Add noise to observations."""
     factors = np.ones(group.anatomy.num_observations)
@@ -204,27 +190,6 @@ def action_delay(group: Perturbed) -> None:
     group.envs.before_step.append(lambda torques: _late(group, history, torques.copy()))
 
 
-def tilt(group: Perturbed) -> None:
-    """Turn robots about a horizontal axis [degrees] at the start, at `env.drop_height`."""
-    envs, anatomy = group.envs, group.anatomy
-
-    def turn() -> None:
-        for row, level, generator in group.each():
-            angle, axis = np.deg2rad(level), _direction(generator, anatomy)
-            turned = envs.qpos[row, anatomy.orientation]
-            if anatomy.is_free:
-                half = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis), 0.0])
-                turned[:] = _product(half, turned)
-            else:
-                turned += angle * axis[0]
-        envs.qpos[group.rows, anatomy.height_address] = (
-            envs.world.env.drop_height - anatomy.height_offset
-        )
-        envs.batch.forward(group.rows)
-
-    envs.on_reset.append(turn)
-
-
 def _direction(generator: np.random.Generator, anatomy: Anatomy) -> Array:
     """Return a horizontal unit vector, (2,); along x for a robot that moves in a plane."""
     angle = generator.uniform(0, 2 * np.pi)
@@ -241,8 +206,8 @@ def _chosen(share: float, count: int, generator: np.random.Generator) -> Rows:
 PERTURBATIONS: dict[str, Callable[[Perturbed], None]] = {
     function.__name__: function
     for function in (
-        *(torso_mass, push, friction, gravity, slope, damping, motor_strength, dead_motors),
-        *(integration, observation_noise, lost_sensors, observation_delay, action_delay, tilt),
+        *(torso_mass, push, friction, gravity, slope, damping, motor_strength),
+        *(observation_noise, lost_sensors, observation_delay, action_delay),
     )
 }
 
@@ -254,10 +219,3 @@ def _late(group: Perturbed, history: deque[Array], values: Array) -> Array:
     steps = last - np.minimum(group.levels.astype(np.int64), last)
     values[group.rows] = np.stack(history)[steps, np.arange(len(group.rows))]
     return values
-
-
-def _product(first: Array, second: Array) -> Array:
-    """Return the product of two quaternions (w, x, y, z)."""
-    w, x, y, z = first
-    matrix = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
-    return matrix @ second

@@ -80,7 +80,6 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
         self._ctrl = self.batch.bind("ctrl")
         self._contacts = self.batch.bind("ncon")
         self._torso_x = self.batch.bind("xpos")[:, self.task.anatomy.torso, 0]
-        self.substeps = np.full(num_envs, world.env.frame_skip)  # in a control step
         # Perturbations change start states, torques over peak torques (num_envs, num_motors), and
         # observations. They need a batch without autoreset that is always reset as a whole.
         self.on_reset: list[Callable[[], None]] = []
@@ -239,10 +238,9 @@ class RobotVectorEnv(VectorEnv[Array, NDArray[Any], NDArray[Any]]):
 
     def _simulate(self, resting: Mask) -> None:
         """Advance the other simulations; positions of those that MuJoCo gives up become NaN."""
-        for count in set(self.substeps[~resting].tolist()):
-            rows = np.flatnonzero(~resting & (self.substeps == count))
+        if (rows := np.flatnonzero(~resting)).size:
             try:
-                self.batch.step(rows, nstep=count)
+                self.batch.step(rows, nstep=self.world.env.frame_skip)
             except SimulationError as error:
                 self.qpos[error.ids] = np.nan
 

@@ -11,7 +11,7 @@ LONGEST = 7500  # characters; MLflow keeps 8000 and would cut the rest off
 MISSING = "–"
 HARD_SPACE = "\u00a0"
 QUANTITIES = {
-    "return_without_falls": "return without a fall",
+    "survivors_return": "return without a fall",
     "falls_per_1000_jumps": "falls per 1,000 jumps",
     "apex": "apex [m]",
     "flight": "flight",

@@ -53,7 +53,7 @@ def test_summary_follows_its_contract(project):
     assert list(dqn) == [
         "seeds", "return", "peak_height", "torque_change", "length", "apex", "mean_height", "jumps",
         "airborne_seconds", "flight", "fluidity", "work", "drift", "survived",
-        "return_without_falls", "falls_per_1000_jumps", "env_steps", "return_at_equal_steps",
+        "survivors_return", "falls_per_1000_jumps", "env_steps", "return_at_equal_steps",
     ]  # fmt: skip
     assert (dqn["seeds"], dqn["env_steps"]) == (4, 1000)
     assert dqn["return"]["iqm"] == pytest.approx(715)  # the middle two of 700 ... 730
@@ -246,5 +246,5 @@ def test_falls_and_failures_stand_beside_the_return(project):
     write_csv(Paths(project).agent("dqn").episodes, rows)
     found = comparison.summarize(load(project, PARAMS), COMPARE, learned=500.0)["agents"]["dqn"]
     assert found["failed"] == 1
-    assert found["return_without_falls"]["worst"] == 101.5
+    assert found["survivors_return"]["worst"] == 101.5
     assert found["falls_per_1000_jumps"]["mean"] == pytest.approx(1000 / 60)

@@ -209,7 +209,7 @@ def test_what_agents_withstand_is_shown_with_its_levels(html: str, project: Path
     lines = drawn["levels"]["data"]
     assert len(lines) == 3 * len(summary["perturbations"])
     assert [line["visible"] for line in lines] == [True] * 3 + [False] * (len(lines) - 3)
-    assert lines[0]["x"] == ["0.3", "0.5", "0.8", "1.2", "1.7", "2.3", "3"]
+    assert lines[0]["x"] == ["0.5", "0.8", "1.7", "3"]
     titles = [
         button["args"][1]["xaxis.title.text"]
         for button in drawn["levels"]["layout"]["updatemenus"][0]["buttons"]
