@@ -1,5 +1,6 @@
 """Results as the Markdown tables of the documents, and their places there."""
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,34 @@ def printed_table(printed: dict[str, Any]) -> str:
         rows.append([name, target, f"mean {style.number(mean)}", _share(control), "", ""])
     headings = ["value", "printed", "ours, median of the seeds", "tests as far out"]
     return table([*headings, "p", "reproduced"], rows)
+
+
+def traces_table(printed: dict[str, Any]) -> str:
+    """Return all numbers that the article prints of its tests and of PGPE's training."""
+    traces = {
+        f"{name.upper()}, total of a test": printed[name]["points"] for name in ("dqn", "sac")
+    }
+    for name, points in printed["pgpe"]["traces"].items():
+        traces[f"PGPE, {name.partition('_')[2]} fitness"] = points
+    rows = []
+    for name, points in traces.items():
+        for point in points:
+            ours = style.estimate(point["median"], point["low"], point["high"], len(point["ours"]))
+            verdict = VERDICTS[point["reproduced"]]
+            rows.append([name, str(point["at"]), style.number(point["value"]), ours, verdict])
+    counts = Counter(row[-1] for row in rows)
+    told = ", ".join(f"{counts[word]} {word}" for word in VERDICTS.values())
+    shown = table(["printed", "step, or generation", "value", "ours", "reproduced"], rows)
+    return f"{len(rows)} numbers: {told}.\n\n{shown}"
+
+
+def hours_table(training: dict[str, Any]) -> str:
+    """Return the minutes of a training, in the median of the seeds, beside those it states."""
+    rows = [
+        [name.upper(), f"{60 * training['stated_hours'][name]:.0f}", f"{np.median(own) / 60:.1f}"]
+        for name, own in training["seconds"].items()
+    ]
+    return table(["training", "stated [min]", "here [min]"], rows)
 
 
 def _share(value: dict[str, Any]) -> str:

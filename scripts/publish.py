@@ -86,8 +86,13 @@ def sections(preset: str) -> Sections:
 
 def printed() -> Sections:
     """Return the article's printed values beside ours, from results/article.json."""
-    table = markdown.printed_table(_read(RESULTS / "article.json")["printed"])
-    return {(DOCS / "article.md", "printed"): table}
+    found = _read(RESULTS / "article.json")
+    document = DOCS / "article.md"
+    return {
+        (document, "printed"): markdown.printed_table(found["printed"]),
+        (document, "traces"): markdown.traces_table(found["printed"]),
+        (document, "hours"): markdown.hours_table(found["training"]),
+    }
 
 
 def finals() -> Sections:
