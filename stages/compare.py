@@ -3,7 +3,8 @@
 Usage:  python -m stages.compare
 Reads:  params.yaml, claims/, models/<agent>/seed-<n>/curve.csv, results/agents/<agent>/
         (episodes.csv, variants.csv), results/robustness/<agent>.csv
-Writes: results/comparison.json, results/robustness.json, results/figures/, results/plots/
+Writes: results/comparison.json, results/robustness.json, results/curves.csv, results/figures/,
+        results/plots/
 """
 
 from jumping_ant.base import tables
@@ -35,6 +36,7 @@ def main() -> None:
         {
             paths.comparison: to_json({**outcome.summary, **judged}),
             paths.robustness: to_json(retention.summarize(played, settings.compare.confidence)),
+            paths.curves: tables.to_csv(comparison.evaluation_rows(agents)),
             paths.plots / "learning_curves.csv": curve_table,
             **{paths.figures / name: content for name, content in files.items()},
         }

@@ -109,6 +109,7 @@ class Paths:
         self.plots = results / "plots"  # the folder of the comparison's tables for `dvc plots`
         self.report = results / "report.html"  # the comparison as one page
         self.robustness = results / "robustness.json"  # what agents keep under perturbations
+        self.curves = results / "curves.csv"  # every evaluation of the learning curves
         self.speed = results / "speed.json"  # seconds, and the claims that rest on them
         self.scaling = results / "scaling.csv"  # of a unit of training, by number of threads
 

@@ -111,6 +111,16 @@ def learning_curves(
     return {name: curves[name] for name in results}
 
 
+def evaluation_rows(results: Mapping[str, AgentResults]) -> list[dict[str, Any]]:
+    """Return every evaluation of each seed, as `jumping_ant.comparison.runs` reads them."""
+    return [
+        {"agent": name, "seed": seed, "step": int(step), "return": value}
+        for name, agent in results.items()
+        for seed, curve in agent.curves.items()
+        for step, value in zip(*(own.tolist() for own in evaluations(curve)), strict=True)
+    ]
+
+
 def curve_rows(
     curves: Mapping[str, LearningCurve], families: Mapping[str, Family]
 ) -> list[dict[str, Any]]:

@@ -19,9 +19,10 @@ from small_project import (
 from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT
 from jumping_ant.base.paths import Paths
-from jumping_ant.comparison import comparison
+from jumping_ant.comparison import comparison, runs
 from jumping_ant.comparison.results import load
 from jumping_ant.media.style import DASHES, LINES, looks
+from jumping_ant.training.curves import evaluations
 
 AGENTS = {"random": "random", "sac-long": "sac", "dqn": "dqn"}
 SEEDS = [3, 1, 7, 5]  # any numbers in any order
@@ -248,3 +249,15 @@ def test_falls_and_failures_stand_beside_the_return(project):
     assert found["failed"] == 1
     assert found["survivors_return"]["worst"] == 101.5
     assert found["falls_per_1000_jumps"]["mean"] == pytest.approx(1000 / 60)
+
+
+def test_evaluations_are_runs_that_anybody_can_judge(project, tmp_path):
+    results = load(project, PARAMS)
+    write_csv(tmp_path / "curves.csv", comparison.evaluation_rows(results))
+    read = runs.results(runs.from_csv(tmp_path / "curves.csv"))
+    assert list(read) == list(results)
+    for name, agent in read.items():
+        for seed, curve in agent.curves.items():
+            theirs = evaluations(results[name].curves[seed])
+            np.testing.assert_array_equal(curve["env_steps"], theirs[0])
+            np.testing.assert_array_equal(curve["evaluation_return_mean"], theirs[1])
