@@ -18,7 +18,7 @@ from jumping_ant.training.curves import Unit, evaluations
 Array = NDArray[np.float64]
 
 # Keys of an agent in a summary: its cost, and its return at the smallest budget.
-COSTS: dict[Unit, str] = {"env_steps": "env_steps", "seconds": "train_seconds"}
+COSTS: dict[Unit, str] = {"env_steps": "cost_steps", "seconds": "train_seconds"}
 EARLY: dict[Unit, str] = {
     "env_steps": "return_at_equal_steps",
     "seconds": "return_at_equal_seconds",
@@ -159,7 +159,8 @@ def _summarize_agent(
     return {
         "seeds": len(agent.curves),
         **{name: describe(values, confidence) for name, values in known.items() if len(values)},
-        "env_steps": int(agent.budgets("env_steps").max()),
+        "env_steps": (trained := int(agent.budgets("env_steps").max())),
+        "cost_steps": trained + agent.validation_steps,
         **({} if learned is None else {"failed": int((known["return"] <= learned).sum())}),
     }
 

@@ -35,6 +35,7 @@ class AgentResults:
     # The same means of variants of each seed's policy, by variant.
     variants: dict[str, dict[str, Array]] = field(default_factory=dict)
     demonstrator: str = ""  # the agent that it imitates; empty if it imitates none
+    validation_steps: int = 0  # at most, by which a seed's published policy was chosen
 
     @property
     def algorithm(self) -> str:
@@ -81,6 +82,7 @@ def load(
             episodes=played,
             variants=episodes.read_variants(root, params, name),
             demonstrator=params.demonstrator(block),
+            validation_steps=_validation_steps(params),
         )
     return results
 
@@ -114,6 +116,15 @@ def seed_means(table: Table, seeds: Sequence[int]) -> dict[str, Array]:
         name: np.array([mean(table[name][table["seed"] == seed]) for seed in seeds])
         for name in (*QUANTITIES, *others)
     }
+
+
+def _validation_steps(params: Params) -> int:
+    """Return the most control steps by which a seed's published policy may be chosen."""
+    own = params.training
+    if own.publish == "final":
+        return 0
+    episodes = own.evaluations * own.evaluation_episodes + own.finalists * own.finalist_episodes
+    return episodes * params.env.max_episode_steps
 
 
 def _falls(table: Table, seeds: Sequence[int]) -> dict[str, Array]:

@@ -9,7 +9,9 @@ import plotly.graph_objects as go
 from jumping_ant.agents.families import Family, by_family
 from jumping_ant.media.style import COLOURS, INK, Look, estimate
 from jumping_ant.report.charts import LOG_AXIS, ROW, SYMBOLS, finish, linear_axis
-from jumping_ant.report.outcome import BUDGET, RETURN, Outcome, is_long
+from jumping_ant.report.outcome import RETURN, Outcome, is_long
+
+COST = "Training and validation [control steps]"
 
 
 def ranking(outcome: Outcome) -> go.Figure:
@@ -54,7 +56,7 @@ def cost(outcome: Outcome) -> go.Figure:
     figure = go.Figure()
     results, agents, drawn = outcome.results, outcome.agents, outcome.looks
     front = outcome.summary["pareto_steps"]
-    costs = {name: agents[name]["env_steps"] for name in outcome.learners}
+    costs = {name: agents[name]["cost_steps"] for name in outcome.learners}
     returns = {name: agents[name]["return"]["iqm"] for name in results}
     figure.add_scatter(  # the greatest return at each cost, up to the greatest cost
         x=[*(costs[name] for name in front), max(costs.values())],
@@ -93,7 +95,7 @@ def cost(outcome: Outcome) -> go.Figure:
         axis = LOG_AXIS | {"range": [1.35 * low - 0.35 * high, 1.1 * high - 0.1 * low]}
     else:
         axis = linear_axis(max(costs.values()), 0.1)
-    figure.update_xaxes(title=BUDGET, **axis)
+    figure.update_xaxes(title=COST, **axis)
     figure.update_yaxes(title=RETURN, rangemode="tozero")
     return finish(figure, 460)
 

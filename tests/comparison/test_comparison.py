@@ -54,7 +54,8 @@ def test_summary_follows_its_contract(project):
     assert list(dqn) == [
         "seeds", "return", "peak_height", "torque_change", "length", "apex", "mean_height", "jumps",
         "airborne_seconds", "flight", "fluidity", "work", "drift", "survived",
-        "survivors_return", "falls_per_1000_jumps", "env_steps", "return_at_equal_steps",
+        "survivors_return", "falls_per_1000_jumps", "env_steps", "cost_steps",
+        "return_at_equal_steps",
     ]  # fmt: skip
     assert (dqn["seeds"], dqn["env_steps"]) == (4, 1000)
     assert dqn["return"]["iqm"] == pytest.approx(715)  # the middle two of 700 ... 730

@@ -175,7 +175,7 @@ def test_costs_have_their_front_and_baselines(html: str, summary: Summary) -> No
     agents, chart = summary["agents"], charts(html)["cost"]
     assert summary["pareto_steps"] == ["sac", "pgpe"]
     line, *points = [trace for trace in chart["data"] if trace["x"] != [None]]
-    assert line["x"] == [agents[name]["env_steps"] for name in ("sac", "pgpe", "pgpe")]
+    assert line["x"] == [agents[name]["cost_steps"] for name in ("sac", "pgpe", "pgpe")]
     assert line["y"] == [agents[name]["return"]["iqm"] for name in ("sac", "pgpe", "pgpe")]
     assert {trace["text"][0]: trace["y"] for trace in points} == {
         RANKED[name]: [agents[name]["return"]["iqm"]] for name in ("dqn", "sac", "pgpe")
