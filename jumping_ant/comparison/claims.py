@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from jumping_ant.comparison.estimates import (
     Estimate,
+    difference_of_shares,
     estimate,
     estimate_iqm,
     estimate_mean,
@@ -224,6 +225,8 @@ def _compare(
     axis, margin = AXES[measure], claim.margin
     if measure in EFFORTS:
         return efforts(axis, one, other, params, margin)
+    if measure == "learned":
+        return shares(axis, one, other, params)
     if measure == "spread":
         return spreads(axis, one, other, params, margin)
     if claim.agent.partition("/")[0] == claim.against.partition("/")[0]:
@@ -302,6 +305,24 @@ def spreads(
         spread_test(x, y, params.seed),
         _outside(margin, lambda bound, side: excess_spread_test(x, y, bound, side)),
         _plot("Return", one, other),
+    )
+
+
+def shares(axis: str, one: Sample, other: Sample, params: CompareParams) -> Finding:
+    """Compare the shares of seeds that did something, 1 for each, or did not, 0."""
+    x, y = one.values, other.values
+    shown = ", ".join(
+        f"{own.label} {own.values.sum():.0f} of {len(own.values)}" for own in (one, other)
+    )
+    effect = difference_of_shares(x, y, params.confidence)
+    return Finding(
+        f"{axis}: {shown}; difference {_show(effect)}",
+        effect,
+        0.0,
+        "rank test",
+        rank_test(x, y),
+        None,
+        _plot(axis, one, other),
     )
 
 

@@ -10,7 +10,8 @@ exact bootstrap mean and variance of an L-estimator", Journal of the Royal Stati
 percentile intervals); Mann and Whitney, Annals of Mathematical Statistics 18, 1947, and Mantel,
 Biometrics 23, 1967 (scores of pairs of values, and of bounds); Hodges and Lehmann, Annals of
 Mathematical Statistics 34, 1963 (medians of pairs and their intervals); Brown and Forsythe, Journal
-of the American Statistical Association 69, 1974 (spread).
+of the American Statistical Association 69, 1974 (spread); Newcombe, "Interval estimation for the
+difference between independent proportions", Statistics in Medicine 17, 1998 (method 10).
 """
 
 import warnings
@@ -209,6 +210,19 @@ def pairwise_median(
     out = int(rejected[-1]) + 1 if len(rejected) else 0
     ends = (pairs[out - 1], pairs[-out]) if out else (np.nan, np.nan)
     return Estimate(np.asarray(np.median(pairs)), *map(np.asarray, ends))
+
+
+def difference_of_shares(x: Array, y: Array, confidence: float) -> Estimate:
+    """Return the share of ones in x less that in y, with Newcombe's interval of Wilson's scores."""
+    ends = [
+        stats.binomtest(int(own.sum()), len(own)).proportion_ci(confidence, "wilson")
+        for own in (x, y)
+    ]
+    one, other = x.mean(), y.mean()
+    below = np.hypot(one - ends[0].low, ends[1].high - other)
+    above = np.hypot(ends[0].high - one, other - ends[1].low)
+    value = one - other
+    return Estimate(*map(np.asarray, (value, value - below, value + above)))
 
 
 def deals(scores: NDArray[np.int64], num: int) -> tuple[NDArray[np.int64], Array]:

@@ -174,8 +174,10 @@ def test_equal_budgets_are_those_of_the_smaller():
 def test_who_learned_and_what_those_return_are_two_questions():
     some = np.where(np.arange(8) < 3, 0.0, HIGH)
     one, other = agent("sac", "sac", some), agent("dqn", "dqn", MIDDLE)
-    shares = one_of(claim("learned"), one, other)["plot"]["values"]
-    assert shares == {"SAC": [0.0] * 3 + [1.0] * 5, "DQN": [1.0] * 8}
+    entry = one_of(claim("learned", side="less"), one, other)
+    assert entry["plot"]["values"] == {"SAC": [0.0] * 3 + [1.0] * 5, "DQN": [1.0] * 8}
+    assert (entry["value"], entry["p"]) == (-3 / 8, pytest.approx(2 * 56 / 560))
+    assert "SAC 5 of 8, DQN 8 of 8; difference -0.375 [-0.694, 0.0274]" in entry["evidence"]
     entry = one_of(claim("return_of_learned"), one, other)
     assert (entry["verdict"], entry["plot"]["values"]["SAC"][:3]) == ("supported", [None] * 3)
 

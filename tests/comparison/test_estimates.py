@@ -189,3 +189,9 @@ def test_estimates_work_along_the_last_axis():
         found, one = function(samples), function(samples[1])
         middle = found.value[1], found.low[1], found.high[1]
         np.testing.assert_allclose(middle, (one.value, one.low, one.high), rtol=1e-12)
+
+
+def test_shares_differ_as_newcombe_has_it():
+    x, y = np.repeat([1.0, 0.0], [56, 14]), np.repeat([1.0, 0.0], [48, 32])  # his example (a)
+    found = estimates.difference_of_shares(x, y, 0.95)
+    assert [found.value, found.low, found.high] == pytest.approx([0.2, 0.0524, 0.3339], abs=5e-5)
