@@ -229,10 +229,10 @@ def test_a_comparison_is_a_table_the_best_first_and_its_claims() -> None:
     text = descriptions.comparison({"agents": agents | {"c": {"seeds": 2}}, "claims": [claim]})
     rows = [line.replace(descriptions.HARD_SPACE, " ") for line in text.splitlines()]
     cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
-    assert cells[0][:5] == ["agent", "return", "mean", "worst seed", "apex [m]"]
-    assert cells[2] == ["b", "1,234 [0.00123, 2,345,678]", "1,300", "-4", *"––––"]
-    assert cells[3] == ["a", "1 [0, 2]", "–", "–", "–", "–", "-2 [-3, -1]", "40"]
-    assert cells[4] == ["c", *"–––––––"]
+    assert cells[0][:5] == ["agent", "return", "mean", "worst seed", "fluidity"]
+    assert cells[2] == ["b", "1,234 [0.00123, 2,345,678]", "1,300", "-4", *"––"]
+    assert cells[3] == ["a", "1 [0, 2]", "–", "–", "-2 [-3, -1]", "40"]
+    assert cells[4] == ["c", *"–––––"]
     assert rows[-1] == "- **refuted** (adjusted p = 0.012): A leads"
     text = descriptions.comparison({"claims": [claim] * 1000})
     assert len(text) < 8000, "of which MLflow would cut the rest off"
