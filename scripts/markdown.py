@@ -136,8 +136,9 @@ def tuning_table(searches: Sequence[dict[str, Any]]) -> str:
         controls = [other["expected_best"] for other in searches if is_control_of(other, search)]
         difference = p = ""
         if search["p"] is not None:  # else nothing was trained for a verdict
-            numbers = (style.number(search[key]) for key in ("difference", "low", "high"))
-            difference = "{} [{}, {}]".format(*numbers)
+            difference = style.number(search["difference"])
+            if search["low"] is not None:
+                difference += f" [{style.number(search['low'])}, {style.number(search['high'])}]"
             p = style.p_value(search["p"])
         num_trials = f"{search['trials']} x {search['seeds_per_trial']}"
         cells = [search["agent"], num_trials, str(search["pruned"])]

@@ -101,7 +101,10 @@ class Fresh:
             "verdict": WORDS.get(claims.verdict(finding.side, adjusted), OPEN),
             "p": finding.p,
             "p_equivalence": finding.p_outside,
-            **difference.as_dict("difference"),
+            **{  # of few seeds there is no interval
+                key: None if math.isnan(value) else value
+                for key, value in difference.as_dict("difference").items()
+            },
             "evidence": f"{finding.evidence}.",
             "returns": {which: array.tolist() for which, array in returns.items()},
             "seconds": {which: array.tolist() for which, array in seconds.items()},
