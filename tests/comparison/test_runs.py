@@ -16,6 +16,9 @@ from jumping_ant.base.errors import InputError
 from jumping_ant.base.files import PROJECT_ROOT, write_text
 from jumping_ant.comparison import __main__ as command
 from jumping_ant.comparison import runs
+from jumping_ant.comparison.claims import judge
+from jumping_ant.params import params_file
+from jumping_ant.params.claims import Claim
 
 CLAIMS = """
 - {text: CrossQ returns more than SAC., measure: return, agent: CrossQ, against: SAC, margin: 100}
@@ -57,6 +60,25 @@ def test_a_public_table_is_judged(
     assert "not asked: PPO returns more. (no agent PPO in this run)" in told
     text = page.read_text(encoding="utf-8")
     assert text.count("Plotly.newPlot(") == 4 and "CrossQ returns more than SAC." in text
+
+
+def test_the_pooled_numbers_of_the_documents_are_those_of_the_returns_in_git() -> None:
+    rows = runs.from_csv(PROJECT_ROOT / "results" / "earlier" / "returns.csv")
+    agents = runs.results(rows)
+    assert {len(agent.curves) for agent in agents.values()} == {48}
+    asked = Claim(text="A.", measure="return", agent="pgpe", against="sac", margin=400)
+    (entry,) = judge([asked], agents, params_file.load().compare)["claims"]
+    told = "{value:.0f} [{low:.0f}, {high:.0f}]".format(**entry)
+    for name in ("README.md", "docs/results.md"):
+        text = " ".join((PROJECT_ROOT / name).read_text(encoding="utf-8").split())
+        assert told in text or told.replace("-14 [", "14 less [") in text
+    current = params_file.load()
+    for name, agent in agents.items():  # those of the run that is in git are the same
+        path = PROJECT_ROOT / "results" / "agents" / name / "seeds.csv"
+        ours = pd.read_csv(path).set_index("seed")["return"]
+        known = dict(zip(agent.curves, agent.quantities["return"], strict=True))
+        shared = [seed for seed in current.seeds if seed in known]
+        assert [known[seed] for seed in shared] == pytest.approx(ours[shared].tolist())
 
 
 def rows(*agents: str, seeds: int = 3) -> str:
