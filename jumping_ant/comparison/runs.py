@@ -1,5 +1,6 @@
 """Anybody's runs: the returns of agents while they learn, from a table or TensorBoard's files."""
 
+import io
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -67,8 +68,8 @@ def from_csv(path: Path) -> list[Row]:
         InputError: It is no such table.
     """
     try:
-        content(path)  # refuses what is no file
-        table = pd.read_csv(path, dtype={"agent": str}, keep_default_na=False)
+        file = io.BytesIO(content(path))
+        table = pd.read_csv(file, dtype={"agent": str}, keep_default_na=False)
         if missing := [name for name in COLUMNS if name not in table]:
             raise ValueError(f"given no column {missing[0]}, allowed: {', '.join(COLUMNS)}")
         is_name = table["agent"].str.fullmatch(AGENT)

@@ -109,11 +109,6 @@ def p_value(value: SupportsFloat) -> str:
     return f"{float(value):.2g}"
 
 
-def capitalized(text: str) -> str:
-    """Return a text whose first letter is a capital one, as a sentence begins."""
-    return f"{text[:1].upper()}{text[1:]}"
-
-
 def _mixed(colour: str, shade: float) -> str:
     """Return a colour, mixed with so much white, or black if the shade is below 0."""
     goal = 255 if shade > 0 else 0
